@@ -5,8 +5,8 @@
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 use glam::Vec3;
-use trisplat::formats::gltf::{GltfOptions, to_glb_bytes};
 use trisplat::{Bake, BakeOptions, BakePreset, Report, Result, Soup};
+use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
 
 fn main() -> Result<()> {
     let options = BakeOptions::preset(BakePreset::Small);

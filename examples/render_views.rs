@@ -7,12 +7,12 @@
 
 use glam::DVec3;
 use std::path::PathBuf;
-use trisplat::asset::Placement;
-use trisplat::formats::{self, ReadOptions};
-use trisplat::placed;
-use trisplat::render::baked_scene::BakedScene;
-use trisplat::render::scene_renderer::SceneRenderer;
-use trisplat::scene::Scene;
+use trisplat_eval::render::baked_scene::BakedScene;
+use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_scene::asset::Placement;
+use trisplat_scene::placed;
+use trisplat_scene::scene::Scene;
 
 /// Every so many cameras of the file are drawn.
 const EVERY: usize = 10;

@@ -6,9 +6,9 @@
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
 use std::path::Path;
-use trisplat::job::{BakeInput, TrainJobObserver};
-use trisplat::train::{TrainObserver, TrainSample};
 use trisplat::{BakeJob, BakeOptions, Dataset, DatasetOptions, Result, TrainJob, TrainOptions, TrainPreset};
+use trisplat_job::{BakeInput, TrainJobObserver};
+use trisplat_train::{TrainObserver, TrainSample};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -22,7 +22,7 @@ const licencesOfPage = [
 
 /**
  * What a page may run and load: its own script and style, known by their hashes, the calls that stand behind the blocks of
- * the scene (src/formats/html.rs writes them), and the decoder of compressed scenes, which is WebAssembly. Nothing from
+ * the scene (crates/formats/src/html.rs writes them), and the decoder of compressed scenes, which is WebAssembly. Nothing from
  * anywhere else, whatever a title or a scene says.
  */
 function policy(filled) {

@@ -49,70 +49,23 @@
 //! programs. The command line and its progress bars are behind the feature `cli`, training and drawing on a graphics card behind
 //! `gpu`, the window behind `view`, the benchmarks behind `bench`; only `cli` is on unless `default-features = false`.
 
-pub mod asset;
-pub mod atomic;
-pub mod bake;
-#[cfg(feature = "bench")]
-#[doc(hidden)]
-pub mod bench;
-pub mod budget;
-pub mod bvh;
-pub mod camera;
-pub mod capture;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
-pub mod dataset;
-pub mod error;
-pub mod eval;
-pub mod exposure;
-pub mod formats;
-pub mod framing;
-#[cfg(feature = "gpu")]
-pub mod gpu;
-pub mod guard;
-pub mod image;
-pub mod input;
-pub mod job;
-pub mod kernel;
-pub mod layered;
-pub mod limits;
-pub mod math;
-pub mod mesh;
-pub mod placed;
-#[doc(hidden)]
-pub mod process;
-pub mod ranges;
-pub mod raster;
-pub mod region;
-pub mod render;
-pub mod report;
-pub mod rng;
-pub mod sample;
-pub mod scale;
-pub mod scene;
-pub mod soup;
-pub mod space;
-pub mod surface;
-pub mod teacher;
-pub mod texture;
-pub mod train;
-pub mod view;
 #[cfg(feature = "web")]
 #[doc(hidden)]
 pub mod web;
-mod work;
 
-pub use asset::Asset;
-pub use bake::{Bake, BakeOptions, BakePreset, Views, bake};
-pub use camera::Camera;
-pub use dataset::{Dataset, DatasetOptions};
-pub use error::{Error, Result};
-pub use formats::{OutputOptions, ReadOptions, read, write};
-pub use job::{BakeJob, EvalJob, MakeJob, RenderJob, TrainJob, train};
-pub use limits::Limits;
-pub use mesh::Mesh;
-pub use report::Report;
-pub use scene::{Loaded, Scene};
-pub use soup::Soup;
-pub use train::{TrainOptions, TrainPreset, TrainRun, Trained};
+pub use trisplat_bake::{Bake, BakeOptions, BakePreset, Views, bake};
+pub use trisplat_dataset::{Dataset, DatasetOptions};
+pub use trisplat_formats::{OutputOptions, ReadOptions, read, write};
+pub use trisplat_job::{BakeJob, EvalJob, MakeJob, RenderJob, TrainJob, train};
+pub use trisplat_scene::asset::Asset;
+pub use trisplat_scene::camera::Camera;
+pub use trisplat_scene::error::{Error, Result};
+pub use trisplat_scene::limits::Limits;
+pub use trisplat_scene::mesh::Mesh;
+pub use trisplat_scene::report::Report;
+pub use trisplat_scene::scene::{Loaded, Scene};
+pub use trisplat_scene::soup::Soup;
+pub use trisplat_train::{TrainOptions, TrainPreset, TrainRun, Trained};

@@ -1,7 +1,7 @@
 //! The command line: parse, run one command, print the error chain, pick the exit code.
 
 use std::process::ExitCode;
-use trisplat::process::memory::Allocator;
+use trisplat_scene::process::memory::Allocator;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;

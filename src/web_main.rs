@@ -1,7 +1,7 @@
 //! The program for pages and scripts (`web/`), built for WebAssembly.
 
 use std::process::ExitCode;
-use trisplat::process::memory::Allocator;
+use trisplat_scene::process::memory::Allocator;
 
 #[global_allocator]
 static ALLOCATOR: Allocator = Allocator;

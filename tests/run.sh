@@ -214,13 +214,13 @@ if [ -n "${TRISPLAT_PYTHON:-}" ]; then
 fi
 
 section 'examples in the documentation'
-cargo test --doc --all-features || fail 'examples failed'
+cargo test --workspace --doc --all-features || fail 'examples failed'
 section 'suite'
 export TRISPLAT_REQUIRE_JUDGES=$required
 if cargo nextest --version >/dev/null 2>&1; then
-    cargo nextest run --all-features "$@" || fail 'tests failed'
+    cargo nextest run --workspace --all-features "$@" || fail 'tests failed'
 else
     echo 'cargo-nextest is not installed: cargo test does the same, slower'
-    cargo test --all-features --lib --bins --tests "$@" || fail 'tests failed'
+    cargo test --workspace --all-features --lib --bins --tests "$@" || fail 'tests failed'
 fi
 printf '\nall passed; judges: %s\n' "$required"

@@ -11,10 +11,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::path::PathBuf;
 use std::str::FromStr;
-use trisplat::budget::{Budget, Seconds};
-use trisplat::formats::output::Output;
-use trisplat::job::BakeInput;
-use trisplat::job::harden::HardenOptions;
+use trisplat_scene::budget::{Budget, Seconds};
+use trisplat_formats::output::Output;
+use trisplat_job::BakeInput;
+use trisplat_job::harden::HardenOptions;
 use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 
 /// A scene of any format as arrays.

@@ -6,7 +6,7 @@ use pyo3::types::PyDict;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
-use trisplat::layered::{Layered, Layers};
+use trisplat_scene::layered::{Layered, Layers};
 
 /// The options over those of their preset.
 pub fn resolve<T: Serialize + DeserializeOwned, P: DeserializeOwned + Default>(

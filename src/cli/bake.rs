@@ -8,20 +8,20 @@ use super::files;
 use super::layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use crate::bake::BakeOptions;
-use crate::bake::reshape::ReshapeDetails;
-use crate::bake::teacher::TeacherDetails;
-use crate::dataset::{Dataset, ShrunkSize};
-use crate::error::Result;
-use crate::formats::info::Softness;
-use crate::formats::output::Output;
-use crate::job::{BakeDone, BakeInput, BakeJob};
-use crate::layered::Layers;
-use crate::report::Report;
-use crate::train::{HardenedGain, TrainDetails};
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
+use trisplat_bake::BakeOptions;
+use trisplat_bake::reshape::ReshapeDetails;
+use trisplat_bake::teacher::TeacherDetails;
+use trisplat_dataset::{Dataset, ShrunkSize};
+use trisplat_formats::info::Softness;
+use trisplat_formats::output::Output;
+use trisplat_job::{BakeDone, BakeInput, BakeJob};
+use trisplat_scene::error::Result;
+use trisplat_scene::layered::Layers;
+use trisplat_scene::report::Report;
+use trisplat_train::{HardenedGain, TrainDetails};
 
 /// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {

@@ -2,10 +2,10 @@
 
 use super::bake_bytes::ByteSize;
 use super::harden::HardenArgs;
-use crate::bake::BakeOptions;
-use crate::dataset::DatasetOptions;
-use crate::formats::output::OutputFormat;
 use std::path::PathBuf;
+use trisplat_bake::BakeOptions;
+use trisplat_dataset::DatasetOptions;
+use trisplat_formats::output::OutputFormat;
 
 /// Files, layers and the options of every stage.
 #[derive(Debug, clap::Args)]

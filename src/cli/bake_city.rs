@@ -5,11 +5,11 @@ use super::bake_args::BakeArgs;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
-use crate::bake::BakeOptions;
-use crate::error::{Error, Result};
-use crate::scale::{Blocks, manifest, tileset};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use trisplat_bake::BakeOptions;
+use trisplat_scale::{Blocks, manifest, tileset};
+use trisplat_scene::error::{Error, Result};
 
 /// Whether a path is a plan of a scene in blocks, or its folder.
 pub(super) fn is_plan(path: &Path) -> bool {

@@ -3,11 +3,11 @@
 use super::Global;
 use super::progress::{Progress, thousands};
 use super::train_progress::Bar;
-use crate::error::Result;
-use crate::job::BakeJobObserver;
-use crate::report::{Observer, StageReport};
-use crate::train::{TrainObserver, TrainOptions};
 use clap::Command;
+use trisplat_job::BakeJobObserver;
+use trisplat_scene::error::Result;
+use trisplat_scene::report::{Observer, StageReport};
+use trisplat_train::{TrainObserver, TrainOptions};
 
 /// Shows a bake.
 pub(super) struct Terminal<'a> {

@@ -6,15 +6,15 @@ use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use super::stress;
-use crate::bench::stress::StressArgs;
-use crate::bench::{bake, cost, fidelity, measure, raster};
-#[cfg(feature = "gpu")]
-use crate::bench::{card, fps};
-use crate::dataset::ShrunkSize;
-use crate::error::{Error, Result};
-use crate::train::{TrainObserver, TrainSample};
 use std::ffi::OsString;
 use std::path::PathBuf;
+use trisplat_bench::stress::StressArgs;
+use trisplat_bench::{bake, cost, fidelity, measure, raster};
+#[cfg(feature = "gpu")]
+use trisplat_bench::{card, fps};
+use trisplat_dataset::ShrunkSize;
+use trisplat_scene::error::{Error, Result};
+use trisplat_train::{TrainObserver, TrainSample};
 
 /// Which benchmark.
 #[derive(Debug, clap::Args)]

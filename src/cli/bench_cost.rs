@@ -3,9 +3,9 @@
 use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
-use crate::bench::cost::{self, CostArgs, CostCell, CostObserver, CostReport};
-use crate::dataset::ShrunkSize;
-use crate::error::{Error, Result};
+use trisplat_bench::cost::{self, CostArgs, CostCell, CostObserver, CostReport};
+use trisplat_dataset::ShrunkSize;
+use trisplat_scene::error::{Error, Result};
 
 /// Trains the grid.
 pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {
@@ -64,8 +64,8 @@ fn summary(report: &CostReport) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::cost::{CostAdvice, CostRun};
-    use crate::bench::machine::Machine;
+    use trisplat_bench::cost::{CostAdvice, CostRun};
+    use trisplat_bench::machine::Machine;
 
     #[test]
     fn the_last_line_says_what_to_use() {

@@ -5,12 +5,12 @@ use super::files;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals::{self, Listener};
-use crate::capture::{Capture, CaptureObserver, CaptureOptions, VerdictDetails};
-use crate::error::Result;
-use crate::report::{Observer, Report, StageReport};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
+use trisplat_capture::{Capture, CaptureObserver, CaptureOptions, VerdictDetails};
+use trisplat_scene::error::Result;
+use trisplat_scene::report::{Observer, Report, StageReport};
 
 /// Photos or videos, and the folder to make of them.
 #[derive(Debug, clap::Args)]

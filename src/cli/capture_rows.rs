@@ -1,8 +1,8 @@
 //! The rows of the stage table for the steps of a capture.
 
-use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
-use crate::report::StageReport;
 use indicatif::HumanCount;
+use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
+use trisplat_scene::report::StageReport;
 
 /// The middle of the row of a step; `None` for other stages.
 pub(super) fn row(stage: &StageReport) -> Option<String> {

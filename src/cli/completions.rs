@@ -1,9 +1,9 @@
 //! `trisplat completions SHELL`.
 
 use super::stdout::Stdout;
-use crate::error::{Error, Result};
 use clap::Command;
 use std::io::Write;
+use trisplat_scene::error::{Error, Result};
 
 /// Which shell.
 #[derive(Debug, clap::Args)]

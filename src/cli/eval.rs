@@ -5,17 +5,17 @@ use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::{Progress, thousands};
 use super::{files, messages};
-use crate::dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use crate::error::{Error, Result};
-use crate::eval::evaluate::{EvalReport, ScoredPicture, Scores, StepScore};
-use crate::image::Pixels;
-use crate::job::EvalJob;
-use crate::render::contact_sheet::{ContactSheet, is_shown};
-use crate::render::scene_renderer::RenderOptions;
-use crate::train::BackendOptions;
-use crate::view::show;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
+use trisplat_eval::evaluate::{EvalReport, ScoredPicture, Scores, StepScore};
+use trisplat_eval::render::contact_sheet::{ContactSheet, is_shown};
+use trisplat_eval::render::scene_renderer::RenderOptions;
+use trisplat_job::EvalJob;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+use trisplat_train::BackendOptions;
+use trisplat_view::show;
 
 /// What to evaluate.
 #[derive(Debug, clap::Args)]

@@ -1,9 +1,9 @@
 //! JSON, as commands print and write it.
 
-use crate::atomic::AtomicFile;
-use crate::error::{Error, Result};
 use serde::Serialize;
 use std::io::{self, Write};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::error::{Error, Result};
 
 /// Writes `value` as indented JSON and a final newline.
 pub fn print_json(value: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {

@@ -1,7 +1,7 @@
 //! Flags of all commands.
 
-use crate::error::Result;
-use crate::limits::Limits;
+use trisplat_scene::error::Result;
+use trisplat_scene::limits::Limits;
 
 /// Flags every command takes.
 #[derive(Debug, Clone, Default, clap::Args)]

@@ -2,13 +2,13 @@
 
 use super::Global;
 use super::progress::Progress;
-use crate::dataset::{Dataset, DatasetOptions};
-use crate::error::Result;
-use crate::job::harden::{HardenOptions, MOST_PICTURES};
-use crate::scene::Loaded;
-use crate::teacher;
-use crate::train::TrainOptions;
 use std::path::Path;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_job::harden::{HardenOptions, MOST_PICTURES};
+use trisplat_scene::error::Result;
+use trisplat_scene::scene::Loaded;
+use trisplat_teacher as teacher;
+use trisplat_train::TrainOptions;
 
 /// Whether a soft scene is trained solid first.
 #[derive(Debug, clap::Args)]

@@ -2,10 +2,10 @@
 
 use super::messages;
 use super::progress::thousands;
-use crate::dataset::{Dataset, DatasetOptions, Description, describe};
-use crate::error::{Error, Result};
 use std::io::Write;
 use std::path::Path;
+use trisplat_dataset::{Dataset, DatasetOptions, Description, describe};
+use trisplat_scene::error::{Error, Result};
 
 /// Most cameras listed one by one; others are only counted.
 const LISTED: usize = 5;

@@ -2,9 +2,9 @@
 
 use super::messages;
 use super::progress::thousands;
-use crate::error::{Error, Result};
-use crate::formats::tileset_info::TilesetInfo;
 use std::io::Write;
+use trisplat_formats::tileset_info::TilesetInfo;
+use trisplat_scene::error::{Error, Result};
 
 /// Writes the table, or the figures as JSON, to `out`.
 pub(super) fn run(info: &TilesetInfo, json: bool, out: &mut dyn Write) -> Result<()> {

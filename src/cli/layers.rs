@@ -1,13 +1,13 @@
-//! The layer of the typed flags: see [`crate::layered`].
+//! The layer of the typed flags: see [`trisplat_scene::layered`].
 //!
 //! A flag typed with its default value still overrides the config file, because only the typing counts
 //! ([`clap::ArgMatches::value_source`]).
 
-use crate::error::{Error, Result};
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use serde::Serialize;
 use serde_json::{Map, Value};
+use trisplat_scene::error::{Error, Result};
 
 /// The options of `parsed` that were typed, and no others. Flags are matched by the name of their field, which is unique over all option
 /// groups.

@@ -8,18 +8,18 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals;
 use super::train_terminal::TrainTerminal;
-use crate::bake::BakeOptions;
-use crate::budget::Seconds;
-use crate::capture::{CaptureObserver, CaptureOptions};
-use crate::dataset::{DatasetOptions, ShrunkSize};
-use crate::error::{Error, Result};
-use crate::formats::target::OutputTarget;
-use crate::job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJobObserver};
-use crate::report::{Observer, StageReport};
-use crate::train::{BackendOptions, TrainDetails, TrainOptions};
 use indicatif::HumanCount;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use trisplat_bake::BakeOptions;
+use trisplat_capture::{CaptureObserver, CaptureOptions};
+use trisplat_dataset::{DatasetOptions, ShrunkSize};
+use trisplat_formats::target::OutputTarget;
+use trisplat_job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJobObserver};
+use trisplat_scene::budget::Seconds;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{Observer, StageReport};
+use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
 
 /// Photos or videos, and the files to make.
 #[derive(Debug, clap::Args)]
@@ -108,7 +108,7 @@ fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs>
         return Err(Error::invalid("page", page.display(), "a name ending in .html"));
     }
     let planned = bake.plan_output(&args.output, None)?;
-    let posed = args.inputs.first().filter(|input| crate::dataset::Dataset::is_posed(input));
+    let posed = args.inputs.first().filter(|input| trisplat_dataset::Dataset::is_posed(input));
     let inputs = args.inputs.iter().map(PathBuf::as_path);
     let mut outputs = Outputs::new(inputs, args.force).with_dataset(posed.map(PathBuf::as_path));
     planned.paths().try_for_each(|path| outputs.plan("--output", path))?;

@@ -1,9 +1,9 @@
 //! `trisplat man FOLDER`: manual pages of the program and its commands.
 
-use crate::atomic::AtomicFolder;
-use crate::error::{Error, Result};
 use clap_mangen::Man;
 use std::path::{Path, PathBuf};
+use trisplat_scene::atomic::AtomicFolder;
+use trisplat_scene::error::{Error, Result};
 
 /// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";

@@ -5,14 +5,14 @@ use super::files;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
-use crate::atomic;
-use crate::dataset::{DatasetOptions, ShrunkSize};
-use crate::error::{Error, Result};
-use crate::scale::Blocks;
-use crate::scale::merge::SeamQuality;
-use crate::scale::seams;
 use std::io::Write;
 use std::path::PathBuf;
+use trisplat_dataset::{DatasetOptions, ShrunkSize};
+use trisplat_scale::Blocks;
+use trisplat_scale::merge::SeamQuality;
+use trisplat_scale::seams;
+use trisplat_scene::atomic;
+use trisplat_scene::error::{Error, Result};
 
 /// What to merge.
 #[derive(Debug, clap::Args)]

@@ -8,18 +8,18 @@ use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
 use super::signals;
 use super::train_terminal::TrainTerminal;
-use crate::bake::mesh::MeshOptions;
-use crate::dataset::{Dataset, DatasetOptions};
-use crate::error::{Error, Result};
-use crate::formats;
-use crate::formats::output::{self, Beside, Output, OutputFormat};
-use crate::job::MeshJob;
-use crate::layered::Layers;
-use crate::report::Report;
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
+use trisplat_bake::mesh::MeshOptions;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats as formats;
+use trisplat_formats::output::{self, Beside, Output, OutputFormat};
+use trisplat_job::MeshJob;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::layered::Layers;
+use trisplat_scene::report::Report;
 
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]

@@ -1,7 +1,7 @@
 //! Commands that this build lacks.
 
-use crate::error::Error;
 use std::ffi::OsString;
+use trisplat_scene::error::Error;
 
 /// Any arguments; they are ignored.
 #[derive(Debug, clap::Args)]

@@ -1,9 +1,9 @@
 //! Running out of memory: one error, and no incomplete file.
 
-use crate::atomic;
-use crate::process::memory;
 use indicatif::HumanBytes;
 use std::io::{self, Write};
+use trisplat_scene::atomic;
+use trisplat_scene::process::memory;
 
 /// Bytes of the longest message.
 const LINE: usize = 320;

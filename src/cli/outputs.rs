@@ -1,11 +1,11 @@
 //! Guards the files that a command writes, before any work: none is an input, a photo, another output or,
 //! without `--force`, an existing file; each can be written.
 
-use crate::atomic::{AtomicFile, FolderLock, MadeFolders, resolved};
-use crate::dataset::Dataset;
-use crate::error::{Error, Result};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use trisplat_dataset::Dataset;
+use trisplat_scene::atomic::{AtomicFile, FolderLock, MadeFolders, resolved};
+use trisplat_scene::error::{Error, Result};
 
 /// Other files of a data set than photos, by the beginning of their names.
 const DATASET_FILES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];

@@ -1,10 +1,10 @@
 //! Panics: a fault of the program itself is one error like any other, and unwinding removes its temporary files.
 
 use super::messages;
-use crate::error::{Error, Result};
-use crate::guard::{is_guarded, text};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::sync::{Mutex, PoisonError};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::guard::{is_guarded, text};
 
 /// Place of the last panic for [`caught`] to report.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);

@@ -1,10 +1,10 @@
 //! A folder of pictures, one per photo and named like it.
 
 use super::outputs::Outputs;
-use crate::atomic::AtomicFile;
-use crate::error::Result;
-use crate::image::{Pixels, npy};
 use std::path::{Component, Path, PathBuf};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::{Pixels, npy};
 
 /// Where each picture goes.
 #[derive(Debug)]

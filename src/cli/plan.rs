@@ -8,20 +8,20 @@ use super::outputs::Outputs;
 use super::progress::thousands;
 use super::signals;
 use super::train_progress::Bar;
-use crate::dataset::{Dataset, DatasetOptions};
-use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions};
-use crate::layered::Layers;
-use crate::scale::manifest::{Expected, NAME};
-use crate::scale::plan::check;
-use crate::scale::{Manifest, PlanOptions, Planner, status, task};
-use crate::scene::Loaded;
-use crate::train::device::OpenRun;
-use crate::train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
 use clap::ArgMatches;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_scale::manifest::{Expected, NAME};
+use trisplat_scale::plan::check;
+use trisplat_scale::{Manifest, PlanOptions, Planner, status, task};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::layered::Layers;
+use trisplat_scene::scene::Loaded;
+use trisplat_train::device::OpenRun;
+use trisplat_train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
 #[derive(Debug, clap::Args)]

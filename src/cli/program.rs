@@ -11,12 +11,12 @@ use super::{
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
-use crate::dataset::DatasetOptions;
-use crate::error::{Error, Result};
-use crate::formats::ReadOptions;
-use crate::limits::Limits;
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
+use trisplat_dataset::DatasetOptions;
+use trisplat_formats::ReadOptions;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
 
 /// Turns posed photographs into triangle scenes a game engine draws as they are.
 #[derive(Debug, Parser)]

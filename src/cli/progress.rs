@@ -2,13 +2,13 @@
 //! stage table.
 
 use super::{Global, capture_rows, flags, messages};
-use crate::bake::backdrop::BackdropDetails;
-use crate::bake::teacher::TeacherDetails;
-use crate::dataset::tracked_poses::TrackedPoses;
-use crate::report::{Observer, StageDetails, StageReport};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
+use trisplat_bake::backdrop::BackdropDetails;
+use trisplat_bake::teacher::TeacherDetails;
+use trisplat_dataset::tracked_poses::TrackedPoses;
+use trisplat_scene::report::{Observer, StageDetails, StageReport};
 
 /// What is shown for a stage that does not report progress.
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn a_backdrop_does_not_look_like_a_scene_that_grew() {
-        let counts = |triangles| crate::report::Counts { triangles, vertices: 3 * triangles };
+        let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
         let backdrop = StageReport {
             before: counts(8954),
             after: counts(11_002),

@@ -4,12 +4,12 @@ use super::Global;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::Progress;
-use crate::dataset::{Dataset, DatasetOptions, Split};
-use crate::error::{Error, Result};
-use crate::job::rendering::{PictureKind, RenderJob, SHARE, WIDTH};
-use crate::render::scene_renderer::RenderOptions;
-use crate::train::BackendOptions;
 use std::path::{Path, PathBuf};
+use trisplat_dataset::{Dataset, DatasetOptions, Split};
+use trisplat_eval::render::scene_renderer::RenderOptions;
+use trisplat_job::rendering::{PictureKind, RenderJob, SHARE, WIDTH};
+use trisplat_scene::error::{Error, Result};
+use trisplat_train::BackendOptions;
 
 /// What to draw, and from which cameras.
 #[derive(Debug, clap::Args)]

@@ -1,9 +1,9 @@
 //! The command that continues a training that was stopped.
 
 use super::train_args::TrainArgs;
-use crate::train::TrainOptions;
 use clap::{ArgMatches, Args, Command};
 use std::path::Path;
+use trisplat_train::TrainOptions;
 
 /// Flags that apply only to this part of the run.
 const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];

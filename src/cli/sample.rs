@@ -1,14 +1,14 @@
 //! `trisplat sample NAME -o OUT`: synthetic soups and data sets to try things on.
 
 use super::outputs::Outputs;
-use crate::atomic::{self, AtomicFolder};
-use crate::dataset::synthetic::{self, SyntheticOptions};
-use crate::error::{Error, Result};
-use crate::formats::ply;
-use crate::sample::scenes::{self, SampleScene};
-#[cfg(feature = "bench")]
-use crate::sample::town_photos::{self, TownOptions};
 use std::path::{Path, PathBuf};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_formats::ply;
+use trisplat_sample::scenes::{self, SampleScene};
+#[cfg(feature = "bench")]
+use trisplat_sample::town_photos::{self, TownOptions};
+use trisplat_scene::atomic::{self, AtomicFolder};
+use trisplat_scene::error::{Error, Result};
 
 /// What to make.
 #[derive(Debug, clap::Args)]

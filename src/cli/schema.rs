@@ -1,7 +1,8 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from their types.
 
 use super::stdout::Stdout;
-use crate::bake::{
+use std::io::Write;
+use trisplat_bake::{
     BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
     collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
     lit::LitDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
@@ -10,25 +11,24 @@ use crate::bake::{
     weld::WeldDetails,
 };
 #[cfg(feature = "bench")]
-use crate::bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
-use crate::capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
-use crate::dataset::Description;
-use crate::dataset::tracked_poses::TrackedPoses;
-use crate::error::{Error, Result};
-use crate::eval::evaluate::EvalReport;
-use crate::formats::bvh::BvhHeader;
-use crate::formats::check::Checked;
-use crate::formats::info::Info;
-use crate::formats::output::WriteDetails;
-use crate::formats::tileset_info::TilesetInfo;
-use crate::job::watched::Watched;
-use crate::report::{Report, stage_schema};
-use crate::scale::Manifest;
-use crate::scale::merge::MergeReport;
-use crate::scale::task::BlockFigures;
-use crate::surface::SurfaceDetails;
-use crate::train::{TrainDetails, TrainOptions};
-use std::io::Write;
+use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
+use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
+use trisplat_dataset::Description;
+use trisplat_dataset::tracked_poses::TrackedPoses;
+use trisplat_eval::evaluate::EvalReport;
+use trisplat_formats::bvh::BvhHeader;
+use trisplat_formats::check::Checked;
+use trisplat_formats::info::Info;
+use trisplat_formats::output::WriteDetails;
+use trisplat_formats::tileset_info::TilesetInfo;
+use trisplat_job::watched::Watched;
+use trisplat_scale::Manifest;
+use trisplat_scale::merge::MergeReport;
+use trisplat_scale::task::BlockFigures;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{Report, stage_schema};
+use trisplat_surface::SurfaceDetails;
+use trisplat_train::{TrainDetails, TrainOptions};
 
 /// Which schema.
 #[derive(Debug, clap::Args)]
@@ -102,7 +102,7 @@ impl SchemaName {
             #[cfg(feature = "bench")]
             SchemaName::Cost => schemars::schema_for!(CostReport),
             #[cfg(all(feature = "bench", feature = "gpu"))]
-            SchemaName::Fps => schemars::schema_for!(Vec<crate::bench::fps::FpsRow>),
+            SchemaName::Fps => schemars::schema_for!(Vec<trisplat_bench::fps::FpsRow>),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');

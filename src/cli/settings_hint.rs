@@ -1,11 +1,11 @@
 //! The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3`.
 
-use crate::bake::BakeOptions;
-use crate::bake::mesh::MeshOptions;
-use crate::train::TrainOptions;
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use serde_json::Value;
+use trisplat_bake::BakeOptions;
+use trisplat_bake::mesh::MeshOptions;
+use trisplat_train::TrainOptions;
 
 /// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.
 pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {

@@ -5,9 +5,9 @@
 //! While an observer listens, the first one is a request. Otherwise, and the second time, it ends the program
 //! at once and removes its temporary files.
 
-use crate::atomic;
-use crate::process;
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use trisplat_scene::atomic;
+use trisplat_scene::process;
 
 static LISTENED_TO: AtomicBool = AtomicBool::new(false);
 static RECEIVED: AtomicI32 = AtomicI32::new(0);

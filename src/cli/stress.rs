@@ -4,11 +4,11 @@ use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
-use crate::atomic::AtomicFile;
-use crate::bench::stress::case::StressCase;
-use crate::bench::stress::{self, InvarianceRow, Part, PromiseResult, StressArgs, StressReport, StressRow};
-use crate::error::{Error, Result};
 use std::path::Path;
+use trisplat_bench::stress::case::StressCase;
+use trisplat_bench::stress::{self, InvarianceRow, Part, PromiseResult, StressArgs, StressReport, StressRow};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::error::{Error, Result};
 
 /// Measures and prints; an error when a promise is broken.
 pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {

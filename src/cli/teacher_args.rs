@@ -1,8 +1,8 @@
 //! The flags of a training's teacher.
 
 use super::harden::share;
-use crate::job::teacher::{TEACHER_FILE, TeacherSource};
 use std::path::{Path, PathBuf};
+use trisplat_job::teacher::{TEACHER_FILE, TeacherSource};
 
 /// The teacher: a soft scene beside the photos.
 #[derive(Debug, clap::Args)]

@@ -1,12 +1,12 @@
 //! The flags of `trisplat train`.
 
 use super::teacher_args::TeacherArgs;
-use crate::dataset::DatasetOptions;
-use crate::train::budget::Seconds;
-use crate::train::{BackendOptions, TrainOptions};
 use clap::builder::ArgPredicate;
 use std::path::PathBuf;
 use std::str::FromStr;
+use trisplat_dataset::DatasetOptions;
+use trisplat_train::budget::Seconds;
+use trisplat_train::{BackendOptions, TrainOptions};
 
 /// Options that a plan sets for all its blocks.
 const BLOCK_FIXES: [&str; 16] = [

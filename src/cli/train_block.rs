@@ -5,15 +5,15 @@ use super::files;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
-use crate::atomic::{self, AtomicFile};
-use crate::error::{Error, Result};
-use crate::report::counted;
-use crate::scale::Task;
-use crate::train::device::OpenRun;
-use crate::train::{Preview, Trained};
 use indicatif::HumanCount;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use trisplat_scale::Task;
+use trisplat_scene::atomic::{self, AtomicFile};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::counted;
+use trisplat_train::device::OpenRun;
+use trisplat_train::{Preview, Trained};
 
 /// Trains the block, unless its result exists.
 pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Result<ExitCode> {

@@ -1,11 +1,11 @@
 //! The curve of a run as a picture: PSNR and triangles over CPU seconds.
 
-use crate::dataset::ShrunkSize;
-use crate::error::{Error, Result};
-use crate::math::short::short;
-use crate::train::TrainSample;
 use plotters::prelude::*;
 use std::path::Path;
+use trisplat_dataset::ShrunkSize;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::math::short::short;
+use trisplat_train::TrainSample;
 
 /// The curve as SVG; `path` is for messages.
 pub(super) fn svg(path: &Path, samples: &[TrainSample]) -> Result<String> {

@@ -4,11 +4,11 @@ use super::Global;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::train_progress::Bar;
-use crate::error::{Error, Result};
-use crate::job::TrainJobObserver;
-use crate::report::{OutputReport, counted};
-use crate::train::{TrainObserver, TrainOptions, Trained};
 use std::path::PathBuf;
+use trisplat_job::TrainJobObserver;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{OutputReport, counted};
+use trisplat_train::{TrainObserver, TrainOptions, Trained};
 
 /// Shows the preparation, and writes the teacher.
 pub(super) struct Preparation<'a> {

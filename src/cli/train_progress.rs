@@ -3,16 +3,16 @@
 use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
-use crate::dataset::{Dataset, ShrunkSize};
-use crate::error::{Error, Result};
-use crate::scene::Loaded;
-use crate::train::budget::Correction;
-use crate::train::refine::Refined;
-use crate::train::{TrainObserver, TrainSample, Trained};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use trisplat_dataset::{Dataset, ShrunkSize};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::scene::Loaded;
+use trisplat_train::budget::Correction;
+use trisplat_train::refine::Refined;
+use trisplat_train::{TrainObserver, TrainSample, Trained};
 
 /// Another observer of a run.
 pub trait Watcher: TrainObserver {

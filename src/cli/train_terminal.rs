@@ -3,13 +3,13 @@
 use super::Global;
 use super::progress::Progress;
 use super::train_progress::Bar;
-use crate::error::{Error, Result};
-use crate::job::{TrainBegins, TrainJobObserver};
-use crate::report::counted;
-use crate::train::budget::Correction;
-use crate::train::refine::Refined;
-use crate::train::{TrainObserver, TrainOptions, TrainSample, Trained};
 use std::path::PathBuf;
+use trisplat_job::{TrainBegins, TrainJobObserver};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::counted;
+use trisplat_train::budget::Correction;
+use trisplat_train::refine::Refined;
+use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
 
 /// Shows a training: its preparation, then its steps.
 pub(super) struct TrainTerminal<'a> {

@@ -15,13 +15,6 @@ use super::train_args::TrainArgs;
 use super::train_progress::Watcher;
 use super::view::{self, PosedPhotos};
 use super::{messages, signals};
-use crate::dataset::{Dataset, DatasetOptions};
-use crate::error::{Error, Result};
-use crate::scene::Loaded;
-use crate::train::{TrainObserver, TrainSample};
-use crate::view::window::{
-    self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
-};
 use clap::ArgMatches;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
@@ -30,6 +23,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::scene::Loaded;
+use trisplat_train::{TrainObserver, TrainSample};
+use trisplat_view::window::{
+    self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
+};
 
 /// Pause after showing a scene, and after a soft picture, as a multiple of its duration. Both use a core that
 /// trains: together less than a twentieth of the time of two cores.

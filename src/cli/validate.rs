@@ -1,12 +1,12 @@
 //! `trisplat validate FILE`: the faults of a file, with their places.
 
 use super::{files, messages};
-use crate::error::{Error, Result};
-use crate::formats::ReadOptions;
-use crate::formats::check::{Checked, Severity, check};
-use crate::report::counted;
 use std::io::{self, Write};
 use std::path::PathBuf;
+use trisplat_formats::ReadOptions;
+use trisplat_formats::check::{Checked, Severity, check};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::counted;
 
 /// What to check.
 #[derive(Debug, clap::Args)]

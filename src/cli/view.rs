@@ -1,25 +1,25 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
-use crate::asset::{Asset, Placement};
-use crate::atomic::AtomicFile;
-use crate::bake::bvh::{BvhDetails, BvhOptions, bvh};
-use crate::camera::Camera;
-use crate::dataset::{Dataset, DatasetOptions, View};
-use crate::error::{Error, Result};
-use crate::formats;
-use crate::gpu::AdapterOptions;
-use crate::placed;
-use crate::region::Region;
-use crate::render::baked_scene::BakedScene;
-use crate::render::scene_renderer::SceneRenderer;
-use crate::scene::Loaded;
-use crate::view::window::{
-    self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
-};
 use glam::{DVec3, UVec2, Vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_eval::render::baked_scene::BakedScene;
+use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_formats as formats;
+use trisplat_gpu::AdapterOptions;
+use trisplat_scene::asset::{Asset, Placement};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::placed;
+use trisplat_scene::region::Region;
+use trisplat_scene::scene::Loaded;
+use trisplat_view::window::{
+    self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
+};
 
 /// What to show, and how.
 #[derive(Debug, Clone, clap::Args)]
@@ -31,7 +31,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
     /// Width and height of the window, px.
-    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = crate::image::parse_size)]
+    #[arg(long, default_value = "1280x720", value_name = "WxH", value_parser = trisplat_scene::image::parse_size)]
     pub size: UVec2,
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]

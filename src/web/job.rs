@@ -1,9 +1,9 @@
 //! The jobs, as JSON. `web/trisplat.d.ts` has the same types for callers.
 
-use crate::camera::Viewpoint;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 use std::path::PathBuf;
+use trisplat_scene::camera::Viewpoint;
 
 /// One job. Names of files are those of the caller.
 #[derive(Debug, Deserialize)]

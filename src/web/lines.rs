@@ -1,13 +1,13 @@
 //! The progress of a job: lines of JSON on standard output, one object each, with one key that names its
 //! kind.
 
-use crate::error::Result;
-use crate::job::BakeJobObserver;
-use crate::report::{Observer, StageReport};
-use crate::train::{TrainObserver, TrainOptions, TrainSample};
 use serde::Serialize;
 use serde_json::json;
 use std::io::{self, Write};
+use trisplat_job::BakeJobObserver;
+use trisplat_scene::error::Result;
+use trisplat_scene::report::{Observer, StageReport};
+use trisplat_train::{TrainObserver, TrainOptions, TrainSample};
 
 /// Smallest reported change of a fraction.
 const STEP: f64 = 0.01;

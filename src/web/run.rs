@@ -2,27 +2,28 @@
 
 use super::job::Job;
 use super::lines::{Lines, say};
-use crate::asset::{Asset, Placement};
-use crate::atomic::AtomicFile;
-use crate::bake::teacher::{TeacherOptions, is_solid};
-use crate::bake::{BakeOptions, bake};
-use crate::error::{Error, Result};
-use crate::formats::{self, ReadOptions, gltf, info};
-use crate::guard::{self, is_guarded};
-use crate::job::harden::HardenOptions;
-use crate::job::{BakeInput, BakeJob, describe};
-use crate::layered::Layers;
-use crate::limits::Limits;
-use crate::process::memory;
-use crate::render::scene_renderer::SceneRenderer;
-use crate::scene::{Loaded, Scene};
-use crate::{input, placed};
 use glam::{DVec3, UVec2, Vec3};
 use serde_json::{Map, Value};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
+use trisplat_bake::teacher::{TeacherOptions, is_solid};
+use trisplat_bake::{BakeOptions, bake};
+use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_formats::{self as formats, ReadOptions, gltf, info};
+use trisplat_job::harden::HardenOptions;
+use trisplat_job::{BakeInput, BakeJob, describe};
+use trisplat_scene::asset::{Asset, Placement};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::guard::{self, is_guarded};
+use trisplat_scene::input;
+use trisplat_scene::layered::Layers;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::placed;
+use trisplat_scene::process::memory;
+use trisplat_scene::scene::{Loaded, Scene};
 
 /// The folder for temporary files, because this target names none.
 const TEMPORARY: &str = "/tmp";

@@ -2,14 +2,14 @@
 
 use crate::common::phone::{error_of_gains, phone_sample};
 use std::path::Path;
-use trisplat::bake::exposure::ExposureDetails;
-use trisplat::bake::refit::RefitDetails;
-use trisplat::bake::views::Views;
-use trisplat::bake::{Bake, BakeOptions};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::exposure::ExposureUse;
-use trisplat::formats::{self, ReadOptions};
-use trisplat::report::Report;
+use trisplat_bake::exposure::ExposureDetails;
+use trisplat_bake::refit::RefitDetails;
+use trisplat_bake::views::Views;
+use trisplat_bake::{Bake, BakeOptions};
+use trisplat_dataset::exposure::ExposureUse;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_scene::report::Report;
 
 /// What the stages say of the sample scene, baked with these photos.
 fn baked(photos: &Path, exposure: ExposureUse) -> Report {

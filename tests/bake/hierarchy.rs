@@ -4,17 +4,17 @@ use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::PathBuf;
-use trisplat::asset::Asset;
-use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
-use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
-use trisplat::bvh::{Bvh, RayHit};
-use trisplat::error::{Error, Result};
-use trisplat::formats::bvh::{BvhHeader, belongs, position_hash, read, write};
-use trisplat::formats::{ReadOptions, Source, ply};
-use trisplat::mesh::Mesh;
-use trisplat::rng::Rng;
-use trisplat::sample::scenes::{SampleScene, soup};
-use trisplat::scene::Scene;
+use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat_bake::chunk::{ChunkDetails, ChunkOptions, chunk};
+use trisplat_formats::bvh::{BvhHeader, belongs, position_hash, read, write};
+use trisplat_formats::{ReadOptions, Source, ply};
+use trisplat_sample::scenes::{SampleScene, soup};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::bvh::{Bvh, RayHit};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::rng::Rng;
+use trisplat_scene::scene::Scene;
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
@@ -252,7 +252,7 @@ fn a_hundred_thousand_equal_triangles_build_a_shallow_tree() {
     let mut depth = vec![0u32; hierarchy.nodes.len()];
     for (index, node) in hierarchy.nodes.iter().enumerate() {
         for slot in 0..8 {
-            if let Ok(trisplat::bvh::Child::Node(below)) = trisplat::bvh::child(node, slot) {
+            if let Ok(trisplat_scene::bvh::Child::Node(below)) = trisplat_scene::bvh::child(node, slot) {
                 depth[below as usize] = depth[index] + 1;
             }
         }

@@ -1,10 +1,10 @@
 //! Soups that have broken bakers, by name, and the scenes that tests run stages on.
 
 use glam::{Vec3, vec3};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::rng::Rng;
-use trisplat::sample::scenes::{SampleScene, soup};
-use trisplat::soup::Soup;
+use trisplat_sample::scenes::{SampleScene, soup};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::rng::Rng;
+use trisplat_scene::soup::Soup;
 
 /// Puts corners, opacity and σ together; colours differ from triangle to triangle.
 pub(crate) fn soup_of(triangles: impl IntoIterator<Item = ([Vec3; 3], f32, f32)>) -> Soup {
@@ -128,7 +128,7 @@ pub(crate) fn poison() -> Vec<(&'static str, Soup)> {
 
 /// The soup as a mesh with face colours, for the stages that want one.
 pub(crate) fn mesh_of(soup: &Soup) -> Mesh {
-    trisplat::bake::color::color(soup.clone(), &mut Default::default()).unwrap()
+    trisplat_bake::color::color(soup.clone(), &mut Default::default()).unwrap()
 }
 
 /// A connected `side` x `side` grid of quads in the plane z = 0 with colours per vertex.

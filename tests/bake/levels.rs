@@ -2,17 +2,17 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::path::Path;
-use trisplat::asset::Asset;
-use trisplat::bake::decimate::Decimation;
-use trisplat::bake::lod::{LodDetails, LodOptions, LodRanking};
-use trisplat::bake::views::SAMPLES;
-use trisplat::bake::visibility::visible_px;
-use trisplat::bake::{Bake, BakeOptions, BakePreset};
-use trisplat::camera::Camera;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat::report::{Observer, Report, StageProgress};
-use trisplat::scene::{Loaded, Scene};
+use trisplat_bake::decimate::Decimation;
+use trisplat_bake::lod::{LodDetails, LodOptions, LodRanking};
+use trisplat_bake::views::SAMPLES;
+use trisplat_bake::visibility::visible_px;
+use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Observer, Report, StageProgress};
+use trisplat_scene::scene::{Loaded, Scene};
 
 /// A wall of 2 · 16 · 16 triangles that shade into each other, and as many hidden behind it.
 fn wall() -> Mesh {
@@ -107,7 +107,7 @@ fn a_budget_keeps_the_shell_whole() {
     let baked = |max_triangles: Option<u64>| {
         let mut options = BakeOptions::preset(BakePreset::Default);
         options.prune.max_triangles = max_triangles;
-        Bake::new(&options).run([trisplat::formats::read(&sample, &Default::default()).unwrap()]).unwrap()
+        Bake::new(&options).run([trisplat_formats::read(&sample, &Default::default()).unwrap()]).unwrap()
     };
     let whole = baked(None);
     let shell = whole.provenance.backdrop;

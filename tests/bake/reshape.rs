@@ -2,15 +2,15 @@
 
 use super::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
 use glam::Vec3;
-use trisplat::bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
-use trisplat::bake::{BakeOptions, BakePreset, Views};
-use trisplat::image::Image;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::soft::SoftOptions;
-use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat::report::{Outcome, StageProgress};
-use trisplat::scene::Loaded;
-use trisplat::teacher::Teacher;
+use trisplat_bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
+use trisplat_bake::{BakeOptions, BakePreset, Views};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_scene::image::Image;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Outcome, StageProgress};
+use trisplat_scene::scene::Loaded;
+use trisplat_teacher::Teacher;
 
 fn options(reshape: ReshapeOptions) -> BakeOptions {
     BakeOptions { reshape, ..BakeOptions::default() }

@@ -2,23 +2,23 @@
 //! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
 
 use super::hostile;
-use trisplat::asset::{Asset, Provenance};
-use trisplat::bake::bvh::{BvhOptions, bvh};
-use trisplat::bake::chunk::{ChunkOptions, chunk};
-use trisplat::bake::color::{ColorDetails, color};
-use trisplat::bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
-use trisplat::bake::order::{FaceOrder, OrderOptions, order};
-use trisplat::bake::place::up::Evidence;
-use trisplat::bake::place::{PlaceOptions, place, placement};
-use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
-use trisplat::bake::solid::{SolidOptions, Solidify, solid};
-use trisplat::bake::tiles::{TilesOptions, tiles};
-use trisplat::bake::weld::{WeldOptions, WeldWhen, weld};
-use trisplat::error::{Error, Result};
-use trisplat::mesh::Mesh;
-use trisplat::report::{Outcome, StageDetails, StageProgress};
-use trisplat::scene::Scene;
-use trisplat::soup::Soup;
+use trisplat_bake::bvh::{BvhOptions, bvh};
+use trisplat_bake::chunk::{ChunkOptions, chunk};
+use trisplat_bake::color::{ColorDetails, color};
+use trisplat_bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
+use trisplat_bake::order::{FaceOrder, OrderOptions, order};
+use trisplat_bake::place::up::Evidence;
+use trisplat_bake::place::{PlaceOptions, place, placement};
+use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
+use trisplat_bake::solid::{SolidOptions, Solidify, solid};
+use trisplat_bake::tiles::{TilesOptions, tiles};
+use trisplat_bake::weld::{WeldOptions, WeldWhen, weld};
+use trisplat_scene::asset::{Asset, Provenance};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::scene::Scene;
+use trisplat_scene::soup::Soup;
 
 #[derive(Clone)]
 struct Preset {
@@ -198,7 +198,7 @@ fn the_default_preset_bakes_whatever_can_be_drawn() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let soup = trisplat::sample::scenes::soup(trisplat::sample::scenes::SampleScene::Studio, 40_000, 3);
+    let soup = trisplat_sample::scenes::soup(trisplat_sample::scenes::SampleScene::Studio, 40_000, 3);
     for mut preset in presets() {
         preset.prune.max_triangles = preset.prune.max_triangles.map(|_| 20_000);
         preset.chunk.chunk_triangles = preset.chunk.chunk_triangles.min(1000);

@@ -2,10 +2,10 @@
 
 use super::hostile::{random_triangle, soup_of};
 use glam::Vec3;
-use trisplat::asset::Asset;
-use trisplat::bake::{Bake, BakeOptions, BakePreset, backdrop::BackdropWhen};
-use trisplat::scene::Loaded;
-use trisplat::soup::Soup;
+use trisplat_bake::{Bake, BakeOptions, BakePreset, backdrop::BackdropWhen};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::scene::Loaded;
+use trisplat_scene::soup::Soup;
 
 /// Eight huge triangles around the origin.
 fn octahedron() -> Soup {
@@ -61,7 +61,7 @@ fn a_shell_of_a_scene_without_backdrop_is_part_of_it() {
 fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     // The dome of the sample, which no flag names.
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
-    let studio = || trisplat::formats::read(&path, &trisplat::formats::ReadOptions::default()).unwrap();
+    let studio = || trisplat_formats::read(&path, &trisplat_formats::ReadOptions::default()).unwrap();
     let bake = |when| {
         let mut options = BakeOptions::preset(BakePreset::Fast);
         options.backdrop.backdrop = when;
@@ -80,7 +80,7 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     assert_eq!(bake(BackdropWhen::Off).provenance.backdrop, 0);
     // Of two inputs each has its own, wherever they stand.
     let mut beside = studio();
-    let trisplat::scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
+    let trisplat_scene::scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|p| p.x += 90.0);
     let both = Bake::new(&BakeOptions::preset(BakePreset::Fast)).run([studio(), beside]).unwrap();
     assert_eq!(both.provenance.backdrop, 2 * asset.provenance.backdrop);

@@ -2,18 +2,18 @@
 
 use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
-use trisplat::asset::Asset;
-use trisplat::bake::chunk::{ChunkDetails, ChunkOptions, chunk};
-use trisplat::bake::color::{ColorDetails, color};
-use trisplat::bake::order::{FaceOrder, OrderDetails, OrderOptions, order};
-use trisplat::bake::prune::{PruneDetails, PruneOptions, prune};
-use trisplat::bake::solid::{SolidDetails, SolidOptions, Solidify, solid};
-use trisplat::bake::weld::{WeldDetails, WeldOptions, WeldWhen, weld};
-use trisplat::bake::{Bake, BakeOptions};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::Outcome;
-use trisplat::scene::Scene;
-use trisplat::soup::Soup;
+use trisplat_bake::chunk::{ChunkDetails, ChunkOptions, chunk};
+use trisplat_bake::color::{ColorDetails, color};
+use trisplat_bake::order::{FaceOrder, OrderDetails, OrderOptions, order};
+use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
+use trisplat_bake::solid::{SolidDetails, SolidOptions, Solidify, solid};
+use trisplat_bake::weld::{WeldDetails, WeldOptions, WeldWhen, weld};
+use trisplat_bake::{Bake, BakeOptions};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::scene::Scene;
+use trisplat_scene::soup::Soup;
 
 /// Prunes; returns what is left and the counts.
 fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, PruneDetails) {

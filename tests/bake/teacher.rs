@@ -2,22 +2,22 @@
 
 use super::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat::asset::{Asset, UpAxis, UpDirection};
-use trisplat::bake::place::words::UpChoice;
-use trisplat::bake::reshape::ReshapeOptions;
-use trisplat::bake::solid::{SOLID_SIGMA, SolidOptions};
-use trisplat::bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness, teacher};
-use trisplat::bake::{Bake, BakeOptions, BakePreset, Views};
-use trisplat::camera::Camera;
-use trisplat::error::Error;
-use trisplat::math::metric;
-use trisplat::raster::soft::SoftOptions;
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::region::Region;
-use trisplat::report::{Outcome, Report};
-use trisplat::scene::{Loaded, Scene};
-use trisplat::soup::Soup;
-use trisplat::teacher::{Teacher, ViewpointKind};
+use trisplat_bake::place::words::UpChoice;
+use trisplat_bake::reshape::ReshapeOptions;
+use trisplat_bake::solid::{SOLID_SIGMA, SolidOptions};
+use trisplat_bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness, teacher};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, Views};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::asset::{Asset, UpAxis, UpDirection};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Error;
+use trisplat_scene::math::metric;
+use trisplat_scene::region::Region;
+use trisplat_scene::report::{Outcome, Report};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
+use trisplat_teacher::{Teacher, ViewpointKind};
 
 /// Many faint triangles on a ball: blended they have the colours of their neighbours, not their own.
 pub(crate) fn ball() -> Soup {

@@ -2,22 +2,22 @@
 
 use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
-use trisplat::asset::{Asset, UpAxis, UpDirection};
-use trisplat::bake::place::words::UpChoice;
-use trisplat::bake::refit::UnseenColors;
-use trisplat::bake::texture::{TextureDetail, TextureDetails, TextureOptions, texture};
-use trisplat::bake::views::Views;
-use trisplat::bake::{Bake, BakeOptions};
-use trisplat::camera::Camera;
-use trisplat::error::Result;
-use trisplat::formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
-use trisplat::formats::{OutputOptions, ReadOptions};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::report::{Outcome, Report, StageProgress};
-use trisplat::scene::{Loaded, Scene};
+use trisplat_bake::place::words::UpChoice;
+use trisplat_bake::refit::UnseenColors;
+use trisplat_bake::texture::{TextureDetail, TextureDetails, TextureOptions, texture};
+use trisplat_bake::views::Views;
+use trisplat_bake::{Bake, BakeOptions};
+use trisplat_formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
+use trisplat_formats::{OutputOptions, ReadOptions};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::asset::{Asset, UpAxis, UpDirection};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Outcome, Report, StageProgress};
+use trisplat_scene::scene::{Loaded, Scene};
 
 pub(super) const DRAWING: SolidRasterOptions =
     SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
@@ -176,13 +176,13 @@ pub(super) fn read(glb: &[u8]) -> Loaded {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, glb).unwrap();
-    trisplat::formats::read(&path, &ReadOptions::default()).unwrap()
+    trisplat_formats::read(&path, &ReadOptions::default()).unwrap()
 }
 
 /// A wall with its texture, through the whole bake.
 pub(super) fn baked(input: Mesh) -> Asset {
     let mut views = Views::drawn(cameras(), photos());
-    let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat::bake::BakePreset::Fast) };
+    let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat_bake::BakePreset::Fast) };
     Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(input))]).unwrap()
 }
 
@@ -208,7 +208,7 @@ fn a_textured_file_reads_back_as_it_was() {
 #[test]
 fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
     let again = |max_triangles: Option<u64>, walls: usize| {
-        let mut options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
+        let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
         options.prune.max_triangles = max_triangles;
         let mut report = Report::new("bake");
         let inputs: Vec<Loaded> =
@@ -242,7 +242,7 @@ fn what_holds_no_texture_is_refused_before_any_work() {
 fn levels_have_textures_of_their_own() {
     let bake = |texture: bool| {
         let mut views = Views::drawn(cameras(), photos());
-        let mut options = BakeOptions::preset(trisplat::bake::BakePreset::Fast);
+        let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
         (options.texture.texture, options.lod.lod) = (texture, vec![0.5]);
         // The wall stays where the cameras see it.
         options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
@@ -327,11 +327,11 @@ fn obj_files_hold_the_texture_beside_them() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a wall.obj");
         let options = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::default() };
-        let written = trisplat::formats::write(&Asset::from(mesh.clone()), &path, &options).unwrap();
+        let written = trisplat_formats::write(&Asset::from(mesh.clone()), &path, &options).unwrap();
         let mut names: Vec<_> = written.files.iter().map(|f| f.path.rsplit('/').next().unwrap()).collect();
         names.sort_unstable();
         assert_eq!(names, ["a wall.mtl", "a wall.obj", "a wall.png"]);
-        let back = trisplat::formats::read(&path, &ReadOptions::default()).unwrap();
+        let back = trisplat_formats::read(&path, &ReadOptions::default()).unwrap();
         assert_eq!(back.warnings, [""; 0]);
         let Scene::Mesh(back) = back.scene else { panic!("a mesh") };
         assert_eq!((&back.positions, &back.indices), (&mesh.positions, &mesh.indices));

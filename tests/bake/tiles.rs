@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 use std::path::Path;
-use trisplat::asset::{Asset, Tile};
-use trisplat::bake::tiles::{TilesDetails, TilesOptions};
-use trisplat::bake::{Bake, BakeOptions, BakePreset};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::Report;
+use trisplat_bake::tiles::{TilesDetails, TilesOptions};
+use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use trisplat_scene::asset::{Asset, Tile};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::Report;
 
 /// A ground of `side` by `side` squares, two triangles each.
 fn ground(side: u32) -> Mesh {
@@ -105,7 +105,7 @@ fn a_backdrop_is_in_no_tile() {
         tiles: TilesOptions { tiles: true, tile_triangles: 1000 },
         ..BakeOptions::preset(BakePreset::Default)
     };
-    let input = trisplat::formats::read(&sample, &Default::default()).unwrap();
+    let input = trisplat_formats::read(&sample, &Default::default()).unwrap();
     let asset = Bake::new(&options).run([input]).unwrap();
     assert!(asset.provenance.backdrop > 0);
     let root = asset.tiles.as_deref().unwrap();

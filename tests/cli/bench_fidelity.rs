@@ -1,7 +1,7 @@
 //! `trisplat bench fidelity`: quality of a file, step by step.
 
 use super::fidelity::{fail, inputs, sample, trisplat};
-use trisplat::bench::fidelity::FidelityRow;
+use trisplat_bench::fidelity::FidelityRow;
 
 /// Rows of `bench fidelity` on the sample's photos.
 fn bench(more: &[&str]) -> Vec<FidelityRow> {

@@ -8,8 +8,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use trisplat::image::Pixels;
 use trisplat::{Dataset, DatasetOptions};
+use trisplat_scene::image::Pixels;
 
 /// Notes its arguments in `calls` beside it, and ends as `fails` or waits as `waits` there say: the name of a command.
 const COLMAP: &str = r#"#!/bin/sh

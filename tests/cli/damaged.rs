@@ -5,7 +5,7 @@ mod png;
 
 use super::{fails, sample, stderr, trisplat};
 use std::path::{Path, PathBuf};
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
 /// A data set of four photos, the last of them these bytes.
 fn dataset(folder: &Path, photo: &[u8]) -> PathBuf {

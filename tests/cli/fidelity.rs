@@ -4,11 +4,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::eval::evaluate::{EvalReport, StepScore};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::render::scene_renderer::SceneRenderer;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_eval::evaluate::{EvalReport, StepScore};
+use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
 
 pub(super) fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name)
@@ -203,7 +203,7 @@ fn a_sheet_shows_photos_drawings_and_errors() {
         let photo = Pixels::load(&view.photo.path).unwrap();
         let drawn = Pixels::load(&Path::new(&renders).join(&view.name)).unwrap();
         let flip = metric::flip_map(photo.size, &photo.rgb, &drawn.rgb);
-        let heat = trisplat::view::show::heat(photo.size, &flip);
+        let heat = trisplat_view::show::heat(photo.size, &flip);
         assert!(cut(0, row) == photo.rgb && cut(1, row) == drawn.rgb && cut(2, row) == heat.rgb, "{row}");
     }
 }
@@ -309,7 +309,7 @@ fn info_prints_a_table_of_a_data_set() {
         assert!(table.contains(part), "`{part}` is missing from:\n{table}");
     }
     let json = trisplat(&["info", "--json", &dataset]).stdout;
-    let description: trisplat::dataset::Description = serde_json::from_slice(&json).unwrap();
+    let description: trisplat_dataset::Description = serde_json::from_slice(&json).unwrap();
     assert_eq!((description.train, description.test, description.points), (35, 5, 1500));
     fail(&["info", env!("CARGO_MANIFEST_DIR")], &["no posed photos", "COLMAP"]);
 }
@@ -329,13 +329,13 @@ fn a_made_data_set_can_be_read() {
 
 #[test]
 fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
-    use trisplat::asset::{Placement, UpAxis};
-    use trisplat::formats::{self, ReadOptions};
+    use trisplat_formats::{self as formats, ReadOptions};
+    use trisplat_scene::asset::{Placement, UpAxis};
     let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions::with_degree(3)).unwrap();
-    let trisplat::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
+    let trisplat_scene::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
     let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
     let camera = dataset.views[0].camera;
-    let soft = |soup: &trisplat::soup::Soup, placement: &Placement, dataset: &Dataset| {
+    let soft = |soup: &trisplat_scene::soup::Soup, placement: &Placement, dataset: &Dataset| {
         SceneRenderer::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)
     };
     let near = soft(&soup, &Placement::IDENTITY, &dataset);

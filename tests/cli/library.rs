@@ -6,14 +6,14 @@ use super::{sample, trisplat};
 use serde_json::json;
 use std::path::Path;
 use std::process::Command;
-use trisplat::budget::{Budget, Seconds};
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::job::harden::HardenOptions;
-use trisplat::job::teacher::TeacherSource;
-use trisplat::job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
-use trisplat::layered::Layers;
-use trisplat::train::{TrainObserver, Trained};
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_job::harden::HardenOptions;
+use trisplat_job::teacher::TeacherSource;
+use trisplat_job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
+use trisplat_scene::budget::{Budget, Seconds};
+use trisplat_scene::layered::Layers;
+use trisplat_train::{TrainObserver, Trained};
 
 /// What the flags of [`train`] ask for; `given` are flags of the training.
 fn job(given: serde_json::Value) -> TrainJob {
@@ -247,8 +247,8 @@ fn a_bake_of_a_hardened_scene() {
 fn a_target_in_the_options_is_the_target_of_the_files() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = bake(&sample("trained.ply"));
-    job.options.output.target = trisplat::formats::target::OutputTarget::Godot;
-    job.options.reshape.reshape = trisplat::bake::reshape::ReshapeWhen::Off;
+    job.options.output.target = trisplat_formats::target::OutputTarget::Godot;
+    job.options.reshape.reshape = trisplat_bake::reshape::ReshapeWhen::Off;
     let out = folder.path().join("a.glb");
     job.save(&out, &mut ()).unwrap();
     assert!(folder.path().join("a.glb.import").is_file());

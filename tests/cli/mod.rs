@@ -15,6 +15,7 @@ mod library;
 mod make;
 mod max_bytes;
 mod messages;
+mod option_ranges;
 #[cfg(target_os = "linux")]
 mod out_of_memory;
 mod outputs;

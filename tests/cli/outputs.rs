@@ -135,7 +135,7 @@ fn photos_that_differ_in_their_ending_have_renders_of_their_own() {
     let folder = folder();
     let images = folder.path().join("photos/images");
     let model = folder.path().join("photos/sparse/0/images.txt");
-    let picture = trisplat::image::Pixels::load(&images.join("view_0001.png")).unwrap();
+    let picture = trisplat_scene::image::Pixels::load(&images.join("view_0001.png")).unwrap();
     picture.save_png(&images.join("view_0000.jpg")).unwrap();
     let text = std::fs::read_to_string(&model).unwrap();
     std::fs::write(&model, text.replace("view_0001.png", "view_0000.jpg")).unwrap();
@@ -243,7 +243,7 @@ fn files_of_an_earlier_bake_are_named() {
 fn one_of_two_trainings_with_one_output_is_refused_at_once() {
     let folder = folder();
     let output = folder.path().join("c.ply");
-    let held = trisplat::atomic::AtomicFile::create(&output).unwrap();
+    let held = trisplat_scene::atomic::AtomicFile::create(&output).unwrap();
     refused(folder.path(), &train(&["-o", "c.ply"]), &["c.ply", "another program is writing"]);
     drop(held);
     succeed(run(folder.path(), &train(&["-o", "c.ply"])));
@@ -264,7 +264,7 @@ fn npy(path: &Path) -> (String, Vec<f32>) {
 fn floats_beside_a_picture_round_to_it() {
     let folder = folder();
     let check = |out: &str, name: &str| {
-        let picture = trisplat::image::Pixels::load(&folder.path().join(out).join(name)).unwrap();
+        let picture = trisplat_scene::image::Pixels::load(&folder.path().join(out).join(name)).unwrap();
         let (shape, floats) = npy(&folder.path().join(out).join(name).with_extension("npy"));
         assert_eq!(shape, format!("{}, {}, 3, ", picture.size.y, picture.size.x));
         let codes = picture.rgb.as_flattened();
@@ -303,7 +303,7 @@ fn one_of_two_renders_into_one_folder_wins_and_the_other_says_so() {
     std::fs::create_dir(&out).unwrap();
     let render = ["render", "a.ply", "--orbit", "2", "--width", "16", "-o", "out"];
     let eval = ["eval", "a.ply", "photos", "--split", "all", "--as", "soft", "--save-renders", "out"];
-    let held = trisplat::atomic::FolderLock::take(&out).unwrap();
+    let held = trisplat_scene::atomic::FolderLock::take(&out).unwrap();
     for arguments in [&render[..], &eval[..]] {
         refused(folder.path(), arguments, &["out: another program is writing into this folder"]);
     }
@@ -362,7 +362,7 @@ fn long_bake(folder: &Path, first: &str) -> (std::process::Child, PathBuf) {
     command.args(["-c", &format!("{first}{bake}"), env!("CARGO_BIN_EXE_trisplat")]).arg(soup);
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     let child = command.spawn().unwrap();
-    let temporary = trisplat::atomic::temporary_name(&folder.join("long.glb"));
+    let temporary = trisplat_scene::atomic::temporary_name(&folder.join("long.glb"));
     let clock = std::time::Instant::now();
     while !temporary.exists() {
         assert!(clock.elapsed().as_secs() < 60, "it did not begin");

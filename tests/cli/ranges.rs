@@ -6,7 +6,7 @@ use std::any::TypeId;
 use std::path::Path;
 use std::process::Stdio;
 use trisplat::cli::program::Cli;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
 /// Flags that may be any number that their type holds.
 const ANY: [&str; 2] = ["seed", "threads"];

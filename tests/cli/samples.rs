@@ -3,15 +3,15 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat::bake::{Bake, BakeOptions, Views};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::eval::evaluate::evaluate;
-use trisplat::eval::steps::{EvalStep, SMALLEST, reread};
-use trisplat::formats::ply::write_soup;
-use trisplat::formats::{self, ReadOptions};
-use trisplat::render::scene_renderer::SceneRenderer;
-use trisplat::sample::scenes::{SampleScene, provenance, soup};
-use trisplat::scene::Loaded;
+use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_eval::evaluate::evaluate;
+use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_eval::steps::{EvalStep, SMALLEST, reread};
+use trisplat_formats::ply::write_soup;
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_sample::scenes::{SampleScene, provenance, soup};
+use trisplat_scene::scene::Loaded;
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();

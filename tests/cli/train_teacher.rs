@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
 pub(super) fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))

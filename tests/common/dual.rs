@@ -1,7 +1,7 @@
 //! Dual numbers: exact first derivatives by running the same source.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
-use trisplat::math::real::Real;
+use trisplat_scene::math::real::Real;
 
 /// A value and its derivatives in N directions.
 #[derive(Debug, Clone, Copy)]

@@ -9,7 +9,7 @@ pub(crate) mod png;
 pub(crate) mod regressions;
 
 /// A viewpoint none of whose numbers is a default.
-pub(crate) const VIEWPOINT: trisplat::camera::Viewpoint = trisplat::camera::Viewpoint {
+pub(crate) const VIEWPOINT: trisplat_scene::camera::Viewpoint = trisplat_scene::camera::Viewpoint {
     eye: [1.5, 2.0, -3.0],
     target: [0.1, 0.0, 7.0],
     up: [0.0, 1.0, 0.0],

@@ -2,7 +2,7 @@
 //! outward edge normals and the true maximum. Shares no formula with the kernels; runs on f64 and dual numbers.
 
 use super::dual::Dual;
-use trisplat::math::real::Real;
+use trisplat_scene::math::real::Real;
 
 /// A number with a readable value.
 pub(crate) trait Number: Real {

@@ -6,11 +6,11 @@ use crate::common::edits::mutate;
 use crate::common::png;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::error::Error;
-use trisplat::image::Pixels;
-use trisplat::train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 use trisplat::{Dataset, DatasetOptions, Limits};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_scene::error::Error;
+use trisplat_scene::image::Pixels;
+use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// A refusal names its file and is one line of a readable length.
 fn check_refusal(error: &Error, folder: &Path) {

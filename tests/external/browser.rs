@@ -7,15 +7,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
-use trisplat::asset::Provenance;
-use trisplat::camera::Camera;
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::formats::{ReadOptions, read};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::mesh::Mesh;
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::scene::Scene;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::{ReadOptions, read};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::Scene;
 
 /// The browser, when it and what drives it are there.
 pub(super) fn chromium() -> Option<PathBuf> {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
-use trisplat::image::Pixels;
+use trisplat_scene::image::Pixels;
 
 /// Prints type, shape, the PSNR of the array and of the 8-bit picture against the photo, and the largest difference of the two, in codes.
 const SCRIPT: &str = "

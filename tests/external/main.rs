@@ -26,11 +26,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-use trisplat::asset::Provenance;
-use trisplat::formats::{ReadOptions, ply, read};
-use trisplat::math::color::srgb_from_linear;
-use trisplat::scene::Scene;
-use trisplat::soup::Soup;
+use trisplat_formats::{ReadOptions, ply, read};
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::scene::Scene;
+use trisplat_scene::soup::Soup;
 
 const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
 /// Flags under which the output holds every triangle of a valid source unchanged.

@@ -10,12 +10,12 @@ use glam::{UVec2, Vec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use trisplat::camera::Camera;
-use trisplat::dataset::{Dataset, DatasetOptions, View};
-use trisplat::image::Pixels;
-use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat::math::metric;
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
+use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::math::metric;
 
 /// Samples along an axis of a pixel.
 const FINE: u32 = 4;

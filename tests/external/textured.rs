@@ -6,12 +6,12 @@ use glam::{DVec3, UVec2};
 use serde_json::{Value, json};
 use std::process::Command;
 use tempfile::TempDir;
-use trisplat::camera::Viewpoint;
-use trisplat::formats::{self, ReadOptions};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::scene::Scene;
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::camera::Viewpoint;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::scene::Scene;
 
 const SIZE: UVec2 = UVec2::new(320, 240);
 /// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of triangles fall on either side of it.

@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
-use trisplat::job::BakeInput;
-use trisplat::math::lanes::{SimdLevel, with_at_most};
 use trisplat::{BakeJob, BakeOptions};
+use trisplat_job::BakeInput;
+use trisplat_scene::math::lanes::{SimdLevel, with_at_most};
 
 /// Whether `web/build.sh` has built the package and the page.
 fn built() -> bool {
@@ -156,7 +156,7 @@ fn a_soft_scene_is_fitted_as_a_cpu_without_vectors_does() {
     let done =
         in_node(&json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]));
     assert!(done[0]["error"].is_null(), "{}", done[0]);
-    let named = trisplat::layered::Layers::default().named(options.as_object().unwrap().clone());
+    let named = trisplat_scene::layered::Layers::default().named(options.as_object().unwrap().clone());
     let options = named.resolve(BakeOptions::preset).unwrap().options;
     let job = BakeJob::new([BakeInput::File(scene)], options);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();

@@ -4,7 +4,7 @@ use super::run::{Fault, Injector, Kind, Run};
 use super::tree::{self, Tree};
 use std::path::Path;
 use std::process::Command;
-use trisplat::train::checkpoint;
+use trisplat_train::checkpoint;
 
 /// A command, the files it finds and what it makes.
 pub(crate) struct Case {

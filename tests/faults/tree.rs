@@ -47,5 +47,5 @@ pub(crate) fn is_folder(name: &str) -> bool {
 
 /// True of what a killed run may leave behind until the next one.
 pub(crate) fn is_leftover(name: &str) -> bool {
-    name.split('/').any(trisplat::atomic::is_leftover)
+    name.split('/').any(trisplat_scene::atomic::is_leftover)
 }

@@ -3,10 +3,10 @@
 
 use super::files::{Cell, ENCODINGS, Element, Encoding, mesh, ply, provenance, soup, soup_elements, source};
 use proptest::prelude::*;
-use trisplat::asset::Asset;
-use trisplat::error::{Error, Result};
-use trisplat::formats::{ReadOptions, Source, obj, off, ply as format};
-use trisplat::scene::Loaded;
+use trisplat_formats::{ReadOptions, Source, obj, off, ply as format};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::scene::Loaded;
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(3);
 

@@ -3,14 +3,14 @@
 use glam::Vec3;
 use std::io::{Seek, Write};
 use std::path::PathBuf;
-use trisplat::asset::{Placement, Provenance, UpAxis};
-use trisplat::error::Result;
-use trisplat::formats::Source;
-use trisplat::math::color::linear_from_srgb;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::rng::Rng;
-use trisplat::scene::{Loaded, Scene};
-use trisplat::soup::Soup;
+use trisplat_formats::Source;
+use trisplat_scene::asset::{Placement, Provenance, UpAxis};
+use trisplat_scene::error::Result;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::rng::Rng;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
 
 /// `bytes` as an open file called "test".
 pub(crate) fn source(bytes: &[u8]) -> Source {

@@ -3,12 +3,12 @@
 
 use crate::common::edits::mutate;
 use std::io::{Seek, Write};
-use trisplat::asset::Asset;
-use trisplat::error::{Error, Result};
-use trisplat::formats::{ReadOptions, Source, obj, off, ply};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::scene::{Loaded, Scene};
-use trisplat::soup::Soup;
+use trisplat_formats::{ReadOptions, Source, obj, off, ply};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
 
 /// A reader, and a file it reads.
 type Row = (&'static str, Vec<u8>, fn(Source, &ReadOptions) -> Result<Loaded>);

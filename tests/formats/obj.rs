@@ -2,11 +2,11 @@
 
 use super::files::{face, loaded_mesh, mesh, provenance, source};
 use proptest::prelude::*;
-use trisplat::asset::Asset;
-use trisplat::formats::ReadOptions;
-use trisplat::formats::obj::{read, write};
-use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat::mesh::{Colors, Mesh};
+use trisplat_formats::ReadOptions;
+use trisplat_formats::obj::{read, write};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 

@@ -2,10 +2,10 @@
 
 use super::files::{loaded_mesh, source};
 use glam::Vec3;
-use trisplat::formats::ReadOptions;
-use trisplat::formats::off::read;
-use trisplat::math::color::linear_from_srgb;
-use trisplat::mesh::{Colors, Mesh};
+use trisplat_formats::ReadOptions;
+use trisplat_formats::off::read;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
 
 fn mesh(text: &str) -> (Mesh, Vec<String>) {
     let (mesh, _, warnings) = loaded_mesh(read(source(text.as_bytes()), &ReadOptions::with_degree(0)));

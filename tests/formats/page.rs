@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use trisplat::formats::{Format, ReadOptions, check, info, read};
-use trisplat::scene::Scene;
+use trisplat_formats::{Format, ReadOptions, check, info, read};
+use trisplat_scene::scene::Scene;
 
 fn studio() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply")

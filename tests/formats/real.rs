@@ -1,8 +1,8 @@
 //! A real scene in two formats, against each other and against what is known of it.
 
 use super::files::{face, loaded_mesh, shared};
-use trisplat::formats::{ReadOptions, off, ply};
-use trisplat::math::color::srgb_from_linear;
+use trisplat_formats::{ReadOptions, off, ply};
+use trisplat_scene::math::color::srgb_from_linear;
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 

@@ -7,9 +7,9 @@ use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 use std::time::Instant;
-use trisplat::asset::Asset;
-use trisplat::formats::{ReadOptions, Source, obj, off, ply};
-use trisplat::process::cpu_secs;
+use trisplat_formats::{ReadOptions, Source, obj, off, ply};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::process::cpu_secs;
 
 /// The least CPU and wall seconds of seven runs.
 fn measure<T>(name: &str, run: impl Fn() -> T) {
@@ -80,7 +80,7 @@ fn speed() {
     let file = path("mesh.obj");
     measure("obj write", || create(&file, |out| obj::write(out, &mut Vec::new(), "a.mtl", None, &asset)));
     let mut between = asset.clone();
-    if let trisplat::mesh::Colors::Vertex(colors) = &mut between.mesh.colors {
+    if let trisplat_scene::mesh::Colors::Vertex(colors) = &mut between.mesh.colors {
         colors.iter_mut().flatten().for_each(|x| *x = (*x * 0.99).max(0.001));
     }
     measure("obj write, colors between codes", || {

@@ -3,12 +3,12 @@
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::Path;
-use trisplat::bake::tiles::TilesOptions;
-use trisplat::bake::{Bake, BakeOptions, BakePreset};
-use trisplat::formats::check::{Checked, Severity, check};
-use trisplat::formats::{self, Format, OutputOptions, ReadOptions};
-use trisplat::mesh::{Colors, Mesh};
 use trisplat::{Dataset, DatasetOptions};
+use trisplat_bake::tiles::TilesOptions;
+use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use trisplat_formats::check::{Checked, Severity, check};
+use trisplat_formats::{self as formats, Format, OutputOptions, ReadOptions};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// A tileset of five tiles: a ground of 60 by 60 squares, two triangles each.
 fn tileset(folder: &Path) -> Value {
@@ -39,7 +39,7 @@ fn checked(folder: &Path, set: &Value) -> Checked {
 }
 
 fn errors(checked: &Checked) -> Vec<String> {
-    let is_error = |f: &&trisplat::formats::check::Finding| f.severity == Severity::Error;
+    let is_error = |f: &&trisplat_formats::check::Finding| f.severity == Severity::Error;
     checked.findings.iter().filter(is_error).map(|f| format!("{}: {}", f.place, f.what)).collect()
 }
 

@@ -9,13 +9,13 @@ use proptest::prelude::*;
 use scenes::{any_asset, asset, cut, ramp, strip};
 use serde_json::{Value, json};
 use std::path::Path;
-use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat::error::{Error, Result};
-use trisplat::formats::gltf::{
+use trisplat_formats::gltf::{
     ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
     to_glb_bytes, write_glb, write_gltf,
 };
-use trisplat::mesh::{Colors, Mesh};
+use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 const COLORS: [ColorEncoding; 5] = [
     ColorEncoding::U16Linear,
@@ -126,7 +126,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
         let parsed = parse(&glb(&asset, &GltfOptions { colors, ..GltfOptions::default() }).unwrap().0);
         let info = &parsed.json["asset"];
         assert_eq!(info["version"], "2.0");
-        assert_eq!(info["generator"], trisplat::report::generator());
+        assert_eq!(info["generator"], trisplat_scene::report::generator());
         let extras = &info["extras"];
         let back: Provenance = serde_json::from_value(extras.clone()).unwrap();
         assert_eq!(back, asset.provenance);
@@ -192,7 +192,7 @@ fn sixteen_bits_of_linear_light_hold_every_srgb_code() {
     let parsed = parse(&glb(&ramp(256), &GltfOptions::default()).unwrap().0);
     for (i, stored) in parsed.colors(0).1.iter().enumerate() {
         let red = f32::from(u16::from_le_bytes([stored[0], stored[1]])) / 65535.0;
-        assert_eq!(usize::from(trisplat::math::srgb8::srgb8_from_linear(red)), i / 3);
+        assert_eq!(usize::from(trisplat_scene::math::srgb8::srgb8_from_linear(red)), i / 3);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{U16Vec3, Vec3};
 use serde_json::Value;
-use trisplat::formats::gltf::ColorEncoding;
+use trisplat_formats::gltf::ColorEncoding;
 
 pub(crate) struct Parsed {
     pub(crate) json: Value,

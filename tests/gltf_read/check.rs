@@ -4,18 +4,18 @@ use super::files::{Builder, FLOAT, UNSIGNED_SHORT, glb};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use trisplat::asset::{Asset, Provenance};
-use trisplat::bake::bvh::{BvhDetails, BvhOptions, bvh};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
-use trisplat::formats::check::{Checked, Severity, check};
-use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat::formats::info::{Info, SceneKind, info};
-use trisplat::formats::{Format, bvh as bvh_file, ply};
-use trisplat::image::Pixels;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::sample::scenes::{SampleScene, soup};
-use trisplat::texture::{FaceTexture, Texture};
+use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat_formats::check::{Checked, Severity, check};
+use trisplat_formats::gltf::{GltfOptions, PositionEncoding, write_glb};
+use trisplat_formats::info::{Info, SceneKind, info};
+use trisplat_formats::{Format, bvh as bvh_file, ply};
+use trisplat_sample::scenes::{SampleScene, soup};
+use trisplat_scene::asset::{Asset, Provenance};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::texture::{FaceTexture, Texture};
 
 struct Folder(tempfile::TempDir);
 

@@ -2,10 +2,10 @@
 
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use trisplat::error::Result;
-use trisplat::formats::{ReadOptions, Source, gltf};
-use trisplat::mesh::Mesh;
-use trisplat::scene::{Loaded, Scene};
+use trisplat_formats::{ReadOptions, Source, gltf};
+use trisplat_scene::error::Result;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::{Loaded, Scene};
 
 pub(crate) const BYTE: u32 = 5120;
 pub(crate) const UNSIGNED_BYTE: u32 = 5121;

@@ -5,8 +5,8 @@ use super::files::{
 };
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use serde_json::{Value, json};
-use trisplat::math::color::linear_from_srgb;
-use trisplat::mesh::Colors;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::Colors;
 
 fn corners(b: &Builder) -> [Vec3; 3] {
     b.mesh_of().corners(0)
@@ -328,7 +328,7 @@ fn provenance_of_others_is_their_name_alone() {
     assert_eq!(loaded.provenance.generator.as_deref(), Some("by hand"));
     assert_eq!(
         (loaded.provenance.source.as_deref(), loaded.provenance.up),
-        (None, Some(trisplat::asset::UpAxis::Y))
+        (None, Some(trisplat_scene::asset::UpAxis::Y))
     );
 }
 
@@ -422,7 +422,7 @@ fn another_reader_sees_the_same() {
 /// A PNG picture of one colour.
 fn png(rgb: [u8; 3]) -> Vec<u8> {
     let size = glam::UVec2::splat(2);
-    trisplat::image::Pixels { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
+    trisplat_scene::image::Pixels { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
 }
 
 /// A triangle with a texture of that colour, its corners at `uvs`; returns its mesh.

@@ -5,9 +5,9 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
-use trisplat::asset::{Asset, Chunk};
-use trisplat::formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat::mesh::{Colors, Mesh};
+use trisplat_formats::gltf::{GltfOptions, PositionEncoding, write_glb};
+use trisplat_scene::asset::{Asset, Chunk};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// What each edit of a valid file must be refused with.
 #[test]

@@ -2,13 +2,13 @@
 
 use crate::common::edits::mutate;
 use std::path::Path;
-use trisplat::asset::Asset;
-use trisplat::bake::lit::{Lit, LitOptions};
-use trisplat::bake::{BakeOptions, BakePreset};
-use trisplat::formats::check::{Severity, check};
-use trisplat::formats::target::OutputTarget;
-use trisplat::formats::{self, OutputOptions, ReadOptions};
-use trisplat::sample::scenes::{self, SampleScene};
+use trisplat_bake::lit::{Lit, LitOptions};
+use trisplat_bake::{BakeOptions, BakePreset};
+use trisplat_formats::check::{Severity, check};
+use trisplat_formats::target::OutputTarget;
+use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+use trisplat_sample::scenes::{self, SampleScene};
+use trisplat_scene::asset::Asset;
 
 /// How a mutant is baked and written.
 fn bakes() -> [(BakeOptions, OutputOptions); 3] {

@@ -4,11 +4,11 @@ use super::files::{mesh, read, read_bytes};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
-use trisplat::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat::formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
-use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::rng::Rng;
+use trisplat_formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
+use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::rng::Rng;
 
 const COLORS: [ColorEncoding; 5] = [
     ColorEncoding::U16Linear,

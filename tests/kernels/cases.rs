@@ -1,10 +1,10 @@
 //! Random cases, and how gradients are compared.
 
 use crate::common::dual::Dual;
-use trisplat::kernel::splat::CameraTriangle;
-use trisplat::math::real::Real;
-use trisplat::math::vec::{V2, V3};
-use trisplat::rng::Rng;
+use trisplat_raster::kernel::splat::CameraTriangle;
+use trisplat_scene::math::real::Real;
+use trisplat_scene::math::vec::{V2, V3};
+use trisplat_scene::rng::Rng;
 
 /// Largest difference of two gradients relative to their size.
 pub(crate) fn difference(exact: &[f64], got: &[f64]) -> f64 {

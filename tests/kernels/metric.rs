@@ -4,8 +4,8 @@
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)

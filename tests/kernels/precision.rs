@@ -1,11 +1,11 @@
 //! f32 against f64, and lanes against f32 at every instruction set.
 
 use super::cases::{camera, corners, triangle};
-use trisplat::kernel::{splat, window};
-use trisplat::math::lanes::{LANES, Lanes, SimdLevel, Work, dispatch_at};
-use trisplat::math::real::{Mask, Real};
-use trisplat::math::vec::V2;
-use trisplat::rng::Rng;
+use trisplat_raster::kernel::{splat, window};
+use trisplat_scene::math::lanes::{LANES, Lanes, SimdLevel, Work, dispatch_at};
+use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::math::vec::V2;
+use trisplat_scene::rng::Rng;
 
 /// Alpha of a splat at a pixel: projection, ratio and window.
 fn chain<R: Real>(x: [R; 9], to: [R; 2]) -> R {

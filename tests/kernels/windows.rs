@@ -1,10 +1,10 @@
 //! The window, its cutoff, and the coverage of pixels.
 
 use super::cases::{CASES, between, camera, corners, difference, duals, triangle};
-use trisplat::kernel::{splat, window};
-use trisplat::math::real::Real;
-use trisplat::math::vec::V2;
-use trisplat::rng::Rng;
+use trisplat_raster::kernel::{splat, window};
+use trisplat_scene::math::real::Real;
+use trisplat_scene::math::vec::V2;
+use trisplat_scene::rng::Rng;
 
 #[test]
 fn window_grad_is_exact() {

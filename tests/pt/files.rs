@@ -2,11 +2,11 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat::error::Result;
-use trisplat::formats::{ReadOptions, Source, pt};
-use trisplat::mesh::Mesh;
-use trisplat::scene::{Loaded, Scene};
-use trisplat::soup::Soup;
+use trisplat_formats::{ReadOptions, Source, pt};
+use trisplat_scene::error::Result;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
 
 /// One entry of a stored zip: name, bytes, the compression method and size its headers claim.
 pub(crate) struct Entry {

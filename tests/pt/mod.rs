@@ -8,8 +8,8 @@ use files::{Folder, Tensor, checkpoint, float_item, floats, int_item, mesh, mesh
 use files::{soup, soup_tensors};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
-use trisplat::formats::{ReadOptions, Source, pt};
-use trisplat::mesh::Colors;
+use trisplat_formats::{ReadOptions, Source, pt};
+use trisplat_scene::mesh::Colors;
 
 #[test]
 fn the_authors_layout_is_a_soup_at_any_degree() {
@@ -62,7 +62,7 @@ fn a_successors_layout_is_a_connected_mesh() {
     assert_eq!(mesh.positions[2], Vec3::new(1.0, 1.0, 0.0));
     assert!(mesh.opacity.is_empty());
     let Colors::Vertex(colors) = &mesh.colors else { panic!("expected vertex colours") };
-    let linear = trisplat::math::color::linear_from_srgb;
+    let linear = trisplat_scene::math::color::linear_from_srgb;
     assert_eq!(colors[0], [0.0, linear(0.5), 1.0]);
     assert_eq!(colors[3], [0.0, linear(0.5), linear(0.5)]);
     assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);

@@ -2,7 +2,7 @@
 
 use super::compare::soup_grad;
 use super::scenes::{camera, draw, engine, options, random_soup};
-use trisplat::raster::soft::{FrameGrad, Soft, SoftOptions, Sort, SoupGrad, SoupRef};
+use trisplat_raster::soft::{FrameGrad, Soft, SoftOptions, Sort, SoupGrad, SoupRef};
 
 #[test]
 fn the_same_bits_for_any_number_of_threads() {

@@ -2,7 +2,7 @@
 
 use super::compare::{compare, compare_grads};
 use super::scenes::{camera, engine, options, random_soup};
-use trisplat::raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
+use trisplat_raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
 
 /// Largest error of a frame blended in the order of the tile.
 const FRAME_BY_TILE: f64 = 2.5e-5;

@@ -2,7 +2,7 @@
 
 use super::compare::compare_grads;
 use super::scenes::{camera, options, random_soup};
-use trisplat::raster::soft::{SoftOptions, Sort};
+use trisplat_raster::soft::{SoftOptions, Sort};
 
 /// Largest error of a gradient.
 const GRADIENT: f64 = 1.3e-4;

@@ -1,12 +1,12 @@
 //! Random soups, a camera, and the options and gradients that the tests draw with.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat::camera::Camera;
-use trisplat::raster::soft::{
+use trisplat_raster::soft::{
     Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
 };
-use trisplat::rng::Rng;
-use trisplat::soup::Soup;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::rng::Rng;
+use trisplat_scene::soup::Soup;
 
 pub(crate) fn random_soup(seed: u64, count: usize, degree: u8) -> Soup {
     let k = (degree as usize + 1).pow(2);

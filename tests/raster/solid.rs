@@ -2,13 +2,13 @@
 //! where the two may differ.
 
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
-use trisplat::bench::stress::ray_caster::{FaceAt, RayFace, ray};
-use trisplat::camera::Camera;
-use trisplat::math::color::linear_from_srgb;
-use trisplat::math::srgb8::srgb8_from_linear;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
-use trisplat::rng::Rng;
+use trisplat_bench::stress::ray_caster::{FaceAt, RayFace, ray};
+use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::rng::Rng;
 
 fn camera(size: UVec2) -> Camera {
     Camera {

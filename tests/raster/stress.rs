@@ -3,13 +3,13 @@
 
 use super::compare::{exact_grad, oracle_camera, plain, rules};
 use crate::common::oracle;
-use trisplat::bench::stress::axes::{AXES, Axis};
-use trisplat::bench::stress::case::StressCase;
-use trisplat::bench::stress::exact::ExactFrame;
-use trisplat::bench::stress::promises::{PROMISES, domain};
-use trisplat::bench::stress::scene::StressScene;
-use trisplat::raster::soft::{FrameGrad, SoftOptions};
-use trisplat::rng::Rng;
+use trisplat_bench::stress::axes::{AXES, Axis};
+use trisplat_bench::stress::case::StressCase;
+use trisplat_bench::stress::exact::ExactFrame;
+use trisplat_bench::stress::promises::{PROMISES, domain};
+use trisplat_bench::stress::scene::StressScene;
+use trisplat_raster::soft::{FrameGrad, SoftOptions};
+use trisplat_scene::rng::Rng;
 
 /// The largest difference of a value, and of an entry of a gradient from the largest of its triangle, away from jumps.
 const DIFFERENCE: f64 = 1e-8;

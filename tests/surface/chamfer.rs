@@ -5,12 +5,12 @@ use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat::camera::Camera;
-use trisplat::dataset::synthetic_scene::{Ray, trace};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::formats::{ReadOptions, read};
-use trisplat::mesh::Mesh;
-use trisplat::surface::SurfaceOptions;
+use trisplat_dataset::synthetic_scene::{Ray, trace};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::{ReadOptions, read};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_surface::SurfaceOptions;
 
 /// Side of the cells in which nearest points are looked for; also the largest distance.
 const CELL: f32 = 0.25;

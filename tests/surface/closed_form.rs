@@ -2,12 +2,12 @@
 
 use super::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
 use glam::Vec3;
-use trisplat::camera::Camera;
-use trisplat::limits::Limits;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::report::StageProgress;
-use trisplat::scene::{Loaded, Scene};
-use trisplat::surface::{SurfaceDetails, SurfaceOptions, surface};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::StageProgress;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// The surface that `cameras` see of `scene`.
 pub(crate) fn made(

@@ -1,15 +1,15 @@
 //! `mesh PHOTOS`: a textured surface of photos alone.
 
 use super::collision::trisplat;
-use trisplat::bake::Views;
-use trisplat::bake::mesh::MeshOptions;
-use trisplat::bake::texture::TextureOptions;
-use trisplat::budget::Seconds;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::job::MeshJob;
-use trisplat::report::Report;
-use trisplat::surface::SurfaceOptions;
+use trisplat_bake::Views;
+use trisplat_bake::mesh::MeshOptions;
+use trisplat_bake::texture::TextureOptions;
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_job::MeshJob;
+use trisplat_scene::budget::Seconds;
+use trisplat_scene::report::Report;
+use trisplat_surface::SurfaceOptions;
 
 const PHOTOS: SyntheticOptions =
     SyntheticOptions { views: 24, width: 160, points: 800, seed: 0, transparent: false, phone: false };

@@ -1,8 +1,8 @@
 //! Shapes with a known surface, and cameras around them.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat::camera::Camera;
-use trisplat::mesh::{Colors, Mesh};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// The radius of the ball, half the side of the cube.
 pub(crate) const RADIUS: f32 = 1.0;

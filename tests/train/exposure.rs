@@ -3,8 +3,8 @@
 use super::train;
 use crate::common::phone::{error_of_gains, phone_sample};
 use std::path::Path;
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
 
 fn options(steps: u64) -> TrainOptions {
     TrainOptions { steps, max_triangles: 3000, ..TrainOptions::preset(TrainPreset::Solid) }

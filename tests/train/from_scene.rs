@@ -3,13 +3,14 @@
 use super::StopAfter;
 use glam::{DVec3, Vec3};
 use std::path::Path;
-use trisplat::asset::{Placement, UpAxis};
-use trisplat::bake::teacher::TeacherOptions;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::teacher;
-use trisplat::train::{RunOptions, checkpoint};
-use trisplat::{Bake, BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, placed, train};
+use trisplat::{Bake, BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, TrainRun, Trained};
+use trisplat_bake::teacher::TeacherOptions;
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_scene::asset::{Placement, UpAxis};
+use trisplat_scene::placed;
+use trisplat_teacher as teacher;
+use trisplat_train::{RunOptions, checkpoint};
 
 const PHOTO_BYTES: u64 = 1 << 26;
 
@@ -35,7 +36,7 @@ fn assert_solid(soup: &Soup) {
     soup.validate().unwrap();
     assert!(!soup.is_empty() && soup.sh_degree == 0);
     assert!(soup.opacity.iter().all(|&o| o == 1.0));
-    assert!(soup.sigma.iter().all(|&s| s <= trisplat::bake::solid::SOLID_SIGMA));
+    assert!(soup.sigma.iter().all(|&s| s <= trisplat_bake::solid::SOLID_SIGMA));
 }
 
 fn taught(scene: &Loaded, options: &TrainOptions) -> Dataset {

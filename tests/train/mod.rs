@@ -10,11 +10,11 @@ mod watched;
 
 use std::ops::RangeInclusive;
 use std::path::Path;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::soup::Soup;
-use trisplat::train::options::{InitOptions, RefineOptions, SampleWeight};
-use trisplat::train::{
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::soup::Soup;
+use trisplat_train::options::{InitOptions, RefineOptions, SampleWeight};
+use trisplat_train::{
     RunOptions, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint,
 };
 
@@ -285,7 +285,7 @@ fn move_files(from: &Path, to: &Path, shift: f64) {
 fn repaint(folder: &Path, rgb: [u8; 3]) {
     for file in std::fs::read_dir(folder.join("images")).unwrap() {
         let path = file.unwrap().path();
-        let mut picture = trisplat::image::Pixels::load(&path).unwrap();
+        let mut picture = trisplat_scene::image::Pixels::load(&path).unwrap();
         picture.rgb.fill(rgb);
         picture.save_png(&path).unwrap();
     }
@@ -365,7 +365,7 @@ fn solid_ends_opaque_and_of_one_colour() {
         assert_valid(&trained.soup);
         assert_eq!(trained.soup.sh_degree, 0);
         assert!(trained.soup.opacity.iter().all(|&o| o == 1.0));
-        assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat::bake::solid::SOLID_SIGMA));
+        assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat_bake::solid::SOLID_SIGMA));
     }
     // As an engine draws them, 4 x 4 samples per pixel.
     let (solid, paper) = (psnr(&solid), psnr(&paper));

@@ -3,10 +3,10 @@
 use super::{psnr, scene, trained};
 use glam::UVec2;
 use std::path::Path;
-use trisplat::dataset::synthetic::SyntheticOptions;
-use trisplat::image::Pixels;
-use trisplat::soup::Soup;
 use trisplat::{Dataset, DatasetOptions, TrainOptions, TrainPreset};
+use trisplat_dataset::synthetic::SyntheticOptions;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::soup::Soup;
 
 /// So few photos that much of the background is seen by one or two.
 fn few() -> SyntheticOptions {

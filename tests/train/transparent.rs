@@ -2,18 +2,18 @@
 
 use super::trained;
 use std::path::Path;
-use trisplat::bake::backdrop::BackdropDetails;
-use trisplat::bake::{Bake, BakeOptions, Views};
-use trisplat::dataset::Masks;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::report::Report;
-use trisplat::soup::Soup;
-use trisplat::train::Trained;
-use trisplat::train::eval::Quality;
 use trisplat::{Asset, Dataset, DatasetOptions, TrainOptions, TrainPreset};
+use trisplat_bake::backdrop::BackdropDetails;
+use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_dataset::Masks;
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::report::Report;
+use trisplat_scene::soup::Soup;
+use trisplat_train::Trained;
+use trisplat_train::eval::Quality;
 
 fn written(folder: &Path) {
     let options = SyntheticOptions {
@@ -37,7 +37,7 @@ fn psnr_over(code: u8, asset: &Asset, dataset: &Dataset) -> f64 {
     mesh.positions.iter_mut().for_each(|p| *p = back.to_world(*p));
     let options = SolidRasterOptions { background: [f32::from(code) / 255.0; 3], samples: 2, near: 0.01 };
     let held_out: Vec<_> = dataset.views.iter().filter(|view| view.test).collect();
-    let psnr = |view: &&trisplat::dataset::View| {
+    let psnr = |view: &&trisplat_dataset::View| {
         let photo = view.photo.decode().unwrap().over_instead_of_black([code; 3]);
         metric::psnr(&photo.rgb, &Solid::new().render(&mesh, &view.camera, &options).rgb, None)
     };

@@ -1,8 +1,8 @@
 //! A run whose scene is looked at while it trains.
 
 use super::{options, scene, small, trained};
-use trisplat::scene::{Loaded, Scene};
-use trisplat::train::{TrainObserver, TrainRun, TrainSample};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_train::{TrainObserver, TrainRun, TrainSample};
 
 /// Wants the scene after every 40th step.
 #[derive(Default)]

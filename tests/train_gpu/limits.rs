@@ -3,14 +3,14 @@
 
 use super::{card, scene, small_card};
 use glam::{Mat3, Vec3};
-use trisplat::camera::Camera;
-use trisplat::image::Pixels;
-use trisplat::raster::soft::SoftOptions;
-use trisplat::train::backend::{BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend};
-use trisplat::train::gpu::{GpuBackend, GpuLimits};
-use trisplat::train::params::TrainState;
-use trisplat::train::schedule::{Rates, Schedule};
-use trisplat::train::{TrainOptions, TrainPreset};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::Pixels;
+use trisplat_train::backend::{BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend};
+use trisplat_train::gpu::{GpuBackend, GpuLimits};
+use trisplat_train::params::TrainState;
+use trisplat_train::schedule::{Rates, Schedule};
+use trisplat_train::{TrainOptions, TrainPreset};
 
 const STEPS: usize = 9;
 const PHOTOS: usize = 3;

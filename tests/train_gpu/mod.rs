@@ -13,7 +13,7 @@ mod scene;
 mod steps;
 mod twins;
 
-use trisplat::gpu::{AdapterOptions, Gpu};
+use trisplat_gpu::{AdapterOptions, Gpu};
 
 /// The card as one that binds no more than `bytes` at once.
 fn small_card(bytes: u64) -> Option<Gpu> {

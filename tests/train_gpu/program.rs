@@ -3,8 +3,8 @@
 use super::card;
 use std::path::Path;
 use std::process::{Command, Output};
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::image::Pixels;
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_scene::image::Pixels;
 
 /// A folder with a small data set in `photos`.
 fn folder_of_photos() -> tempfile::TempDir {

@@ -3,16 +3,16 @@
 
 use super::{card, small_card};
 use std::path::Path;
-use trisplat::dataset::synthetic::{self, SyntheticOptions};
-use trisplat::dataset::{Dataset, DatasetOptions};
-use trisplat::error::Error;
-use trisplat::raster::soft::SoftOptions;
-use trisplat::soup::Soup;
-use trisplat::train::cpu::CpuBackend;
-use trisplat::train::gpu::{GpuBackend, GpuLimits};
-use trisplat::train::options::SampleWeight;
-use trisplat::train::refine::Refined;
-use trisplat::train::{
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::error::Error;
+use trisplat_scene::soup::Soup;
+use trisplat_train::cpu::CpuBackend;
+use trisplat_train::gpu::{GpuBackend, GpuLimits};
+use trisplat_train::options::SampleWeight;
+use trisplat_train::refine::Refined;
+use trisplat_train::{
     Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample,
     Trained, checkpoint,
 };

@@ -3,14 +3,14 @@
 use super::{card, scene};
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trisplat::raster::soft::SoftOptions;
-use trisplat::rng::Rng;
-use trisplat::train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
-use trisplat::train::cpu::CpuBackend;
-use trisplat::train::gpu::{GpuBackend, GpuLimits};
-use trisplat::train::params::{Anneal, Params, TrainState};
-use trisplat::train::schedule::{EngineShading, Rates, Schedule};
-use trisplat::train::{TrainOptions, TrainPreset};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::rng::Rng;
+use trisplat_train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
+use trisplat_train::cpu::CpuBackend;
+use trisplat_train::gpu::{GpuBackend, GpuLimits};
+use trisplat_train::params::{Anneal, Params, TrainState};
+use trisplat_train::schedule::{EngineShading, Rates, Schedule};
+use trisplat_train::{TrainOptions, TrainPreset};
 
 /// One way to train.
 struct Case {
@@ -199,7 +199,7 @@ fn a_step_is_the_cpus() {
 
 /// [`GRADIENTS`] behind hundreds of layers, whose rounding errors add up: 2.0e-5 measured.
 const DEEP_GRADIENTS: f64 = 4e-5;
-/// Pairs of a bucket: src/train/gpu/source.rs.
+/// Pairs of a bucket: crates/train/src/gpu/source.rs.
 const BUCKET: u64 = 512;
 
 #[test]

@@ -1,20 +1,20 @@
 //! Every kernel function in WGSL against its Rust twin, on the same random numbers.
 
 use super::card;
-use trisplat::gpu::Gpu;
-use trisplat::gpu::compute::{Kernel, workgroups};
-use trisplat::gpu::readback::elements;
-use trisplat::gpu::storage::storage;
-use trisplat::kernel::adam::{Rate, adam};
-use trisplat::kernel::clip::{near_point, near_point_grad, pieces};
-use trisplat::kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad};
-use trisplat::kernel::wgsl::library;
-use trisplat::kernel::{composite, sh, window};
-use trisplat::math::color;
-use trisplat::math::real::Real;
-use trisplat::math::ssim::factors;
-use trisplat::math::vec::{V2, V3};
-use trisplat::rng::Rng;
+use trisplat_gpu::Gpu;
+use trisplat_gpu::compute::{Kernel, workgroups};
+use trisplat_gpu::readback::elements;
+use trisplat_gpu::storage::storage;
+use trisplat_raster::kernel::adam::{Rate, adam};
+use trisplat_raster::kernel::clip::{near_point, near_point_grad, pieces};
+use trisplat_raster::kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad};
+use trisplat_raster::kernel::wgsl::library;
+use trisplat_raster::kernel::{composite, sh, window};
+use trisplat_scene::math::color;
+use trisplat_scene::math::real::Real;
+use trisplat_scene::math::ssim::factors;
+use trisplat_scene::math::vec::{V2, V3};
+use trisplat_scene::rng::Rng;
 
 /// Rows of random numbers that each function gets.
 const ROWS: usize = 2000;
@@ -215,7 +215,7 @@ const TWINS: &[Twin] = &[
             let bits = x[0] as u32;
             let (found, count) = pieces([0, 1, 2].map(|i| bits >> i & 1 == 1));
             let code = |at: usize| {
-                let corner = |(k, c): (usize, &trisplat::kernel::clip::PieceCorner)| u32::from(c.from | c.to << 2) << (4 * k);
+                let corner = |(k, c): (usize, &trisplat_raster::kernel::clip::PieceCorner)| u32::from(c.from | c.to << 2) << (4 * k);
                 found[at].iter().enumerate().map(corner).sum::<u32>() as f32
             };
             vec![count as f32, code(0), code(1)]

@@ -2,19 +2,19 @@
 //! mesa-vulkan-drivers); without that too, tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
-use trisplat::asset::{Asset, Chunk};
-use trisplat::bake::{BakeOptions, BakePreset, bake};
-use trisplat::camera::Camera;
-use trisplat::error::Error;
-use trisplat::gpu::AdapterOptions;
-use trisplat::image::Pixels;
-use trisplat::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::rng::Rng;
-use trisplat::scene::{Loaded, Scene};
-use trisplat::view::headless::{Headless, HeadlessOptions};
-use trisplat::view::layout::VertexLayout;
-use trisplat::view::renderer::DisplayMode;
+use trisplat_bake::{BakeOptions, BakePreset, bake};
+use trisplat_gpu::AdapterOptions;
+use trisplat_scene::asset::{Asset, Chunk};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Error;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::rng::Rng;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_view::headless::{Headless, HeadlessOptions};
+use trisplat_view::layout::VertexLayout;
+use trisplat_view::renderer::DisplayMode;
 
 /// A card, or `None` after saying loudly that there is none.
 pub(super) fn card() -> Option<Headless> {

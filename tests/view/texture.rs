@@ -3,17 +3,17 @@
 use super::card::card;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::sync::Arc;
-use trisplat::asset::{Asset, Chunk};
-use trisplat::camera::Camera;
-use trisplat::image::Pixels;
-use trisplat::math::metric;
-use trisplat::mesh::{Colors, Mesh};
-use trisplat::raster::solid::{Solid, SolidRasterOptions};
-use trisplat::texture::{FaceTexture, Texture};
-use trisplat::view::headless::{Canvas, HeadlessOptions};
-use trisplat::view::layout::VertexLayout;
-use trisplat::view::model::ChunkOrder;
-use trisplat::view::renderer::{DisplayMode, FrameParams};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::asset::{Asset, Chunk};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::texture::{FaceTexture, Texture};
+use trisplat_view::headless::{Canvas, HeadlessOptions};
+use trisplat_view::layout::VertexLayout;
+use trisplat_view::model::ChunkOrder;
+use trisplat_view::renderer::{DisplayMode, FrameParams};
 
 const ACROSS: u32 = 6;
 

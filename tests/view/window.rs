@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use trisplat::image::Pixels;
+use trisplat_scene::image::Pixels;
 
 const TRISPLAT: &str = env!("CARGO_BIN_EXE_trisplat");
 /// The size of the sample data set's photos, and of the window.

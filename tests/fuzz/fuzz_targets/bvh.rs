@@ -6,5 +6,5 @@ mod source;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let _ = trisplat::formats::bvh::read(source::source(bytes, "fuzz.bvh"));
+    let _ = trisplat_formats::bvh::read(source::source(bytes, "fuzz.bvh"));
 });

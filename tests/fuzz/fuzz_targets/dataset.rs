@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
-use trisplat::image::Pixels;
+use trisplat_scene::image::Pixels;
 use trisplat::{Dataset, DatasetOptions, Limits};
 
 // The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.

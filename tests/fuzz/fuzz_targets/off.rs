@@ -4,7 +4,7 @@
 mod source;
 
 use libfuzzer_sys::fuzz_target;
-use trisplat::formats::{self, ReadOptions};
+use trisplat_formats::{self as formats, ReadOptions};
 
 fuzz_target!(|bytes: &[u8]| {
     for sh_degree in [0, 3] {

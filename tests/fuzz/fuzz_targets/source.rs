@@ -1,7 +1,7 @@
 //! Fuzzed bytes as the file a reader is given.
 
 use std::io::{Seek, SeekFrom, Write};
-use trisplat::formats::Source;
+use trisplat_formats::Source;
 
 /// `bytes` in a nameless temporary file, at byte 0.
 pub fn source(bytes: &[u8], name: &str) -> Source {

@@ -1,0 +1,232 @@
+//! Closes holes, pixels of photos that no triangle covers, by a far sphere behind everything. The next stage
+//! takes its colours from the photos.
+//!
+//! A soft scene hides its holes under haze; a solid one shows the engine's background through them. The
+//! sphere does not belong to the scene: its triangles come last, [`Provenance::backdrop`] counts them, and
+//! files store them separately. They are visible from inside only, so a viewer outside looks through the near
+//! side.
+//!
+//! [`Provenance::backdrop`]: trisplat_scene::asset::Provenance::backdrop
+
+use super::views::Views;
+use glam::Vec3;
+use trisplat_raster::solid::{NO_FACE, Solid};
+use trisplat_scene::error::Result;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::octasphere::{face_count, octasphere};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Outcome, StageDetails};
+
+/// Photos that are searched for holes.
+const VIEWS: usize = 16;
+/// Holes below this share of the photos are not closed.
+const LEAST_HOLES: f64 = 0.001;
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
+/// background.
+const LEAST_COVERED: f64 = 0.8;
+/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
+const RADIUS_FACTOR: f32 = 1.2;
+/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
+const MOST_SUBDIVISIONS: u32 = 4;
+/// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
+const SCENE_PER_BACKDROP: usize = 20;
+
+/// Whether holes are closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum BackdropWhen {
+    /// When photos show something where no triangle is, as the node `backdrop` of the output
+    Auto,
+    /// Always with photos, as the node `backdrop` of the output
+    Sphere,
+    /// Always with photos, in a file of its own: OUT.backdrop.glb
+    File,
+    /// Never; a backdrop of the input is removed
+    Off,
+}
+
+/// The backdrop of the scene.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct BackdropOptions {
+    /// When a far sphere is put behind the scene, with the photos' colours where they see it
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = BackdropOptions::DEFAULT.backdrop, value_name = "WHEN"))]
+    pub backdrop: BackdropWhen,
+}
+
+impl BackdropOptions {
+    /// Closes holes if there are any.
+    pub const DEFAULT: Self = Self { backdrop: BackdropWhen::Auto };
+
+    /// The triangles of a budget that are left for the scene itself.
+    pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
+        match self.backdrop {
+            BackdropWhen::Off => budget,
+            _ => budget.map(|most| most - backdrop_triangles(most as usize).min(most / 2)),
+        }
+    }
+}
+
+impl Default for BackdropOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Measurements of holes.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct BackdropDetails {
+    /// Share of the photos' pixels without a triangle; absent when photos were not searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub holes: Option<f64>,
+    /// True when the backdrop is that of the input.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub kept: bool,
+}
+
+impl StageDetails for BackdropDetails {
+    const STAGE: &'static str = "backdrop";
+}
+
+/// Puts a sphere behind `mesh` when `views` see holes in it.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn backdrop(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &BackdropOptions,
+    details: &mut BackdropDetails,
+) -> Result<Outcome<()>> {
+    let Some(views) = views.filter(|v| !v.is_empty()) else {
+        return Ok(Outcome::Unneeded("it needs photos (`dataset`) or a soft scene (`teacher`)"));
+    };
+    if options.backdrop == BackdropWhen::Off {
+        return Ok(Outcome::Unneeded("`backdrop` off"));
+    }
+    if !mesh.indices.is_empty() {
+        return Ok(Outcome::Unneeded("a mesh with shared vertices is left as it is"));
+    }
+    if views.covered() < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("the scene is an object: there is nothing behind it"));
+    }
+    let holes = find_holes(mesh, views)?;
+    details.holes = Some(holes.share);
+    if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
+        return Ok(Outcome::Unneeded("transparent photos show an object: there is nothing behind it"));
+    }
+    if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("masks leave an object: there is nothing behind it"));
+    }
+    if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
+        return Ok(Outcome::Unneeded("triangles cover the photos"));
+    }
+    let center = views.center();
+    let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
+    let radius = far.max(views.radius()) * RADIUS_FACTOR;
+    let sphere = sphere(subdivisions(mesh.face_count()));
+    let count = sphere.len();
+    let positions = sphere.into_iter().flatten().map(|v| center + v * radius).collect();
+    let colors = Colors::Face(vec![holes.color; count]);
+    mesh.append(Mesh { positions, colors, ..Mesh::default() })?;
+    Ok(Outcome::Changed(()))
+}
+
+/// Puts the backdrop of the input, `given`, behind `mesh` again, unless none is wanted.
+///
+/// Errors: more vertices than 32 bits count.
+pub fn keep_backdrop(
+    mesh: &mut Mesh,
+    given: Mesh,
+    options: &BackdropOptions,
+    details: &mut BackdropDetails,
+) -> Result<Outcome<()>> {
+    if options.backdrop == BackdropWhen::Off {
+        return Ok(Outcome::Unneeded("`backdrop` off: that of the input is left out"));
+    }
+    mesh.append(given)?;
+    details.kept = true;
+    Ok(Outcome::Changed(()))
+}
+
+/// What photos show where no triangle is.
+struct Holes {
+    /// Share of the photos' pixels that count.
+    share: f64,
+    /// Share of all pixels that count.
+    counted: f64,
+    /// Mean colour, linear.
+    color: [f32; 3],
+}
+
+fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
+    let drawing = views.drawing(mesh, 1);
+    let mut solid = Solid::new();
+    let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
+    let mut pixels = 0;
+    let chosen = views.evenly_spaced(VIEWS);
+    views.prefetch(&chosen);
+    for view in chosen {
+        let photo = views.photo(view)?;
+        let seen = solid.visibility(mesh, views.camera(view), &drawing);
+        pixels += seen.face.len();
+        for (pixel, face) in seen.face.iter().enumerate() {
+            let weight = photo.alpha.as_ref().map_or(1.0, |a| f64::from(a[pixel]) / 255.0);
+            all += weight;
+            if *face == NO_FACE {
+                open += weight;
+                for (sum, code) in color.iter_mut().zip(photo.rgb[pixel]) {
+                    *sum += weight * f64::from(linear_from_srgb(f32::from(code) / 255.0));
+                }
+            }
+        }
+    }
+    let mean = color.map(|sum| (sum / f64::max(open, 1e-9)) as f32);
+    let counted = all / pixels.max(1) as f64;
+    Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
+}
+
+/// Subdivisions of the octahedron for a scene of `triangles`.
+fn subdivisions(faces: usize) -> u32 {
+    (3..=MOST_SUBDIVISIONS).rev().find(|l| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
+}
+
+/// Triangles of the sphere behind a scene of `triangles`.
+fn backdrop_triangles(faces: usize) -> u64 {
+    face_count(subdivisions(faces))
+}
+
+/// Triangles of the unit sphere, their fronts inside. `[8 · 4^subdivisions]`
+fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
+    let (corners, faces) = octasphere(subdivisions);
+    faces.into_iter().map(|[a, b, c]| [a, c, b].map(|corner| corners[corner as usize])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sphere_is_closed_and_of_the_promised_size() {
+        for levels in 0..4 {
+            let faces = sphere(levels);
+            assert_eq!(faces.len(), 8 << (2 * levels));
+            // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces approach it by area.
+            let area: f32 = faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
+            let exact = 4.0 * std::f32::consts::PI;
+            assert!(area < exact && (levels < 3 || area > 0.98 * exact), "{levels}: {area}");
+            assert!(faces.iter().flatten().all(|v| (v.length() - 1.0).abs() < 1e-5));
+            let inward = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).dot(*a + *b + *c) < 0.0;
+            assert!(faces.iter().all(inward), "every front is inside");
+        }
+    }
+
+    #[test]
+    fn a_budget_is_never_exceeded() {
+        for most in [1, 5, 300, 5000, 100_000, 2_000_000] {
+            let scene = BackdropOptions::DEFAULT.scene_budget(Some(most)).unwrap_or(0);
+            assert!(scene + backdrop_triangles(scene as usize) <= most || most < 512, "{most}: {scene}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Keeps a region of the scene: a box, a sphere, or what cameras have in view.
+//!
+//! It comes first, so that a budget of triangles is spent on the region.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::region::Region;
+use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::scene::Scene;
+
+/// Which part of the scene is kept.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct CropOptions {
+    /// Keep only triangles whose centroid is in a region, in the coordinates of the input: a box
+    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, or seen:K, the view of at least K cameras (of `--dataset` or
+    /// the file). Given several times: in all of them
+    #[cfg_attr(feature = "cli", arg(long, value_name = "REGION", allow_hyphen_values = true))]
+    #[schemars(with = "Vec<String>")]
+    pub crop: Vec<Region>,
+}
+
+impl CropOptions {
+    /// Keeps everything.
+    pub const DEFAULT: Self = Self { crop: Vec::new() };
+}
+
+/// What cropping dropped.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct CropDetails {
+    /// Triangles outside the region.
+    pub outside: u64,
+}
+
+impl StageDetails for CropDetails {
+    const STAGE: &'static str = "crop";
+}
+
+/// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame.
+///
+/// Errors: a region by cameras without cameras; nothing left.
+pub fn crop(
+    scene: &mut Scene,
+    cameras: &[Camera],
+    options: &CropOptions,
+    details: &mut CropDetails,
+) -> Result<Outcome<()>> {
+    let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
+    if options.crop.is_empty() {
+        return Ok(Outcome::Unneeded("`crop` was not given"));
+    }
+    if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
+        let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
+        return Err(Error::invalid("crop", words(), wants));
+    }
+    let total = scene.triangle_count();
+    let inside = |i: usize| is_inside(scene, i, cameras, options);
+    let keep: Vec<bool> = (0..total).into_par_iter().with_min_len(1 << 12).map(inside).collect();
+    let kept = keep.iter().filter(|keep| **keep).count();
+    if kept == 0 {
+        let wants = format!("a region that overlaps the scene: none of {total} triangles is inside");
+        return Err(Error::invalid("crop", words(), wants));
+    }
+    if kept == total {
+        return Ok(Outcome::Unneeded("every triangle is inside"));
+    }
+    match scene {
+        Scene::Soup(soup) => soup.retain(|i| keep[i]),
+        Scene::Mesh(mesh) => mesh.retain(|i| keep[i]),
+    }
+    details.outside = (total - kept) as u64;
+    Ok(Outcome::Changed(()))
+}
+
+fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropOptions) -> bool {
+    let centroid = scene.corners(triangle).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
+    options.crop.iter().all(|region| region.holds(centroid, cameras))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat3, UVec2, Vec2, Vec3};
+    use trisplat_scene::mesh::{Colors, Mesh};
+
+    /// A row of small triangles along x, the i-th at x = i.
+    fn row(count: usize) -> Scene {
+        let at = |i: usize| [Vec3::ZERO, Vec3::Y * 0.01, Vec3::Z * 0.01].map(|v| v + Vec3::X * i as f32);
+        let positions = (0..count).flat_map(at).collect();
+        Scene::Mesh(Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; count]), ..Mesh::default() })
+    }
+
+    fn left(regions: &[&str], cameras: &[Camera]) -> Result<usize> {
+        let crops = regions.iter().map(|text| text.parse().expect(text)).collect();
+        let options = CropOptions { crop: crops };
+        let (mut scene, mut details) = (row(10), CropDetails::default());
+        let first = crop(&mut scene, cameras, &options, &mut details)?;
+        let dropped = 10 - scene.triangle_count() as u64;
+        assert_eq!((first == Outcome::Changed(()), details.outside), (dropped > 0, dropped));
+        let again = crop(&mut scene, cameras, &options, &mut CropDetails::default())?;
+        assert!(matches!(again, Outcome::Unneeded(_)));
+        Ok(scene.triangle_count())
+    }
+
+    #[test]
+    fn what_is_outside_goes() {
+        assert_eq!(left(&["2.5,-1,-1,6.5,1,1"], &[]).ok(), Some(4));
+        assert_eq!(left(&["3,0,0,1.5"], &[]).ok(), Some(3));
+        assert_eq!(left(&["2.5,-1,-1,6.5,1,1", "3,0,0,1.5"], &[]).ok(), Some(2));
+        assert_eq!(left(&["-1,-1,-1,20,1,1"], &[]).ok(), Some(10));
+        // Ahead of a camera at x = 4 with a right angle of view that looks along x, and of one at x = 6.
+        let camera = |x: f32| {
+            let lens = Camera {
+                rotation: Mat3::IDENTITY,
+                translation: Vec3::ZERO,
+                focal: Vec2::splat(50.0),
+                center: Vec2::splat(50.0),
+                size: UVec2::splat(100),
+            };
+            lens.looking(Vec3::new(x, 0.0, 0.0), Vec3::new(x + 1.0, 0.0, 0.0), Vec3::Y)
+        };
+        let cameras = [camera(3.9), camera(5.9)];
+        assert_eq!(left(&["seen:1"], &cameras).ok(), Some(6));
+        assert_eq!(left(&["seen:2"], &cameras).ok(), Some(4));
+        let nothing = left(&["seen:3"], &cameras).expect_err("there are two").to_string();
+        assert!(nothing.starts_with("crop ") && nothing.contains("none of 10"), "{nothing}");
+        let blind = left(&["seen:1"], &[]).expect_err("no cameras").to_string();
+        assert!(blind.contains("`dataset`"), "{blind}");
+    }
+}

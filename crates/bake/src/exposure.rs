@@ -1,0 +1,88 @@
+//! Finds how photos differ in exposure, white balance and falloff towards the corners, by comparing them with
+//! drawings of the scene. Later stages get corrected photos, so colours and texels do not mix exposures.
+
+use super::views::{SAMPLES, Views};
+use std::sync::Arc;
+use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Verdict, compared_size, judge, solve};
+use trisplat_raster::solid::Solid;
+use trisplat_scene::error::Result;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageDetails};
+
+/// Fewer photos do not determine a mean exposure.
+const LEAST_PHOTOS: usize = 4;
+
+/// Whether photos are corrected.
+#[derive(
+    Debug, Clone, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[serde(deny_unknown_fields, default)]
+pub struct ExposureOptions {
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners
+    pub exposure: ExposureUse,
+}
+
+impl ExposureOptions {
+    /// Where their light differs.
+    pub const DEFAULT: Self = Self { exposure: ExposureUse::Auto };
+    /// Never.
+    pub const OFF: Self = Self { exposure: ExposureUse::Off };
+}
+
+/// How photos differ.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ExposureDetails {
+    /// The differences; absent where they were not estimated.
+    #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// The correction of each photo, in order of name; empty where photos agree.
+    #[serde(default, flatten)]
+    pub exposures: Exposures,
+}
+
+impl StageDetails for ExposureDetails {
+    const STAGE: &'static str = "exposure";
+}
+
+/// Corrects `views` by comparing them with drawings of `mesh`.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn exposure(
+    mesh: &Mesh,
+    views: Option<&mut Views>,
+    options: &ExposureOptions,
+    details: &mut ExposureDetails,
+) -> Result<Outcome<()>> {
+    let Some(views) = views.filter(|views| !views.is_drawn()) else {
+        return Ok(Outcome::Unneeded("no photos were given"));
+    };
+    views.take_as_they_are();
+    if options.exposure == ExposureUse::Off {
+        return Ok(Outcome::Unneeded("`exposure` off"));
+    }
+    if views.are_cut() || views.len() < LEAST_PHOTOS {
+        return Ok(Outcome::Unneeded("there are too few photos, or they are of an object before nothing"));
+    }
+    let drawing = views.drawing(mesh, SAMPLES);
+    let mut solid = Solid::new();
+    let all: Vec<usize> = (0..views.len()).collect();
+    views.prefetch(&all);
+    let mut photos = Vec::with_capacity(all.len());
+    for view in all {
+        let photo = views.photo(view)?;
+        let size = compared_size(photo.size);
+        let small = if size == photo.size { Arc::clone(&photo) } else { Arc::new(photo.downscaled(size)) };
+        let drawn = solid.render(mesh, &views.camera(view).resized(size), &drawing);
+        photos.push(Cells::new(&small, &drawn, photo.size));
+    }
+    let (exposures, verdict) = judge(solve(&photos), options.exposure);
+    details.verdict = Some(verdict);
+    let Some(exposures) = exposures else {
+        return Ok(Outcome::Unneeded(
+            "photos spread by less than 15% in exposure: they are taken as they are",
+        ));
+    };
+    details.exposures = exposures.clone();
+    views.correct_by(exposures);
+    Ok(Outcome::Changed(()))
+}

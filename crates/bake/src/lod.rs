@@ -1,0 +1,186 @@
+//! Levels of detail: the same scene with fewer triangles, for an engine to draw where it is small on the screen.
+//!
+//! Triangles are ranked once, by importance, so that the triangles of a level are also those of every finer
+//! one. In each level they are then enlarged to cover the gaps of the dropped ones. The recipe finishes a
+//! level like the scene itself: colours from the photos if there are any, then the stages that make a file.
+
+use super::decimate::{self, Decimation};
+use super::views::SAMPLES;
+use super::visibility::visible_px;
+use trisplat_scene::asset::Asset;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+
+/// Most levels beside the scene itself.
+const MOST_LEVELS: usize = 8;
+
+/// Which levels are made.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct LodOptions {
+    /// Write levels of detail too, each with this share of the triangles, as in 0.5,0.25,0.125: OUT.lod1.glb
+    /// and so on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and
+    /// unreal also OUT.lod.tscn, .cs or .py, with which the engine switches levels by distance
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
+    pub lod: Vec<f64>,
+}
+
+impl LodOptions {
+    /// No levels.
+    pub const DEFAULT: Self = Self { lod: Vec::new() };
+
+    /// Checks that shares fall and lie between 0 and 1.
+    pub fn validate(&self) -> Result<()> {
+        let falls = self.lod.windows(2).all(|pair| pair[0] > pair[1]);
+        if !falls || self.lod.iter().any(|share| !(*share > 0.0 && *share < 1.0)) {
+            let value = self.lod.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+            return Err(Error::invalid(
+                "lod",
+                value,
+                "shares between 0 and 1 that fall, as in 0.5,0.25,0.125",
+            ));
+        }
+        if self.lod.len() > MOST_LEVELS {
+            return Err(Error::invalid("lod", self.lod.len(), format!("at most {MOST_LEVELS} levels")));
+        }
+        Ok(())
+    }
+}
+
+/// The levels, finest first.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct LodDetails {
+    /// How triangles were ranked.
+    pub ordered_by: LodRanking,
+    /// One entry per level.
+    pub levels: Vec<LevelDetails>,
+}
+
+impl StageDetails for LodDetails {
+    const STAGE: &'static str = "lod";
+}
+
+/// How the triangles of levels are ranked.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum LodRanking {
+    /// By opacity times area: there were no cameras.
+    #[default]
+    Size,
+    /// By the change of the cameras' pictures without them.
+    Importance,
+}
+
+/// One level.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct LevelDetails {
+    /// Share of the triangles, as asked for.
+    pub share: f64,
+    /// Triangles, without those of a backdrop.
+    pub triangles: u64,
+    /// Mean PSNR against some of the photos, dB; null without photos.
+    pub psnr: Option<f64>,
+    /// Side of a square as large as the median triangle, in units of the output.
+    pub detail: f64,
+}
+
+/// What levels are made of.
+#[derive(Debug, Clone, Copy)]
+pub struct LevelSource<'a> {
+    /// All triangles, before the finest level is coloured and placed.
+    pub mesh: &'a Mesh,
+    /// Cameras whose pictures decide the importance of triangles; may be empty.
+    pub cameras: &'a [Camera],
+    /// Whether the remaining triangles are enlarged.
+    pub enlarge: bool,
+}
+
+/// A level after the stages that follow this one.
+#[derive(Debug)]
+pub struct FinishedLevel {
+    /// As it is written.
+    pub asset: Asset,
+    /// Mean PSNR against some of the photos, dB, if there are any.
+    pub psnr: Option<f64>,
+}
+
+/// The share of the stage's time for ranking; each level then takes an equal part of the rest, and ...
+const RANKING_PART: f64 = 0.2;
+/// ... this much of its part before it is finished.
+const MOVING_PART: f64 = 0.5;
+
+/// Makes the levels of `source`, coarser and coarser, into `levels`, each finished by `finish`.
+///
+/// Errors: those of `finish`.
+pub fn lod(
+    levels: &mut Vec<Asset>,
+    source: &LevelSource<'_>,
+    options: &LodOptions,
+    mut finish: impl FnMut(Mesh, StageProgress<'_>) -> Result<FinishedLevel>,
+    details: &mut LodDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    if options.lod.is_empty() {
+        return Ok(Outcome::Unneeded("`lod` was not given"));
+    }
+    if !levels.is_empty() {
+        return Ok(Outcome::Unneeded("the scene has levels already"));
+    }
+    let faces = source.mesh.face_count();
+    let count = |share: f64| ((faces as f64 * share) as usize).max(1);
+    let fewest = options.lod.last().map_or(1, |share| count(*share));
+    let mut decimation = Decimation::new(source.mesh, source.cameras);
+    let ranked = rank(source, &mut decimation, fewest, progress.part(0.0, RANKING_PART));
+    if !source.cameras.is_empty() {
+        details.ordered_by = LodRanking::Importance;
+    }
+    let start = |i: usize| RANKING_PART + (1.0 - RANKING_PART) * i as f64 / options.lod.len() as f64;
+    for (i, &share) in options.lod.iter().enumerate() {
+        let mut progress = progress.part(start(i), start(i + 1));
+        let faces = &ranked[..count(share).min(faces)];
+        let level = level(source, &mut decimation, faces, progress.part(0.0, MOVING_PART));
+        let FinishedLevel { asset, psnr } = finish(level, progress.part(MOVING_PART, 1.0))?;
+        let (triangles, detail) = (asset.scene_faces() as u64, asset.detail());
+        details.levels.push(LevelDetails { share, triangles, psnr, detail });
+        levels.push(asset);
+    }
+    Ok(Outcome::Changed(()))
+}
+
+/// All faces, ordered so that a level is the first n of them, for every n from `fewest` on. `[F]`
+fn rank(
+    source: &LevelSource<'_>,
+    decimation: &mut Decimation<'_>,
+    fewest: usize,
+    mut progress: StageProgress<'_>,
+) -> Vec<u32> {
+    let LevelSource { mesh, cameras, .. } = *source;
+    if cameras.is_empty() {
+        return decimate::rank_by_size(mesh);
+    }
+    let visible = visible_px(mesh, cameras, SAMPLES, progress.part(0.0, 0.3));
+    let all: Vec<u32> = (0..mesh.face_count() as u32).collect();
+    decimation.rank_by_importance(&visible, &all, fewest, progress.part(0.3, 1.0))
+}
+
+/// The mesh with only some of its faces, in their old order, enlarged to cover the gaps.
+fn level(
+    source: &LevelSource<'_>,
+    decimation: &mut Decimation<'_>,
+    faces: &[u32],
+    progress: StageProgress<'_>,
+) -> Mesh {
+    let mut level = source.mesh.clone();
+    match source.enlarge {
+        true if source.cameras.is_empty() => decimate::enlarge(&mut level, faces),
+        true => decimation.move_corners(faces, progress).apply(&mut level),
+        false => {}
+    }
+    level.keep(faces);
+    level
+}

@@ -1,0 +1,177 @@
+//! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
+
+use super::chunk::by_page;
+use super::color::{ColorDetails, color};
+use super::counts::{count, count_mesh};
+use super::crop::{CropOptions, crop};
+use super::place::up::Evidence;
+use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::shell::take_shell;
+use super::texture::{TextureOptions, texture};
+use super::viewpoint::viewpoint;
+use super::views::Views;
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_formats::output::OutputOptions;
+use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::placed;
+use trisplat_scene::report::{Observer, Outcome, Report, generator};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
+
+/// The options of the stages.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct MeshOptions {
+    /// Which part of the scene is kept.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Crop: keep a region"))]
+    pub crop: CropOptions,
+    /// How the surface is made.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Surface: one connected mesh"))]
+    pub surface: SurfaceOptions,
+    /// Whether triangles show a texture.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Texture: detail of the photos"))]
+    pub texture: TextureOptions,
+    /// The frame of the output.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Place: the frame of the output"))]
+    pub place: PlaceOptions,
+    /// The files written.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Output"))]
+    pub output: OutputOptions,
+}
+
+impl MeshOptions {
+    /// Checks the ranges that need no scene.
+    pub fn validate(&self) -> Result<()> {
+        self.surface.validate()?;
+        self.output.validate()?;
+        self.texture.validate()?;
+        self.place.validate()
+    }
+
+    /// Refuses a texture when no photos are given.
+    pub fn check_photos(&self, given: bool) -> Result<()> {
+        let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
+        match self.texture.texture && !given {
+            true => Err(Error::invalid("texture", "given without photos", wants)),
+            false => Ok(()),
+        }
+    }
+}
+
+/// The upright surface of `scene` that the cameras of `views` see; without `views`, stored or chosen cameras
+/// are used. `limits` bound the memory of the distance field.
+///
+/// Errors: options out of range, nothing to be seen, no surface left.
+pub fn mesh(
+    mut scene: Loaded,
+    mut views: Option<&mut Views>,
+    options: &MeshOptions,
+    limits: &Limits,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Asset> {
+    options.validate()?;
+    report.warnings.append(&mut scene.warnings);
+    if let Some(views) = views.as_deref_mut() {
+        views.transform(&scene.provenance.placement);
+        views.correct_poses(&scene.cameras);
+    }
+    let cameras = views.as_deref().map_or(&[][..], Views::cameras);
+    let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
+    // A surface that shows photos gets their background, too; a cropped part gets none.
+    let behind = match options.texture.texture && !options.surface.shell && options.crop.crop.is_empty() {
+        true => take_behind(&mut scene, &known)?,
+        false => Mesh::default(),
+    };
+    if !options.surface.shell {
+        scene.take_backdrop();
+    }
+    let scene = cropped(scene, &known, options, report, observer)?;
+    let how_many = options.surface.max_triangles;
+    let surface_options = SurfaceOptions {
+        max_triangles: how_many.map(|most| most - (behind.face_count() as u32).min(most / 2)),
+        ..options.surface.clone()
+    };
+
+    let found = report.long_stage(
+        observer,
+        Mesh::default(),
+        // First the scene for the surface.
+        |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
+        |mesh, details: &mut SurfaceDetails, progress| {
+            let found = surface(&scene, cameras, &surface_options, limits, details, progress)?;
+            *mesh = found.ok_or_else(nothing)?;
+            Ok(Outcome::Changed(()))
+        },
+    )?;
+
+    let (mut found, backdrop) = (found, behind.face_count());
+    found.append(behind)?;
+    let found = report.long_stage(observer, found, count_mesh, |mesh, details, progress| {
+        texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
+    })?;
+
+    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
+    let points = views.as_deref().map_or(&[][..], Views::points);
+    let mut how = Placement::IDENTITY;
+    let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
+        how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
+        place(mesh, &mut provenance, how, details)
+    })?;
+    report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
+    provenance.generator = Some(generator());
+    let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
+    let mut asset = Asset { provenance, ..Asset::from(found) };
+    asset.chunks = scene_and_backdrop(&asset);
+    by_page(&mut asset);
+    report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
+}
+
+/// No chunk holds faces of both a scene and its backdrop.
+fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
+    let (scene, all) = (asset.scene_faces() as u32, asset.mesh.face_count() as u32);
+    let both = [Chunk { first: 0, count: scene }, Chunk { first: scene, count: all - scene }];
+    both.into_iter().filter(|chunk| chunk.count > 0).collect()
+}
+
+/// The region of the scene that is kept.
+fn cropped(
+    scene: Loaded,
+    cameras: &[Camera],
+    options: &MeshOptions,
+    report: &mut Report,
+    observer: &mut dyn Observer,
+) -> Result<Loaded> {
+    let Loaded { scene, provenance, warnings, cameras: stored } = scene;
+    let scene = report
+        .stage(observer, scene, count, |scene, details| crop(scene, cameras, &options.crop, details))?;
+    Ok(Loaded { scene, provenance, warnings, cameras: stored })
+}
+
+fn nothing() -> Error {
+    let wants = "a scene that cameras see, a data set whose photos show it, or less of `min_component` and `min_views`";
+    Error::invalid("the surface", "empty", wants)
+}
+
+/// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there is none, or when it is the whole scene.
+fn take_behind(scene: &mut Loaded, cameras: &[Camera]) -> Result<Mesh> {
+    if let Some(backdrop) = scene.take_backdrop() {
+        return Ok(backdrop);
+    }
+    if scene.scene.shell_count() == scene.scene.triangle_count() {
+        return Ok(Mesh::default());
+    }
+    let mut shell = match &mut scene.scene {
+        Scene::Soup(soup) => color(soup.take_shell(), &mut ColorDetails::default())?,
+        Scene::Mesh(mesh) => mesh.take_shell(),
+    };
+    shell.shell = vec![true; shell.face_count()];
+    Ok(take_shell(&mut shell, cameras))
+}

@@ -1,0 +1,103 @@
+//! Whether photos show the scene: their cameras may lie in another frame, or belong to another place altogether.
+
+use super::views::Views;
+use std::sync::Arc;
+use trisplat_raster::solid::Solid;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+
+/// Photos looked at.
+const VIEWS: usize = 8;
+/// Least excess of a drawing's correlation with its own photo over that with other photos. A soft scene just
+/// made solid may be far from its photos and still show the same shapes.
+const LEAST_OWN: f64 = 0.05;
+
+/// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and no better
+/// than other photos. Fails when a photo cannot be decoded.
+pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
+    if views.is_empty() {
+        return Ok(None);
+    }
+    let chosen = views.evenly_spaced(VIEWS);
+    let (drawing, mut solid) = (views.drawing(mesh, 1), Solid::new());
+    let (mut drawn, mut plain) = (0.0, 0.0);
+    views.prefetch(&chosen);
+    let (mut pictures, mut photos) = (Vec::new(), Vec::new());
+    for &view in &chosen {
+        let photo = views.photo(view)?;
+        let picture = solid.render(mesh, views.camera(view), &drawing);
+        drawn += metric::psnr(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
+        plain += psnr_of_mean_color(&photo);
+        pictures.push(picture);
+        photos.push(photo);
+    }
+    let [drawn, plain] = [drawn, plain].map(|sum| sum / chosen.len() as f64);
+    Ok((drawn < plain && own_resemblance(&pictures, &photos) < LEAST_OWN).then(|| {
+        format!(
+            "photos that do not seem to show this scene: drawn by their cameras it is farther from them ({drawn:.1} dB) \
+             than pictures of one colour are ({plain:.1} dB)"
+        )
+    }))
+}
+
+/// How much more drawings correlate with their own photos than with others of the same size.
+fn own_resemblance(pictures: &[Pixels], photos: &[Arc<Pixels>]) -> f64 {
+    let (mut own, mut others) = ((0.0, 0.0), (0.0, 0.0));
+    for (i, picture) in pictures.iter().enumerate() {
+        for (j, photo) in photos.iter().enumerate().filter(|(_, photo)| photo.size == picture.size) {
+            let to = if i == j { &mut own } else { &mut others };
+            to.0 += correlation(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
+            to.1 += 1.0;
+        }
+    }
+    own.0 / f64::max(own.1, 1.0) - others.0 / f64::max(others.1, 1.0)
+}
+
+/// Pearson's correlation of the brightness of two pictures, -1 to 1; 0 when one has a single brightness. Pixels count by
+/// `weights`.
+fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
+    let brightness = |rgb: &[u8; 3]| rgb.iter().map(|c| f64::from(*c)).sum::<f64>();
+    let mut sums = [0.0; 6];
+    for (pixel, (a, b)) in a.iter().zip(b).enumerate() {
+        let (w, x, y) = (weights.map_or(1.0, |w| f64::from(w[pixel])), brightness(a), brightness(b));
+        let terms = [w, w * x, w * y, w * x * x, w * y * y, w * x * y];
+        sums = std::array::from_fn(|i| sums[i] + terms[i]);
+    }
+    let [w, x, y, xx, yy, xy] = sums;
+    let spread = ((w * xx - x * x) * (w * yy - y * y)).max(0.0).sqrt();
+    if spread > 0.0 { (w * xy - x * y) / spread } else { 0.0 }
+}
+
+/// PSNR of a picture of the photo's mean colour, dB.
+fn psnr_of_mean_color(photo: &Pixels) -> f64 {
+    let weights = photo.alpha.as_deref();
+    let weight = |pixel: usize| weights.map_or(1.0, |alpha| f64::from(alpha[pixel]));
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for (pixel, rgb) in photo.rgb.iter().enumerate() {
+        let w = weight(pixel);
+        total += w;
+        sum = std::array::from_fn(|c| sum[c] + w * f64::from(rgb[c]));
+    }
+    let mean = sum.map(|s| if total > 0.0 { s / total } else { 0.0 });
+    metric::psnr(&vec![mean.map(|c| c.round() as u8); photo.rgb.len()], &photo.rgb, weights)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_the_same_shapes_correlate_whatever_their_contrast() {
+        let ramp: Vec<[u8; 3]> = (0..100).map(|i| [i, i, 2 * i]).collect();
+        let faint: Vec<[u8; 3]> = ramp.iter().map(|rgb| rgb.map(|c| c / 4 + 90)).collect();
+        let turned: Vec<[u8; 3]> = ramp.iter().rev().copied().collect();
+        assert!(correlation(&ramp, &faint, None) > 0.99);
+        assert!(correlation(&ramp, &turned, None) < -0.99);
+        assert_eq!(correlation(&ramp, &[[7; 3]; 100], None), 0.0);
+        let first_half: Vec<u8> = (0..100).map(|i| if i < 50 { 255 } else { 0 }).collect();
+        let mixed = [&ramp[..50], &turned[50..]].concat();
+        assert!(correlation(&ramp, &mixed, Some(&first_half)) > 0.99);
+    }
+}

@@ -1,0 +1,199 @@
+//! Every option of the bake, and the presets.
+
+use super::backdrop::{BackdropOptions, BackdropWhen};
+use super::bvh::BvhOptions;
+use super::chunk::ChunkOptions;
+use super::collision::CollisionOptions;
+use super::crop::CropOptions;
+use super::exposure::ExposureOptions;
+use super::lit::LitOptions;
+use super::lod::LodOptions;
+use super::order::OrderOptions;
+use super::place::PlaceOptions;
+use super::prune::PruneOptions;
+use super::refit::RefitOptions;
+use super::reshape::ReshapeOptions;
+use super::solid::SolidOptions;
+use super::teacher::TeacherOptions;
+use super::texture::TextureOptions;
+use super::tiles::TilesOptions;
+use super::unseen::UnseenOptions;
+use super::weld::WeldOptions;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use trisplat_formats::output::{Beside, Output, OutputFormat, OutputOptions};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::ranges::{self, Called};
+
+/// A complete set of options to start from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum BakePreset {
+    /// Only prune and make solid: one mesh in the order of the input.
+    Fast,
+    /// Chunks that an engine can skip, in an order that its caches like.
+    #[default]
+    Default,
+    /// As default, fewer faint triangles, quantised and compressed where the target reads it.
+    Small,
+}
+
+/// The options of the stages.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+#[schemars(title = "trisplat bake options")]
+pub struct BakeOptions {
+    /// Complete set of options to start from; config file and flags override it.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub preset: BakePreset,
+    /// Bake with photos that do not seem to show the scene. They decide visibility and colours.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub force_dataset: bool,
+    /// Which part of the scene is kept.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub crop: CropOptions,
+    /// Whether pictures of the soft scene replace photos.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub teacher: TeacherOptions,
+    /// Whether a surface to collide with is made.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub collision: CollisionOptions,
+    /// Which triangles are dropped.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub prune: PruneOptions,
+    /// How soft triangles become solid.
+    #[cfg_attr(feature = "cli", arg(skip = SolidOptions::DEFAULT))]
+    pub solid: SolidOptions,
+    /// Which triangles the photos need.
+    #[cfg_attr(feature = "cli", arg(skip = UnseenOptions::DEFAULT))]
+    pub unseen: UnseenOptions,
+    /// Whether photos are corrected.
+    #[cfg_attr(feature = "cli", arg(skip = ExposureOptions::DEFAULT))]
+    pub exposure: ExposureOptions,
+    /// Which triangles are fitted to pictures.
+    #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
+    pub reshape: ReshapeOptions,
+    /// Which levels of detail are made.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub lod: LodOptions,
+    /// How the scene is cut into tiles.
+    #[cfg_attr(feature = "cli", arg(skip = TilesOptions::DEFAULT))]
+    pub tiles: TilesOptions,
+    /// The backdrop of the scene.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub backdrop: BackdropOptions,
+    /// How colours are taken from the photos.
+    #[cfg_attr(feature = "cli", arg(skip = RefitOptions::DEFAULT))]
+    pub refit: RefitOptions,
+    /// Whether triangles show a texture.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub texture: TextureOptions,
+    /// Whether the scene gets normals and a lit material.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub lit: LitOptions,
+    /// Which corners become one vertex.
+    #[cfg_attr(feature = "cli", arg(skip = WeldOptions::DEFAULT))]
+    pub weld: WeldOptions,
+    /// The frame of the output.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub place: PlaceOptions,
+    /// How the scene is cut.
+    #[cfg_attr(feature = "cli", arg(skip = ChunkOptions::DEFAULT))]
+    pub chunk: ChunkOptions,
+    /// The hierarchy beside the output.
+    #[cfg_attr(feature = "cli", arg(skip = BvhOptions::DEFAULT))]
+    pub bvh: BvhOptions,
+    /// The order of triangles.
+    #[cfg_attr(feature = "cli", arg(skip = OrderOptions::DEFAULT))]
+    pub order: OrderOptions,
+    /// The files to write, for the writer of the asset.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub output: OutputOptions,
+}
+
+impl BakeOptions {
+    /// Every option at its default.
+    pub const DEFAULT: Self = Self {
+        preset: BakePreset::Default,
+        force_dataset: false,
+        crop: CropOptions::DEFAULT,
+        teacher: TeacherOptions::DEFAULT,
+        collision: CollisionOptions::DEFAULT,
+        prune: PruneOptions::DEFAULT,
+        solid: SolidOptions::DEFAULT,
+        unseen: UnseenOptions::DEFAULT,
+        exposure: ExposureOptions::DEFAULT,
+        reshape: ReshapeOptions::DEFAULT,
+        lod: LodOptions::DEFAULT,
+        tiles: TilesOptions::DEFAULT,
+        backdrop: BackdropOptions::DEFAULT,
+        refit: RefitOptions::DEFAULT,
+        texture: TextureOptions::DEFAULT,
+        lit: LitOptions::DEFAULT,
+        weld: WeldOptions::DEFAULT,
+        place: PlaceOptions::DEFAULT,
+        chunk: ChunkOptions::DEFAULT,
+        bvh: BvhOptions::DEFAULT,
+        order: OrderOptions::DEFAULT,
+        output: OutputOptions::DEFAULT,
+    };
+
+    /// The options of a preset: how it differs from the default.
+    pub fn preset(preset: BakePreset) -> Self {
+        match preset {
+            BakePreset::Fast => Self {
+                preset,
+                teacher: TeacherOptions::OFF,
+                exposure: ExposureOptions::OFF,
+                reshape: ReshapeOptions::OFF,
+                weld: WeldOptions::FAST,
+                chunk: ChunkOptions::FAST,
+                order: OrderOptions::FAST,
+                ..Self::DEFAULT
+            },
+            BakePreset::Default => Self::DEFAULT,
+            BakePreset::Small => {
+                Self { preset, prune: PruneOptions::SMALL, output: OutputOptions::SMALL, ..Self::DEFAULT }
+            }
+        }
+    }
+
+    /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,
+    /// because a scene is cut into tiles exactly when tiles are written.
+    ///
+    /// Errors: a name without a known ending; tiles in another format; one file where the options need
+    /// several.
+    pub fn plan_output(&mut self, path: &Path, format: Option<OutputFormat>) -> Result<Output> {
+        let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        if self.tiles.tiles && format != OutputFormat::Tiles {
+            let wants = "a name ending in .tileset.json, which `tiles` writes";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        self.texture.check_format(path, format)?;
+        self.tiles.tiles = format == OutputFormat::Tiles;
+        self.validate()?;
+        let beside = Beside {
+            bvh: self.bvh.bvh,
+            levels: self.lod.lod.len(),
+            backdrop: self.backdrop.backdrop == BackdropWhen::File,
+            collision: self.collision.collision,
+            texture: self.texture.texture,
+        };
+        Output::of_scene(path, Some(format), &self.output, &beside)
+    }
+
+    /// Checks the ranges that need no scene; stages check the rest.
+    pub fn validate(&self) -> Result<()> {
+        self.lod.validate()?;
+        ranges::check("", self, Called::ByFlag)?;
+        ranges::check_given("unseen.max_error", self.unseen.max_error)?;
+        if self.tiles.tiles && !self.lod.lod.is_empty() {
+            let wants = "nothing: `tiles` makes levels of its own";
+            return Err(Error::invalid("lod", "given with `tiles`", wants));
+        }
+        self.place.validate()
+    }
+}

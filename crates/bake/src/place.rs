@@ -1,0 +1,309 @@
+//! Moves the scene into the frame of a game engine: right-handed, Y up, and, where known or requested, in
+//! metres, on its floor, with its median at the origin.
+//!
+//! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
+//! be those of the file.
+
+pub mod ground;
+pub mod samples;
+pub mod up;
+pub mod words;
+
+use self::samples::Foreground;
+use self::up::{Confidence, Evidence, UpEstimate};
+use self::words::{KnownLength, UpChoice};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::asset::{Placement, Provenance, UpAxis, UpDirection};
+use trisplat_scene::camera::Viewpoint;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageDetails};
+
+/// The frame of the output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct PlaceOptions {
+    /// What points up in the input; the output is Y-up: auto, an axis (x -x y -y z -z) or any direction as in
+    /// 0.02,-0.9,0.1. Auto: the direction of the cameras, corrected by the largest level surface; without
+    /// cameras that of the file, else -y (COLMAP and its trainers), y for glTF.
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = PlaceOptions::DEFAULT.up, value_name = "UP", allow_hyphen_values = true))]
+    #[schemars(with = "String")]
+    pub up: UpChoice,
+    /// Turn the output about its up axis, degrees, counter-clockwise as seen from above.
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.rotate))]
+    pub rotate: f64,
+    /// Output units per input unit.
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.scale))]
+    pub scale: f64,
+    /// Scale so that the output is in metres, by a known length: two points of the input, as `trisplat view` shows
+    /// them, or their distance, and the metres between them, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "A,B=METRES", allow_hyphen_values = true))]
+    #[schemars(with = "Option<String>")]
+    pub scale_by: Option<KnownLength>,
+    /// Put the middle of the scene (the median of its vertices) at the origin.
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.center))]
+    pub center: bool,
+    /// Put the floor, the lowest large layer of triangles, at y = 0.
+    #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.ground))]
+    pub ground: bool,
+}
+
+impl PlaceOptions {
+    /// Only turns the up axis.
+    pub const DEFAULT: Self =
+        Self { up: UpChoice::Auto, rotate: 0.0, scale: 1.0, scale_by: None, center: false, ground: false };
+
+    /// Checks ranges.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check("place", self, Called::ByFlag)?;
+        if self.scale_by.is_some() && self.scale != 1.0 {
+            return Err(Error::invalid("scale_by", "given beside `scale`", "one of the two"));
+        }
+        Ok(())
+    }
+}
+
+impl Default for PlaceOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// How the scene was moved.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PlaceDetails {
+    /// The direction of the input that points up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<UpDirection>,
+    /// The estimate from cameras and surfaces; absent when `up` or the file gave the direction, and without
+    /// cameras.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<UpEstimate>,
+    /// Turn about the up axis, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotate: Option<f64>,
+    /// Output units per input unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// The point of the input that is the origin of the output.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub center: Option<[f64; 3]>,
+    /// Height of the floor in the input, along its up direction; only with `ground`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<f64>,
+}
+
+impl StageDetails for PlaceDetails {
+    const STAGE: &'static str = "place";
+}
+
+impl PlaceDetails {
+    /// What the user should check, if anything.
+    pub fn warning(&self) -> Option<String> {
+        let estimate = self.estimate.as_ref()?;
+        let why = match estimate.confidence {
+            Confidence::High => return None,
+            Confidence::Low => {
+                "the up axis is a guess: the cameras leave it open and there is no large level surface"
+            }
+            Confidence::None => "the up axis is unknown: the cameras were held in every direction",
+        };
+        Some(format!("{why}; look at the result and give `up` if it is tilted"))
+    }
+}
+
+/// The placement by `options`; `known` is in the frame of `mesh`.
+pub fn placement(
+    mesh: &Mesh,
+    provenance: &Provenance,
+    known: Evidence,
+    options: &PlaceOptions,
+    details: &mut PlaceDetails,
+) -> Placement {
+    let scene = Foreground::new(mesh, provenance.backdrop);
+    let up = match (options.up, provenance.up) {
+        (UpChoice::Given(up), _) => up,
+        // glTF is Y-up, and so are files of an earlier bake.
+        (UpChoice::Auto, Some(UpAxis::Y)) => UpAxis::Y.into(),
+        (UpChoice::Auto, said) => {
+            details.estimate = up::estimate(scene, known);
+            let usable = details.estimate.as_ref().filter(|e| e.confidence != Confidence::None);
+            usable.map_or(said.unwrap_or_default().into(), |e| UpDirection::near(DVec3::from(e.direction)))
+        }
+    };
+    let mut center = if options.center { middle(scene.vertices()).as_dvec3() } else { DVec3::ZERO };
+    if options.ground {
+        let axis = up.vector();
+        details.ground = ground::ground(scene, known.cameras, axis);
+        center += axis * (details.ground.unwrap_or(0.0) - center.dot(axis));
+    }
+    let scale = options.scale_by.map_or(options.scale, |length| length.scale());
+    Placement { up, rotate: options.rotate, scale, center: center.to_array() }
+}
+
+/// Moves `mesh` by `placement`, and records the move in `provenance` so that it can be undone.
+///
+/// Errors: a scale that takes a position out of the range of an f32.
+pub fn place(
+    mesh: &mut Mesh,
+    provenance: &mut Provenance,
+    placement: Placement,
+    details: &mut PlaceDetails,
+) -> Result<Outcome<()>> {
+    provenance.up = Some(UpAxis::Y);
+    details.up = Some(placement.up);
+    if placement == Placement::IDENTITY {
+        return Ok(Outcome::Unneeded(
+            "the input is Y-up already and no other change of its frame was asked for",
+        ));
+    }
+    // The placement leads back to the source, not to the file that was read.
+    provenance.placement = provenance.placement.then(&placement);
+    let viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
+    provenance.viewpoint = viewpoint.filter(Viewpoint::is_possible);
+    (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
+    details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
+    let transform = placement.transform();
+    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = transform(*p));
+    let rotation = placement.rotation();
+    mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
+    match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
+        Some(_) => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
+        None => Ok(Outcome::Changed(())),
+    }
+}
+
+/// Median along each axis: unlike the middle of the bounds it does not follow a far background.
+fn middle(positions: &[Vec3]) -> Vec3 {
+    let along = |axis: usize| median(positions.iter().map(|p| p[axis]).collect(), f32::total_cmp);
+    Vec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::mesh::Colors;
+
+    fn triangle() -> Mesh {
+        Mesh {
+            positions: vec![Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 7.0), Vec3::new(-1.0, 0.5, 2.0)],
+            colors: Colors::Face(vec![[0.5; 3]]),
+            ..Mesh::default()
+        }
+    }
+
+    const VIEWPOINT: Viewpoint = Viewpoint {
+        eye: [1.0, 2.0, 3.0],
+        target: [0.0; 3],
+        up: [0.0, -1.0, 0.0],
+        fov: 40.0,
+        radius: Some(0.5),
+        orbit: None,
+    };
+
+    #[test]
+    fn every_axis_goes_up_and_comes_back() {
+        for (up, axis) in [
+            (UpAxis::X, Vec3::X),
+            (UpAxis::NegX, -Vec3::X),
+            (UpAxis::Y, Vec3::Y),
+            (UpAxis::NegY, -Vec3::Y),
+            (UpAxis::Z, Vec3::Z),
+            (UpAxis::NegZ, -Vec3::Z),
+        ] {
+            let placement = Placement { up: up.into(), rotate: 25.0, scale: 2.0, center: [1.0, -2.0, 3.0] };
+            let origin = placement.to_file(Vec3::new(1.0, -2.0, 3.0));
+            let tip = placement.to_file(Vec3::new(1.0, -2.0, 3.0) + axis);
+            assert!((tip - origin - 2.0 * Vec3::Y).length() < 1e-6, "{up:?}");
+            assert!((up.to_y_up().determinant() - 1.0).abs() < 1e-12, "{up:?} mirrors");
+            let there = Vec3::new(0.3, 0.7, -0.9);
+            assert!((placement.to_world(placement.to_file(there)) - there).length() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_second_run_has_nothing_to_do() {
+        let (mut mesh, mut provenance) =
+            (triangle(), Provenance { viewpoint: Some(VIEWPOINT), ..Provenance::default() });
+        let run = |mesh: &mut Mesh, provenance: &mut Provenance| {
+            let mut details = PlaceDetails::default();
+            let placement =
+                placement(mesh, provenance, Evidence::default(), &PlaceOptions::DEFAULT, &mut details);
+            place(mesh, provenance, placement, &mut details).unwrap()
+        };
+        let first = run(&mut mesh, &mut provenance);
+        assert_eq!(first, Outcome::Changed(()));
+        assert_eq!(mesh.positions[0], Vec3::new(1.0, -2.0, -3.0));
+        let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..VIEWPOINT };
+        assert_eq!(provenance.viewpoint, Some(placed));
+        let again = run(&mut mesh, &mut provenance);
+        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert_eq!(provenance.placement.up, UpAxis::NegY.into());
+    }
+
+    #[test]
+    fn a_placed_file_placed_again_keeps_the_way_back_to_its_source() {
+        let directions = [
+            UpAxis::NegY.into(),
+            UpDirection::Vector([0.3, -0.9, 0.2]),
+            UpDirection::Vector([0.5, 0.5, -0.5]),
+        ];
+        for (first, second) in directions.iter().flat_map(|a| directions.map(|b| (*a, b))) {
+            let one = Placement { up: first, rotate: 30.0, scale: 0.5, center: [100.0, -2.0, 3.0] };
+            let two = Placement { up: second, rotate: -170.0, scale: 3.0, center: [0.0, 7.0, 1.0] };
+            let both = one.then(&two);
+            for world in [Vec3::new(99.0, 1.0, 2.0), Vec3::new(101.5, -3.0, 4.0)] {
+                let (wants, got) = (two.to_file(one.to_file(world)), both.to_file(world));
+                assert!(wants.distance(got) < 1e-4, "{wants} is not {got}");
+                assert!(both.to_world(got).distance(world) < 1e-4);
+                assert!(both.inverse().to_file(got).distance(world) < 1e-4);
+            }
+            assert!((one.inverse().then(&both).to_file(Vec3::ONE) - two.to_file(Vec3::ONE)).length() < 1e-4);
+        }
+        let axis = Placement { up: UpAxis::Z.into(), ..Placement::IDENTITY };
+        assert_eq!(axis.then(&axis.inverse()), Placement::IDENTITY, "axes stay exact");
+    }
+
+    #[test]
+    fn the_scene_stands_on_the_ground_in_metres() {
+        let mut mesh = Mesh::default();
+        for i in 0..400 {
+            let corner = Vec3::new((i % 20) as f32 * 0.1, 3.0, (i / 20) as f32 * 0.1);
+            mesh.positions.extend([corner, corner + Vec3::X * 0.1, corner + Vec3::Z * 0.1]);
+        }
+        mesh.colors = Colors::Face(vec![[0.5; 3]; 400]);
+        let options = PlaceOptions {
+            scale_by: "0,0,0,0,0,2=1".parse().ok(),
+            ground: true,
+            center: true,
+            rotate: 90.0,
+            ..PlaceOptions::DEFAULT
+        };
+        let (mut details, mut provenance) = (PlaceDetails::default(), Provenance::default());
+        let how = placement(&mesh, &provenance, Evidence::default(), &options, &mut details);
+        place(&mut mesh, &mut provenance, how, &mut details).unwrap();
+        assert!(details.ground.is_some_and(|height| (height + 3.0).abs() < 1e-3), "{details:?}");
+        assert!(mesh.positions.iter().all(|p| p.y.abs() < 1e-3 && p.x.abs() < 0.6 && p.z.abs() < 0.6));
+        // +x of the output, seen from above, came from where -z was before the turn.
+        let turned = how.rotation() * DVec3::X;
+        assert!((turned - DVec3::NEG_Z).length() < 1e-12, "{turned}");
+        assert!(PlaceOptions { scale: 2.0, ..options.clone() }.validate().is_err(), "two scales");
+        assert!(PlaceOptions { rotate: f64::NAN, ..options }.validate().is_err());
+    }
+
+    #[test]
+    fn a_viewpoint_is_upright_in_the_file() {
+        let tilted = UpDirection::near(DVec3::new(0.2, -0.9, -0.3));
+        let placement = Placement { up: tilted, ..Placement::IDENTITY };
+        assert_eq!(placement.viewpoint_to_file(&VIEWPOINT).up, [0.0, 1.0, 0.0]);
+        let from_above = Viewpoint { eye: (tilted.vector() * 5.0).to_array(), ..VIEWPOINT };
+        let placed = placement.viewpoint_to_file(&from_above);
+        assert!(DVec3::from(placed.up).distance(placement.rotation() * DVec3::NEG_Y) < 1e-12, "{placed:?}");
+    }
+}

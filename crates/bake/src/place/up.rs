@@ -1,0 +1,450 @@
+//! The up direction, from the rows of the photos, which people hold level, and the largest level surface.
+
+use super::samples::{self, Foreground, Sample};
+use glam::{DMat3, DVec3, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::eigen::symmetric_eigen;
+use trisplat_scene::math::median::median;
+use trisplat_scene::rng::Rng;
+
+/// Number of directions tried before the best is refined.
+const TRIES: u64 = 512;
+/// Larger tilts of a row (sine) count as this one, because some pictures are taken upright.
+const MOST_TILT: f64 = 0.34;
+/// Passes of the refinement.
+const PASSES: usize = 12;
+/// Below this spread, the variance of level directions across each other, cameras leave one direction open.
+const LEAST_SPREAD: f64 = 1e-3;
+/// The same holds above this ratio of tilt to spread (tangent of 15°).
+const MOST_SLACK: f64 = 0.27;
+/// Above this median tilt, degrees, cameras were held at random.
+const RANDOM_TILT: f64 = 20.0;
+/// Below this median tilt, degrees, cameras alone are trusted.
+const STEADY_TILT: f64 = 8.0;
+/// Largest angle between a level surface and the cameras' estimate, degrees.
+const WIDEST_CONE: f64 = 20.0;
+/// Least limit of that angle, degrees.
+const NARROWEST_CONE: f64 = 5.0;
+/// Thickness of a surface as a share of the distance of the cameras.
+const THICKNESS: f64 = 0.01;
+/// Share of the points around the middle of the scene that lie on a clear surface.
+const CLEAR_OF_POINTS: f64 = 0.05;
+/// The same as a share of the triangles' area: they scatter about their surfaces, so every slice contains
+/// some.
+const CLEAR_OF_FACES: f64 = 0.15;
+/// Standard deviation of a clear surface along its narrow side, as a share of the distance of the cameras.
+const CLEAR_WIDTH: f64 = 0.05;
+/// Number of samples that compare surfaces.
+const MOST_COMPARED: usize = 4000;
+
+/// How far an estimate of the up axis can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Confidence {
+    /// Cameras agree, or there is a clear level surface.
+    High,
+    /// Cameras leave a direction open or tilt much, and no surface helps: check the result.
+    Low,
+    /// Cameras contradict each other: the estimate was not used.
+    None,
+}
+
+/// The estimate of the up axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct UpEstimate {
+    /// The direction of the input that points up; a unit vector.
+    pub direction: [f64; 3],
+    /// Cameras it was estimated from.
+    pub cameras: u64,
+    /// Median angle between the rows of the photos and the horizontal, degrees.
+    pub tilt: f64,
+    /// The surface that decided, if one was clear.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<LevelSurface>,
+    /// How far it can be trusted.
+    pub confidence: Confidence,
+}
+
+/// The largest surface that is nearly level.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LevelSurface {
+    /// Share of the photos' points around the middle of the scene, or, without them, of the triangles' area there.
+    pub share: f64,
+    /// Angle to the estimate from cameras alone, degrees.
+    pub degrees: f64,
+}
+
+/// Known facts about a scene, apart from its triangles, in its frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Evidence<'a> {
+    /// Cameras that look at it.
+    pub cameras: &'a [Camera],
+    /// Points of the photos' reconstruction; may be empty.
+    pub points: &'a [Vec3],
+}
+
+/// Estimates the up axis of a scene from the cameras that look at it; `None` without cameras.
+///
+/// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the
+/// right vectors vary least. A table or floor near that direction is more level than hands are steady, and
+/// replaces it.
+pub fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
+    let held = from_cameras(known.cameras)?;
+    let cone = if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
+    let surface = match held.tilt < RANDOM_TILT {
+        true => surface(scene, known, held.up, cone),
+        false => None,
+    };
+    let confidence = match &surface {
+        _ if held.tilt >= RANDOM_TILT => Confidence::None,
+        Some(_) => Confidence::High,
+        None if !held.open && held.tilt <= STEADY_TILT => Confidence::High,
+        None => Confidence::Low,
+    };
+    let up = surface.as_ref().map_or(held.up, |s| s.normal);
+    let surface = surface
+        .map(|s| LevelSurface { share: s.share, degrees: s.normal.angle_between(held.up).to_degrees() });
+    let cameras = known.cameras.len() as u64;
+    Some(UpEstimate { direction: up.to_array(), cameras, tilt: held.tilt, surface, confidence })
+}
+
+/// What cameras alone say.
+struct Held {
+    up: DVec3,
+    /// Median angle between rows and the horizontal, degrees.
+    tilt: f64,
+    /// True when they leave one direction open, for example when all look the same way.
+    open: bool,
+}
+
+fn from_cameras(cameras: &[Camera]) -> Option<Held> {
+    let row = |i: usize| cameras.iter().map(move |c| c.rotation.row(i).as_dvec3());
+    let rights: Vec<DVec3> = row(0).collect();
+    let mean_up = -row(1).sum::<DVec3>().normalize_or_zero();
+    if rights.is_empty() {
+        return None;
+    }
+    let (mut up, mut spread) = first_guess(&rights, mean_up);
+    for _ in 0..PASSES {
+        let tilts: Vec<f64> = rights.iter().map(|r| r.dot(up).abs()).collect();
+        let usual = (1.5 * median(tilts.clone(), f64::total_cmp).unwrap_or(0.0)).max(1e-4);
+        // Cauchy's weights: a picture taken with the camera on its side hardly counts.
+        let weight = |tilt: &f64| 1.0 / (1.0 + (tilt / usual) * (tilt / usual));
+        spread = symmetric_eigen(scatter(rights.iter().copied().zip(tilts.iter().map(weight))));
+        up = spread[0].1;
+    }
+    let [least, middle, _] = spread.map(|(value, _)| value.max(0.0));
+    let open = middle < LEAST_SPREAD || least > MOST_SLACK * MOST_SLACK * middle;
+    if open {
+        // Of the directions at right angles to the rows, the one nearest to the columns.
+        up = mean_up.reject_from_normalized(spread[2].1).normalize_or(up);
+    }
+    // Cameras that look straight down have their columns level, and the ground below them.
+    let columns = -row(1).map(|down| down.dot(up)).sum::<f64>();
+    let away = -row(2).map(|ahead| ahead.dot(up)).sum::<f64>();
+    let sign = if columns.abs() > 0.1 * rights.len() as f64 { columns } else { away };
+    let up = if sign < 0.0 { -up } else { up };
+    let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
+    let tilt = median(rights.iter().map(tilt).collect(), f64::total_cmp)?;
+    Some(Held { up, tilt, open })
+}
+
+/// The direction with the least sum of limited tilts, and the spread of the rows.
+fn first_guess(rights: &[DVec3], mean_up: DVec3) -> (DVec3, [(f64, DVec3); 3]) {
+    let spread = symmetric_eigen(scatter(rights.iter().map(|r| (*r, 1.0))));
+    let rng = Rng::new(0, "up axis", 0);
+    let pair = |i: u64| {
+        let one = |k: u64| rights[(rng.bits(2 * i + k) % rights.len() as u64) as usize];
+        let across = one(0).cross(one(1));
+        (across.length() > 0.1).then(|| across.normalize())
+    };
+    let known = [Some(spread[0].1), (mean_up != DVec3::ZERO).then_some(mean_up)];
+    let tilt = |up: &DVec3| rights.iter().map(|r| r.dot(*up).abs().min(MOST_TILT)).sum::<f64>();
+    let best = known.into_iter().chain((0..TRIES).map(pair)).flatten().map(|up| (tilt(&up), up));
+    let best = best.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(spread[0].1, |(_, up)| up);
+    (best, spread)
+}
+
+/// The weighted mean of v vᵀ.
+fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
+    let (mut sum, mut weights) = (DMat3::ZERO, 0.0);
+    for (v, weight) in vectors {
+        sum += DMat3::from_cols(v * v.x, v * v.y, v * v.z) * weight;
+        weights += weight;
+    }
+    sum * (1.0 / f64::max(weights, 1e-300))
+}
+
+/// A flat surface.
+struct Surface {
+    /// Points up; a unit vector.
+    normal: DVec3,
+    /// Share of all samples by weight.
+    share: f64,
+}
+
+/// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear one.
+fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
+    let region = samples::region(scene, known.cameras)?;
+    let (samples, clear_share) = match known.points.is_empty() {
+        true => (samples::faces(scene, &region), CLEAR_OF_FACES),
+        false => (samples::points(known.points, &region), CLEAR_OF_POINTS),
+    };
+    let least = libm::cos(cone.to_radians());
+    let thickness = THICKNESS * region.radius;
+    let near = |s: &Sample, point: DVec3, normal: DVec3| (s.position - point).dot(normal).abs() < thickness;
+    let few: Vec<Sample> =
+        samples.iter().step_by(samples.len().div_ceil(MOST_COMPARED).max(1)).copied().collect();
+    let supported = |(point, normal): (DVec3, DVec3)| {
+        few.iter().filter(|s| near(s, point, normal)).map(|s| s.weight).sum::<f64>()
+    };
+    let planes = planes(&few).filter(|(_, normal)| normal.dot(up).abs() > least);
+    let best = planes.map(|plane| (supported(plane), plane)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (mut point, mut normal) = best.1;
+    let (mut width, mut support) = (0.0, 0.0);
+    for _ in 0..PASSES {
+        let on: Vec<&Sample> = samples.iter().filter(|s| near(s, point, normal)).collect();
+        support = on.iter().map(|s| s.weight).sum::<f64>();
+        if support <= 0.0 {
+            return None;
+        }
+        point = on.iter().map(|s| s.position * s.weight).sum::<DVec3>() / support;
+        let [thin, narrow, _] = symmetric_eigen(scatter(on.iter().map(|s| (s.position - point, s.weight))));
+        (normal, width) = (thin.1, narrow.0.max(0.0).sqrt());
+    }
+    let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
+    let share = support / samples.iter().map(|s| s.weight).sum::<f64>();
+    let clear = share >= clear_share && width >= CLEAR_WIDTH * region.radius && normal.dot(up) > least;
+    clear.then_some(Surface { normal, share })
+}
+
+/// Planes through three of the samples, chosen by weight: a point and a unit normal each.
+fn planes(samples: &[Sample]) -> impl Iterator<Item = (DVec3, DVec3)> {
+    let mut sum = 0.0;
+    let sums: Vec<f64> = samples
+        .iter()
+        .map(|s| {
+            sum += s.weight;
+            sum
+        })
+        .collect();
+    let rng = Rng::new(0, "level surface", 0);
+    let tries = if samples.len() < 3 { 0 } else { 4 * TRIES };
+    (0..tries).filter_map(move |i| {
+        let [a, b, c] = [0, 1, 2].map(|k| {
+            let at = sums.partition_point(|s| *s <= rng.uniform_f64(3 * i + k) * sum);
+            samples[at.min(samples.len() - 1)].position
+        });
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        Some((a, normal))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat3, UVec2, Vec2};
+    use trisplat_scene::mesh::{Colors, Mesh};
+
+    const CAMERA: Camera = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(100.0),
+        center: Vec2::splat(50.0),
+        size: UVec2::splat(100),
+    };
+
+    /// Cameras on a ring around the origin, held level except for `roll(i)` radians.
+    fn ring(count: usize, up: Vec3, roll: impl Fn(usize) -> f32) -> Vec<Camera> {
+        let x = up.any_orthonormal_vector();
+        let y = up.cross(x);
+        let camera = |i: usize| {
+            let angle = i as f32 * 2.4;
+            let eye = 5.0 * (x * angle.cos() + y * angle.sin()) + up * (1.0 + (i % 3) as f32);
+            let level = CAMERA.looking(eye, Vec3::ZERO, up);
+            let rotation = Mat3::from_rotation_z(roll(i)) * level.rotation;
+            Camera { rotation, translation: -(rotation * eye), ..level }
+        };
+        (0..count).map(camera).collect()
+    }
+
+    /// A bumpy disc of small triangles around the origin at right angles to `normal`, and as many anywhere.
+    fn table(normal: Vec3, count: u64) -> Mesh {
+        let rng = Rng::new(1, "table", 0);
+        let x = normal.any_orthonormal_vector();
+        let y = normal.cross(x);
+        let random = |i: u64| 2.0 * rng.uniform(i) - 1.0;
+        let positions = (0..count).flat_map(|i| {
+            let at = |k: u64| random(16 * i + k);
+            let middle = match i % 2 {
+                0 => 3.0 * (x * at(0) + y * at(1)) + normal * 0.01 * at(2),
+                _ => 3.0 * Vec3::new(at(0), at(1), at(2)),
+            };
+            [0, 1, 2].map(|corner| {
+                let [a, b, c] = [0, 1, 2].map(|k| at(3 + 3 * corner + k));
+                middle + 0.05 * if i % 2 == 0 { x * a + y * b + normal * 0.3 * c } else { Vec3::new(a, b, c) }
+            })
+        });
+        let positions: Vec<Vec3> = positions.collect();
+        Mesh { colors: Colors::Face(vec![[0.5; 3]; count as usize]), positions, ..Mesh::default() }
+    }
+
+    fn estimate_of(mesh: &Mesh, cameras: &[Camera]) -> Option<UpEstimate> {
+        estimate(Foreground::new(mesh, 0), Evidence { cameras, points: &[] })
+    }
+
+    fn degrees(estimate: &UpEstimate, up: Vec3) -> f64 {
+        DVec3::from(estimate.direction).angle_between(up.as_dvec3()).to_degrees()
+    }
+
+    #[test]
+    fn level_cameras_give_the_axis_that_their_rows_are_at_right_angles_to() {
+        for up in [Vec3::NEG_Y, Vec3::Z, Vec3::new(0.3, -0.8, 0.5).normalize()] {
+            let wobble = |i: usize| 0.05 * ((i * 7 % 11) as f32 - 5.0) / 5.0;
+            let found = estimate_of(&Mesh::default(), &ring(40, up, wobble)).expect("there are cameras");
+            assert!(degrees(&found, up) < 1.5, "{up}: {found:?}");
+            assert!((0.5..3.0).contains(&found.tilt) && found.confidence == Confidence::High, "{found:?}");
+        }
+        assert_eq!(estimate_of(&Mesh::default(), &[]), None);
+    }
+
+    #[test]
+    fn pictures_taken_with_the_camera_on_its_side_do_not_count() {
+        let up = Vec3::new(0.1, -0.9, 0.2).normalize();
+        let quarter = |i: usize| if i.is_multiple_of(3) { 1.57 } else { 0.01 * (i % 5) as f32 };
+        let found = estimate_of(&Mesh::default(), &ring(30, up, quarter)).expect("there are cameras");
+        assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{found:?}");
+    }
+
+    #[test]
+    fn a_table_corrects_hands_and_a_slanted_or_missing_one_does_not() {
+        let up = Vec3::NEG_Y;
+        let tilted = |degrees: f32| Mat3::from_rotation_x(degrees.to_radians()) * up;
+        let cameras = ring(24, up, |i| 0.06 * (i % 5) as f32 - 0.12);
+        let corrected = estimate_of(&table(tilted(4.0), 6000), &cameras).expect("cameras");
+        assert!(degrees(&corrected, tilted(4.0)) < 0.5, "{corrected:?}");
+        let surface = corrected.surface.expect("a clear surface");
+        assert!(surface.share > 0.2 && (2.0..6.5).contains(&surface.degrees), "{surface:?}");
+        for other in [table(tilted(40.0), 6000), table(tilted(4.0), 0)] {
+            let alone = estimate_of(&other, &cameras).expect("cameras");
+            assert!(alone.surface.is_none() && degrees(&alone, up) < 3.0, "{alone:?}");
+        }
+    }
+
+    #[test]
+    fn doubt_is_named() {
+        let up = Vec3::NEG_Y;
+        let one = estimate_of(&Mesh::default(), &ring(1, up, |_| 0.0)).expect("a camera");
+        assert_eq!(one.confidence, Confidence::Low);
+        let alike: Vec<Camera> = (0..9).map(|_| CAMERA).collect();
+        let alike = estimate_of(&Mesh::default(), &alike).expect("cameras");
+        assert_eq!(alike.confidence, Confidence::Low);
+        assert!(degrees(&alike, up) < 1e-6, "the columns decide: {alike:?}");
+        let random = estimate_of(&Mesh::default(), &ring(60, up, |i| i as f32 * 1.7)).expect("cameras");
+        assert_eq!(random.confidence, Confidence::None, "{random:?}");
+    }
+
+    #[test]
+    fn the_ground_below_cameras_that_look_straight_down_is_below() {
+        let eye = |i: usize| Vec3::new((i % 4) as f32, (i / 4) as f32, 5.0 + 0.1 * (i % 3) as f32);
+        let down = |i: usize| {
+            let toward = eye(i) - Vec3::new(0.02 * (i % 5) as f32, 0.03 * (i % 3) as f32, 1.0);
+            // Flown in every direction.
+            let heading = Vec3::new((i as f32 * 0.8).cos(), (i as f32 * 0.8).sin(), 0.0);
+            CAMERA.looking(eye(i), toward, heading)
+        };
+        let cameras: Vec<Camera> = (0..16).map(down).collect();
+        let found = estimate_of(&table(Vec3::Z, 6000), &cameras).expect("cameras");
+        assert!(degrees(&found, Vec3::Z) < 1.0 && found.confidence == Confidence::High, "{found:?}");
+    }
+
+    #[test]
+    fn points_of_the_photos_show_a_surface_that_triangles_do_not() {
+        let up = Vec3::NEG_Y;
+        let slab = Mat3::from_rotation_z(0.08) * up;
+        let points = table(slab, 3000).positions;
+        let cameras = ring(24, up, |i| 0.06 * (i % 5) as f32 - 0.12);
+        let known = Evidence { cameras: &cameras, points: &points };
+        let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
+        assert!(found.surface.is_some() && degrees(&found, slab) < 0.5, "{found:?}");
+    }
+
+    #[test]
+    fn a_capture_in_another_frame_has_the_same_up() {
+        let up = Vec3::new(0.1, -0.95, 0.2).normalize();
+        let cameras = ring(30, up, |i| 0.04 * (i % 7) as f32 - 0.1);
+        let turn = Mat3::from_rotation_y(2.0) * Mat3::from_rotation_x(-1.3);
+        let moved: Vec<Camera> = cameras
+            .iter()
+            .map(|c| {
+                let rotation = c.rotation * turn.transpose();
+                let eye = turn * c.position() + Vec3::new(5.0, -3.0, 20.0);
+                Camera { rotation, translation: -(rotation * eye), ..*c }
+            })
+            .collect();
+        let (here, there) = (estimate_of(&Mesh::default(), &cameras), estimate_of(&Mesh::default(), &moved));
+        let (here, there) = (here.expect("cameras"), there.expect("cameras"));
+        let turned = turn.as_dmat3() * DVec3::from(here.direction);
+        let off = turned.angle_between(DVec3::from(there.direction)).to_degrees();
+        assert!(off < 0.01, "{off}°: {here:?} {there:?}");
+    }
+
+    /// Up of a real capture, as a vector of its world: by the model of a folder and by its `transforms.json`.
+    #[expect(clippy::print_stderr, reason = "a test that was skipped says so")]
+    #[test]
+    fn colmap_and_transforms_of_a_folder_agree_and_stand_upright() {
+        use trisplat_dataset::{Dataset, DatasetOptions};
+        let data = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
+        // Up as picked by hand in the photos: the edge of a picture frame on the wall, walls of a house, a carpet, a
+        // table.
+        let picked = [
+            ("fox480", [0.051, -0.090, 0.994]),
+            ("dtu_scan24", [0.092, -0.377, -0.922]),
+            ("banana", [0.025, -0.881, -0.473]),
+            ("bonsai", [-0.160, -0.826, -0.540]),
+        ];
+        for (name, truth) in picked {
+            if !data.join(name).is_dir() {
+                eprintln!("SKIPPED (no ../shared/data/{name})");
+                continue;
+            }
+            let options = DatasetOptions::default();
+            let up = |path: &std::path::Path, with_points: bool| {
+                let dataset = Dataset::load(path, &options).expect(name);
+                let cameras: Vec<Camera> = dataset.views.iter().map(|v| v.camera).collect();
+                let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
+                let points = if with_points { points } else { Vec::new() };
+                let known = Evidence { cameras: &cameras, points: &points };
+                let found = estimate(Foreground::new(&Mesh::default(), 0), known).expect("cameras");
+                let mut named: Vec<_> = dataset.views.iter().map(|v| (v.name.clone(), v.camera)).collect();
+                named.sort_by(|a, b| a.0.cmp(&b.0));
+                (found, named)
+            };
+            let (by_points, named) = up(&data.join(name), true);
+            let (by_cameras, _) = up(&data.join(name), false);
+            let angle = |found: &UpEstimate| degrees(found, Vec3::from(truth.map(|x| x as f32)));
+            assert!(angle(&by_points) < 5.0, "{name}: {}°", angle(&by_points));
+            assert!(angle(&by_cameras) < 6.0, "{name}: {}°", angle(&by_cameras));
+            // The same photos seen from the other file: the turn between the worlds is that of any camera.
+            let (other, others) = up(&data.join(name).join("transforms.json"), false);
+            let same: Vec<_> = named
+                .iter()
+                .filter_map(|(name, c)| {
+                    others.iter().find(|(n, _)| n.ends_with(name.as_str())).map(|(_, o)| (c, o))
+                })
+                .collect();
+            assert!(
+                same.len() == others.len() && same.len() > 10,
+                "{name}: {} of {}",
+                same.len(),
+                others.len()
+            );
+            let turn = (same[0].1.rotation.transpose() * same[0].0.rotation).as_dmat3();
+            let turned = turn * DVec3::from(by_cameras.direction);
+            let off = turned.angle_between(DVec3::from(other.direction)).to_degrees();
+            assert!(off < 0.5, "{name}: {off}° between the two files");
+        }
+    }
+}

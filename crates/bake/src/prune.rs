@@ -1,0 +1,427 @@
+//! Removes the triangles that an engine cannot draw or that cannot be seen.
+//!
+//! It comes first because every later stage costs per triangle. Geometry after it is finite and within
+//! ±[`REACH`], as the hierarchy and engines' culling require.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::scene::Scene;
+use trisplat_scene::soup::Soup;
+
+/// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
+/// or a hierarchy, so such triangles cannot be drawn.
+pub const REACH: f32 = 1e15;
+
+/// If the median triangle is nearer than this share of the reach, triangles out of reach are strays, not the
+/// scene.
+const STRAYS: f32 = 1e-3;
+
+/// A triangle with at most this ratio of height to longest edge is a line: the ratio is the rounding error of
+/// that edge.
+const FLAT: f64 = f32::EPSILON as f64;
+
+/// Most passes that remove huge triangles, each with the radius of the remaining scene.
+const HUGE_PASSES: usize = 32;
+
+/// Which triangles to drop.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct PruneOptions {
+    /// Drop triangles of lower opacity (0 keeps all; engine-mode training itself drops below 0.1, then 0.7)
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.min_opacity))]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub min_opacity: f64,
+    /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
+    #[schemars(range(min = 0.0))]
+    pub max_sigma: f64,
+    /// Drop triangles with an edge longer than this many scene radii (median distance from the median
+    /// centre; 0 keeps all)
+    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_edge))]
+    #[schemars(range(min = 0.0))]
+    pub max_edge: f64,
+    /// Keep at most this many triangles: those with the largest opacity times area times mean window
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[schemars(range(min = 1))]
+    pub max_triangles: Option<u64>,
+}
+
+impl PruneOptions {
+    /// The authors' trainer drops triangles of opacity 0.014 (`opacity_dead`). At σ = 10 an opaque triangle
+    /// covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Removing either changes nothing visible in
+    /// a soft scene.
+    pub const DEFAULT: Self =
+        Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, max_triangles: None };
+    /// Also removes triangles that are hardly visible, to save bytes.
+    pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
+
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check("prune", self, Called::ByFlag)
+    }
+}
+
+impl Default for PruneOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Triangles dropped, by cause.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct PruneDetails {
+    /// Triangles with a number that is NaN or infinite.
+    pub non_finite: u64,
+    /// Triangles with a coordinate beyond 1e15, which engines cannot draw.
+    #[serde(default)]
+    pub out_of_reach: u64,
+    /// Triangles whose corners lie on a line or a point.
+    pub degenerate: u64,
+    /// Triangles below `min_opacity`.
+    pub faint: u64,
+    /// Triangles above `max_sigma`.
+    pub soft: u64,
+    /// Triangles with an edge above `max_edge`.
+    pub huge: u64,
+    /// Triangles beyond `max_triangles`.
+    pub over_budget: u64,
+}
+
+impl StageDetails for PruneDetails {
+    const STAGE: &'static str = "prune";
+}
+
+/// Drops triangles by the rules of `options` and counts them by cause in `details`.
+///
+/// Most rules look at one triangle. Two look at the scene: *huge* is relative to its radius, and is repeated
+/// until nothing more is dropped; the budget of `max_triangles` applies to the result of all other rules. So
+/// a second run finds nothing to drop.
+///
+/// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
+pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
+    options.validate()?;
+    let verdicts = match &*scene {
+        Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
+        Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
+    };
+    let counts = count(&verdicts);
+    match &*scene {
+        Scene::Soup(soup) => check_scale(&verdicts, &counts, |i| soup.vertices[i])?,
+        Scene::Mesh(mesh) => check_scale(&verdicts, &counts, |i| mesh.corners(i))?,
+    }
+    if counts[Verdict::Keep as usize] == 0 {
+        return Err(nothing_left(options, &counts, verdicts.len()));
+    }
+    if counts[Verdict::Keep as usize] == verdicts.len() {
+        return Ok(Outcome::Unneeded("every triangle can be seen"));
+    }
+    *details = PruneDetails::new(&counts);
+    let keep = |i: usize| verdicts[i] == Verdict::Keep;
+    match scene {
+        Scene::Soup(soup) => soup.retain(keep),
+        Scene::Mesh(mesh) => mesh.retain(keep),
+    }
+    Ok(Outcome::Changed(()))
+}
+
+/// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are dropped.
+fn check_scale(
+    verdicts: &[Verdict],
+    counts: &[usize; 8],
+    corners: impl Fn(usize) -> [Vec3; 3],
+) -> Result<()> {
+    let far = counts[Verdict::OutOfReach as usize];
+    if far == 0 {
+        return Ok(());
+    }
+    let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != Verdict::NonFinite);
+    let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
+    let most = reaches.iter().copied().fold(0.0, f32::max);
+    let typical = median(reaches, f32::total_cmp).unwrap_or(0.0);
+    if typical < STRAYS * REACH {
+        return Ok(());
+    }
+    let what = format!("{far} of {} triangles farther than {REACH:e} from the origin", verdicts.len());
+    let exponent = -f64::from(most).log10().ceil() as i32;
+    let wants = format!("coordinates that engines can draw; multiply those of the file by 1e{exponent}, say");
+    Err(Error::invalid("the scene", what, wants))
+}
+
+impl PruneDetails {
+    /// What the user should know, if anything.
+    pub fn warning(&self) -> Option<String> {
+        let far = self.out_of_reach;
+        (far > 0).then(|| {
+            format!(
+                "dropped {far} triangles farther than {REACH:e} from the origin: engines cannot draw them"
+            )
+        })
+    }
+
+    /// From the number of triangles of each [`Verdict`].
+    fn new(counts: &[usize; 8]) -> Self {
+        let of = |verdict: Verdict| counts[verdict as usize] as u64;
+        Self {
+            non_finite: of(Verdict::NonFinite),
+            out_of_reach: of(Verdict::OutOfReach),
+            degenerate: of(Verdict::Degenerate),
+            faint: of(Verdict::Faint),
+            soft: of(Verdict::Soft),
+            huge: of(Verdict::Huge),
+            over_budget: of(Verdict::OverBudget),
+        }
+    }
+}
+
+/// Why a triangle is kept or dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Verdict {
+    Keep,
+    NonFinite,
+    OutOfReach,
+    Degenerate,
+    Faint,
+    Soft,
+    Huge,
+    OverBudget,
+}
+
+impl Verdict {
+    const CAUSES: [Self; 7] = [
+        Self::NonFinite,
+        Self::OutOfReach,
+        Self::Degenerate,
+        Self::Faint,
+        Self::Soft,
+        Self::Huge,
+        Self::OverBudget,
+    ];
+
+    /// The field of [`PruneDetails`] that counts it.
+    fn key(self) -> &'static str {
+        match self {
+            Self::Keep => "kept",
+            Self::NonFinite => "non_finite",
+            Self::OutOfReach => "out_of_reach",
+            Self::Degenerate => "degenerate",
+            Self::Faint => "faint",
+            Self::Soft => "soft",
+            Self::Huge => "huge",
+            Self::OverBudget => "over_budget",
+        }
+    }
+}
+
+/// What the rules depend on.
+struct Face {
+    corners: [Vec3; 3],
+    opacity: f32,
+    sigma: f32,
+    color: [f32; 3],
+}
+
+fn soup_face(soup: &Soup, i: usize) -> Face {
+    Face {
+        corners: soup.vertices[i],
+        opacity: soup.opacity[i],
+        sigma: soup.sigma[i],
+        color: soup.sh[i * soup.sh_count()],
+    }
+}
+
+fn mesh_face(mesh: &Mesh, i: usize) -> Face {
+    let opacity = mesh.opacity.get(i).copied().unwrap_or(1.0);
+    Face { corners: mesh.corners(i), opacity, sigma: 0.0, color: mesh.corner_colors(i)[0] }
+}
+
+/// The verdict on every face. `[N]`
+fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
+    let mut verdicts: Vec<Verdict> =
+        (0..count).into_par_iter().with_min_len(1 << 12).map(|i| classify_alone(&face(i), options)).collect();
+    drop_huge(&mut verdicts, &face, options);
+    if drop_over_budget(&mut verdicts, &face, options) {
+        drop_huge(&mut verdicts, &face, options);
+    }
+    verdicts
+}
+
+/// The verdict by the rules that need one face only.
+fn classify_alone(face: &Face, options: &PruneOptions) -> Verdict {
+    let finite = face.corners.iter().all(|v| v.is_finite())
+        && face.opacity.is_finite()
+        && face.sigma.is_finite()
+        && face.color.iter().all(|c| c.is_finite());
+    if !finite {
+        Verdict::NonFinite
+    } else if reach(&face.corners) > REACH {
+        Verdict::OutOfReach
+    } else if is_degenerate(&face.corners) {
+        Verdict::Degenerate
+    } else if f64::from(face.opacity) < options.min_opacity {
+        Verdict::Faint
+    } else if options.max_sigma > 0.0 && f64::from(face.sigma) > options.max_sigma {
+        Verdict::Soft
+    } else {
+        Verdict::Keep
+    }
+}
+
+/// The largest coordinate of some corners.
+fn reach(corners: &[Vec3; 3]) -> f32 {
+    corners.iter().map(|v| v.abs().max_element()).fold(0.0, f32::max)
+}
+
+/// True when the corners lie on a line or a point, to the rounding of the longest edge; also for NaN.
+///
+/// ```text
+/// |(b - a) x (c - a)| / longest^2 = height / longest <= 2^-23
+/// ```
+#[inline]
+pub(super) fn is_degenerate(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = *corners;
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // Far from the limit f32 is enough; NaN, overflow and underflow fail this test and are tested again in
+    // f64.
+    if (b - a).cross(c - a).length_squared() > 1e-6 * longest2 * longest2 {
+        return false;
+    }
+    is_degenerate_f64(corners)
+}
+
+/// The same where f32 cannot tell.
+#[cold]
+fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|v| v.as_dvec3());
+    let longest2 = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
+}
+
+/// Drops the faces with an edge longer than `max_edge` scene radii, until none is left: the radius is a
+/// median, so it hardly moves, but it does move.
+fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), options: &PruneOptions) {
+    if options.max_edge <= 0.0 {
+        return;
+    }
+    for _ in 0..HUGE_PASSES {
+        let radius = scene_radius(verdicts, face);
+        if !(radius > 0.0) {
+            return;
+        }
+        let limit2 = (options.max_edge * radius).powi(2);
+        let huge = |[a, b, c]: [DVec3; 3]| {
+            (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared()) > limit2
+        };
+        let found: usize = verdicts
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(1 << 12)
+            .map(|(i, verdict)| {
+                let drop = *verdict == Verdict::Keep && huge(face(i).corners.map(|v| v.as_dvec3()));
+                if drop {
+                    *verdict = Verdict::Huge;
+                }
+                usize::from(drop)
+            })
+            .sum();
+        if found == 0 {
+            return;
+        }
+    }
+}
+
+/// Median distance of the kept faces' centroids from the median centroid.
+fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) -> f64 {
+    let centroids: Vec<DVec3> = (0..verdicts.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .filter(|&i| verdicts[i] == Verdict::Keep)
+        .map(|i| centroid(&face(i).corners))
+        .collect();
+    let median = |values| median(values, f64::total_cmp).unwrap_or(0.0);
+    let axis = |k: usize| median(centroids.iter().map(|c| c[k]).collect());
+    let center = DVec3::new(axis(0), axis(1), axis(2));
+    median(centroids.iter().map(|c| c.distance(center)).collect())
+}
+
+/// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face. True when this
+/// dropped any.
+fn drop_over_budget(
+    verdicts: &mut [Verdict],
+    face: &(impl Fn(usize) -> Face + Sync),
+    options: &PruneOptions,
+) -> bool {
+    let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else {
+        return false;
+    };
+    let mut contributions: Vec<(f32, u32)> = (0..verdicts.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .filter(|&i| verdicts[i] == Verdict::Keep)
+        .map(|i| (contribution(&face(i)) as f32, i as u32))
+        .collect();
+    if contributions.len() <= budget {
+        return false;
+    }
+    let largest_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+    contributions.select_nth_unstable_by(budget, largest_first);
+    for &(_, i) in &contributions[budget..] {
+        verdicts[i as usize] = Verdict::OverBudget;
+    }
+    true
+}
+
+/// The contribution of a face to a picture: its alpha, integrated over its area.
+///
+/// ```text
+/// area * o * mean(window) = area * o * 2 / ((sigma + 1) (sigma + 2))
+/// ```
+fn contribution(face: &Face) -> f64 {
+    let [a, b, c] = face.corners.map(|v| v.as_dvec3());
+    let sigma = f64::from(face.sigma);
+    0.5 * (b - a).cross(c - a).length() * f64::from(face.opacity) * 2.0 / ((sigma + 1.0) * (sigma + 2.0))
+}
+
+fn centroid(corners: &[Vec3; 3]) -> DVec3 {
+    (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
+}
+
+fn count(verdicts: &[Verdict]) -> [usize; 8] {
+    // One pass per cause: a comparison of bytes, many at a time.
+    let mut counts = [0; 8];
+    for cause in Verdict::CAUSES.into_iter().chain([Verdict::Keep]) {
+        counts[cause as usize] = verdicts.iter().filter(|&&verdict| verdict == cause).count();
+    }
+    counts
+}
+
+/// Names the rule that dropped most and what to do about it.
+fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Error {
+    if total == 0 {
+        return Error::invalid("the scene", "empty", "at least one triangle");
+    }
+    let worst = Verdict::CAUSES.into_iter().max_by_key(|&cause| counts[cause as usize]);
+    let worst = worst.unwrap_or(Verdict::NonFinite);
+    let dropped = format!("it drops {} of {total} triangles and nothing is left", counts[worst as usize]);
+    match worst {
+        Verdict::Faint => {
+            Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}"))
+        }
+        Verdict::Soft => {
+            Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
+        }
+        Verdict::Huge => {
+            Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
+        }
+        cause => {
+            let what = format!("{} of {total} triangles {}", counts[cause as usize], cause.key());
+            Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")
+        }
+    }
+}

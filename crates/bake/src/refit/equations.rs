@@ -1,0 +1,195 @@
+//! The normal equations, 3 x 3 per triangle, and the colours that solve them.
+
+use super::options::RefitColors;
+use rayon::prelude::*;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// Weight of the present colours, in pixels (damping).
+const DAMPING_PX: f32 = 0.25;
+/// A smaller area is a rounding error of photos that were subtracted again, px.
+const LEAST_PX: f32 = 1e-3;
+/// Faces per task of the thread pool.
+const TASK_FACES: usize = 1 << 12;
+
+/// The normal equations of one triangle, summed over samples of photos.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Equations {
+    /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
+    matrix: [f32; 6],
+    /// Σ b_k times the residual of the sample. `[corner][channel]`
+    right: [[f32; 3]; 3],
+}
+
+impl Equations {
+    /// Adds a sample with the weight `share` of a pixel.
+    #[inline(always)]
+    pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], share: f32) {
+        let [a, b, c] = *weights;
+        let products = [a * a, a * b, a * c, b * b, b * c, c * c];
+        for (sum, product) in self.matrix.iter_mut().zip(products) {
+            *sum += share * product;
+        }
+        for (sums, weight) in self.right.iter_mut().zip(weights) {
+            for (sum, residual) in sums.iter_mut().zip(residual) {
+                *sum += share * weight * residual;
+            }
+        }
+    }
+
+    fn plus(&mut self, other: &Self, sign: f32) {
+        for i in 0..6 {
+            self.matrix[i] += sign * other.matrix[i];
+        }
+        for k in 0..3 {
+            for c in 0..3 {
+                self.right[k][c] += sign * other.right[k][c];
+            }
+        }
+    }
+
+    /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
+    pub(super) fn matrix(&self) -> [f32; 6] {
+        self.matrix
+    }
+
+    /// Σ b_k times the residual of the sample. `[corner][channel]`
+    pub(super) fn right(&self) -> &[[f32; 3]; 3] {
+        &self.right
+    }
+
+    /// Pixels on which the triangle is visible: the weights of the corners sum to 1.
+    fn area(&self) -> f32 {
+        let [a, b, c, d, e, f] = self.matrix;
+        a + d + f + 2.0 * (b + c + e)
+    }
+
+    /// Better colours of the corners, sRGB-encoded. `[corner][channel]`
+    fn colors(&self, which: RefitColors, corners: &[[f32; 3]; 3], flatness: f32) -> [[f32; 3]; 3] {
+        let mut better = [[0.0; 3]; 3];
+        for channel in 0..3 {
+            let improved = self.improved(which, corners.map(|corner| corner[channel]), channel, flatness);
+            for (corner, value) in better.iter_mut().zip(improved) {
+                corner[channel] = value.clamp(0.0, 1.0);
+            }
+        }
+        better
+    }
+
+    /// Better colours of the corners in one channel.
+    fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
+        let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
+        if which != RefitColors::Corner {
+            let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
+            return [mean + sum / (area.max(0.0) + DAMPING_PX); 3];
+        }
+        if !(area > LEAST_PX) {
+            return corners;
+        }
+        let right = [0, 1, 2].map(|k| self.right[k][channel] + flatness * (mean - corners[k]));
+        let step = self.solve(flatness, DAMPING_PX / 3.0, right);
+        [0, 1, 2].map(|k| corners[k] + step[k])
+    }
+
+    /// Solves (matrix + λ (1 - J/3) + τ) x = right for the three corners, J all ones: λ pulls corners
+    /// together, and the damping τ > 0 pulls them to their present values. Positive definite.
+    fn solve(&self, flatness: f32, damping: f32, right: [f32; 3]) -> [f32; 3] {
+        let [a, b, c, d, e, f] = self.matrix.map(f64::from);
+        let (own, other) = (f64::from(flatness * 2.0 / 3.0 + damping), f64::from(flatness / 3.0));
+        let (a, d, f) = (a + own, d + own, f + own);
+        let (b, c, e) = (b - other, c - other, e - other);
+        let (m00, m01, m02) = (d * f - e * e, c * e - b * f, b * e - c * d);
+        let (m11, m12, m22) = (a * f - c * c, b * c - a * e, a * d - b * b);
+        let per = 1.0 / (a * m00 + b * m01 + c * m02);
+        let r = right.map(f64::from);
+        [
+            ((m00 * r[0] + m01 * r[1] + m02 * r[2]) * per) as f32,
+            ((m01 * r[0] + m11 * r[1] + m12 * r[2]) * per) as f32,
+            ((m02 * r[0] + m12 * r[1] + m22 * r[2]) * per) as f32,
+        ]
+    }
+}
+
+/// All systems and the colours they start from.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    sums: Vec<Equations>,
+    /// λ, px.
+    flatness: f32,
+    /// Colours that photos are compared with, sRGB-encoded. `[F][corner][channel]`
+    encoded: Vec<[[f32; 3]; 3]>,
+    /// The same in linear light.
+    linear: Vec<[[f32; 3]; 3]>,
+}
+
+impl Fit {
+    /// Empty sums. `flatness` is λ, px.
+    pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
+        let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
+        let encoded: Vec<[[f32; 3]; 3]> = (0..mesh.face_count()).into_par_iter().map(encode).collect();
+        Self {
+            sums: vec![Equations::default(); encoded.len()],
+            flatness,
+            encoded,
+            linear: (0..mesh.face_count()).map(|f| mesh.corner_colors(f)).collect(),
+        }
+    }
+
+    /// Linear colour of a face at these barycentric weights.
+    #[inline(always)]
+    pub(super) fn linear(&self, face: u32, weights: &[f32; 3]) -> [f32; 3] {
+        let [a, b, c] = &self.linear[face as usize];
+        let mut mixed = [0.0; 3];
+        for i in 0..3 {
+            mixed[i] = weights[0] * a[i] + weights[1] * b[i] + weights[2] * c[i];
+        }
+        mixed
+    }
+
+    /// Adds the sums of some faces, each listed once, with this sign: -1 takes them back.
+    pub(super) fn add(&mut self, sums: &[(u32, Equations)], sign: f32) {
+        for (face, sums) in sums {
+            self.sums[*face as usize].plus(sums, sign);
+        }
+    }
+
+    /// Number of triangles that photos see.
+    pub(super) fn fitted(&self) -> usize {
+        self.sums.iter().filter(|s| s.area() > LEAST_PX).count()
+    }
+
+    /// Starts again from better colours, with empty sums.
+    pub(super) fn improve(&mut self, which: RefitColors) {
+        let flatness = self.flatness;
+        let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
+        self.sums.par_iter_mut().zip(sought).with_min_len(TASK_FACES).for_each(
+            |(sums, (encoded, linear))| {
+                *encoded = sums.colors(which, encoded, flatness);
+                *linear = encoded.map(|corner| corner.map(linear_from_srgb));
+                *sums = Equations::default();
+            },
+        );
+    }
+
+    /// The equations of the faces from `first` on. `[face]`
+    pub(super) fn sums(&self, first: usize) -> &[Equations] {
+        &self.sums[first..]
+    }
+
+    /// The colours that photos are compared with, of the same faces. `[face][corner][channel]`
+    pub(super) fn encoded(&self, first: usize) -> &[[[f32; 3]; 3]] {
+        &self.encoded[first..]
+    }
+
+    /// Better colours for the mesh of [`Fit::new`].
+    pub(super) fn colors(&self, which: RefitColors) -> Colors {
+        let solved = |(sums, encoded): (&Equations, &[[f32; 3]; 3])| {
+            sums.colors(which, encoded, self.flatness).map(|corner| corner.map(linear_from_srgb))
+        };
+        let all = self.sums.par_iter().zip(&self.encoded).with_min_len(TASK_FACES).map(solved);
+        match which {
+            RefitColors::Corner => Colors::Vertex(all.collect::<Vec<_>>().into_flattened()),
+            _ => Colors::Face(all.map(|corners| corners[0]).collect()),
+        }
+    }
+}

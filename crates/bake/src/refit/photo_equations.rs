@@ -1,0 +1,210 @@
+//! The equations of one photo for every triangle that it sees.
+
+use super::equations::{Equations, Fit};
+use rayon::prelude::*;
+use trisplat_raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::Mesh;
+
+/// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of threads.
+const BANDS: usize = 8;
+/// Most samples of a pixel.
+const MOST_SAMPLES: usize = 16;
+/// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
+const MOST_RESIDUAL: f32 = 0.15;
+/// The slot of a face without sums.
+const NO_SLOT: u32 = u32::MAX;
+
+/// A photo, and the scene rasterised from its camera.
+pub(super) struct Observation<'a> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) camera: &'a Camera,
+    pub(super) photo: &'a Pixels,
+    pub(super) visibility: &'a Visibility,
+    /// sRGB-encoded.
+    pub(super) background: [f32; 3],
+    /// The share of a sample's residual that comes from its whole pixel; the rest comes from its own colour.
+    pub(super) coupling: f32,
+}
+
+/// Equations of one band, kept from photo to photo.
+#[derive(Debug, Clone)]
+struct Band {
+    /// The slot of a face in `sums` and `corners`. `[F]`
+    slots: Vec<u32>,
+    sums: Vec<(u32, Equations)>,
+    corners: Vec<FaceBarycentrics>,
+    error: [f64; 3],
+    pixels: f64,
+}
+
+/// The buffers of [`Gatherer::gather`], reused from photo to photo.
+#[derive(Debug, Clone)]
+pub(super) struct Gatherer {
+    bands: Vec<Band>,
+}
+
+impl Gatherer {
+    /// For meshes of `faces`.
+    pub(super) fn new(faces: usize) -> Self {
+        let slots = vec![NO_SLOT; faces];
+        let band = Band { slots, sums: Vec::new(), corners: Vec::new(), error: [0.0; 3], pixels: 0.0 };
+        Self { bands: vec![band; BANDS] }
+    }
+
+    /// Adds a photo to the sums of `fit` with this sign: -1 takes it back. Returns its mean error, sRGB-encoded.
+    pub(super) fn gather(&mut self, observation: &Observation<'_>, fit: &mut Fit, sign: f32) -> [f32; 3] {
+        let rows = observation.photo.size.y;
+        let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
+        let seen: &Fit = fit;
+        self.bands.par_iter_mut().enumerate().for_each(|(i, band)| {
+            band.sums.clear();
+            band.corners.clear();
+            (band.error, band.pixels) = ([0.0; 3], 0.0);
+            let mut pass = Pass::new(observation, seen, band);
+            (row(i)..row(i + 1)).for_each(|y| pass.row(y));
+            for (face, _) in &band.sums {
+                band.slots[*face as usize] = NO_SLOT;
+            }
+        });
+        let (mut error, mut pixels) = ([0.0; 3], 0.0);
+        for band in &self.bands {
+            fit.add(&band.sums, sign);
+            (0..3).for_each(|c| error[c] += band.error[c]);
+            pixels += band.pixels;
+        }
+        error.map(|e| (e / f64::max(pixels, 1.0)) as f32)
+    }
+}
+
+/// A sample of the current pixel: the slot of its face and the barycentric weights of the face's corners.
+type PixelSample = (u32, [f32; 3]);
+
+struct Pass<'a> {
+    observation: &'a Observation<'a>,
+    fit: &'a Fit,
+    band: &'a mut Band,
+    barycentrics: Barycentrics<'a>,
+    samples: u32,
+    background: [f32; 3],
+}
+
+impl<'a> Pass<'a> {
+    fn new(observation: &'a Observation<'a>, fit: &'a Fit, band: &'a mut Band) -> Self {
+        let samples = observation.visibility.size.x / observation.camera.size.x;
+        let barycentrics = Barycentrics::new(observation.mesh, observation.camera, samples);
+        Self {
+            observation,
+            fit,
+            band,
+            barycentrics,
+            samples,
+            background: observation.background.map(linear_from_srgb),
+        }
+    }
+
+    fn row(&mut self, y: u32) {
+        for x in 0..self.observation.photo.size.x {
+            let pixel = (y * self.observation.photo.size.x + x) as usize;
+            let weight = match &self.observation.photo.alpha {
+                Some(alpha) => f32::from(alpha[pixel]) * (1.0 / 255.0),
+                None => 1.0,
+            };
+            if weight > 0.0 {
+                self.pixel(x, y, self.observation.photo.rgb[pixel], weight);
+            }
+        }
+    }
+
+    fn pixel(&mut self, x: u32, y: u32, photo: [u8; 3], weight: f32) {
+        let n = self.samples;
+        let faces = |i: u32| self.observation.visibility.face[self.sample(x * n + i % n, y * n + i / n)];
+        let first = faces(0);
+        if (1..n * n).all(|i| faces(i) == first) {
+            if first != NO_FACE {
+                // The colour in the middle is the mean of colours that change linearly.
+                let slot = self.slot(first);
+                let middle = self.barycentrics.weights_in_pixel(&self.band.corners[slot as usize], x, y);
+                self.spread(&[(slot, middle)], photo, weight);
+            }
+            return;
+        }
+        let mut seen: [PixelSample; MOST_SAMPLES] = [(NO_SLOT, [0.0; 3]); MOST_SAMPLES];
+        for i in 0..n * n {
+            let (sx, sy) = (x * n + i % n, y * n + i / n);
+            let face = self.observation.visibility.face[self.sample(sx, sy)];
+            if face != NO_FACE {
+                let slot = self.slot(face);
+                let weights = self.barycentrics.weights(&self.band.corners[slot as usize], sx, sy);
+                seen[i as usize] = (slot, weights);
+            }
+        }
+        self.spread(&seen[..(n * n) as usize], photo, weight);
+    }
+
+    fn sample(&self, x: u32, y: u32) -> usize {
+        (y * self.observation.visibility.size.x + x) as usize
+    }
+
+    /// Adds to the sums of the faces seen at a pixel's samples.
+    fn spread(&mut self, seen: &[PixelSample], photo: [u8; 3], weight: f32) {
+        let mut colors = [[0.0f32; 3]; MOST_SAMPLES];
+        let mut mean = [0.0f32; 3];
+        for (color, (slot, weights)) in colors.iter_mut().zip(seen) {
+            *color = match *slot {
+                NO_SLOT => self.background,
+                slot => self.fit.linear(self.band.sums[slot as usize].0, weights),
+            };
+            for c in 0..3 {
+                mean[c] += color[c] / seen.len() as f32;
+            }
+        }
+        let of_pixel = residual(photo, mean);
+        for (error, residual) in self.band.error.iter_mut().zip(of_pixel) {
+            *error += f64::from(residual * weight);
+        }
+        self.band.pixels += f64::from(weight);
+        let share = weight / seen.len() as f32;
+        for (color, (slot, weights)) in colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT) {
+            let own = if seen.len() > 1 { residual(photo, *color) } else { of_pixel };
+            let residual = coupled(of_pixel, own, self.observation.coupling);
+            self.band.sums[*slot as usize].1.add(weights, &residual, share);
+        }
+    }
+
+    /// The place of a face's sums.
+    fn slot(&mut self, face: u32) -> u32 {
+        let slot = &mut self.band.slots[face as usize];
+        if *slot == NO_SLOT {
+            *slot = self.band.sums.len() as u32;
+            self.band.sums.push((face, Equations::default()));
+            self.band.corners.push(self.barycentrics.face(face));
+        }
+        *slot
+    }
+}
+
+/// The difference of a photo's colour from a linear colour, sRGB-encoded; the colour is rounded to 8 bits, as
+/// an engine does.
+#[inline(always)]
+fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
+    let mut residual = [0.0; 3];
+    for c in 0..3 {
+        residual[c] = f32::from(i16::from(photo[c]) - i16::from(srgb8_from_linear(linear[c]))) / 255.0;
+    }
+    residual
+}
+
+/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded.
+#[inline(always)]
+fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> [f32; 3] {
+    let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
+    let mut residual = [0.0; 3];
+    for c in 0..3 {
+        residual[c] = coupling * bounded(pixel[c]) + (1.0 - coupling) * bounded(own[c]);
+    }
+    residual
+}

@@ -1,0 +1,166 @@
+//! The triangles while they are fitted.
+
+use super::found::Found;
+use crate::trial::with_moved_corner;
+use glam::Vec3;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// Weight of a face's own colour, in samples.
+const PRIOR_SAMPLES: f64 = 2.0;
+/// Least samples of a face before it is cut, so that each half shows some.
+const CUT_SAMPLES: f64 = 8.0;
+
+/// Unconnected triangles, one colour each. The shell only gets colours, so it stays closed.
+pub(super) struct ReshapedFaces {
+    /// Permanent names of faces, for random sequences. `[F]`
+    ids: Vec<u32>,
+    next_id: u32,
+    /// `[F]`
+    pub(super) corners: Vec<[Vec3; 3]>,
+    /// Linear. `[F]`
+    colors: Vec<[f32; 3]>,
+    /// See [`Mesh::shell`]. `[F]`
+    shell: Vec<bool>,
+}
+
+impl ReshapedFaces {
+    /// Those of a mesh without shared vertices, in their mean colours.
+    pub(super) fn new(mesh: &Mesh) -> Self {
+        let count = mesh.face_count();
+        let color = |face: usize| {
+            let [a, b, c] = mesh.corner_colors(face);
+            match &mesh.colors {
+                Colors::Face(colors) => colors[face],
+                Colors::Vertex(_) => [0, 1, 2].map(|k| (a[k] + b[k] + c[k]) / 3.0),
+            }
+        };
+        Self {
+            ids: (0..count as u32).collect(),
+            next_id: count as u32,
+            corners: (0..count).map(|face| mesh.corners(face)).collect(),
+            colors: (0..count).map(color).collect(),
+            shell: (0..count).map(|face| mesh.is_shell(face)).collect(),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    pub(super) fn ids(&self) -> &[u32] {
+        &self.ids
+    }
+
+    /// sRGB-encoded colours, in which errors are measured. `[F]`
+    pub(super) fn encoded_colors(&self) -> Vec<[f32; 3]> {
+        self.colors.iter().map(|rgb| rgb.map(srgb_from_linear)).collect()
+    }
+
+    /// All faces, each with one corner moved. `[F]`
+    pub(super) fn with_moved_corners(&self, round: u32) -> Vec<[Vec3; 3]> {
+        self.corners
+            .iter()
+            .zip(&self.ids)
+            .map(|(corners, id)| with_moved_corner(*corners, *id, round))
+            .collect()
+    }
+
+    /// Gives every visible face the mean colour of the pixels that show it.
+    pub(super) fn recolor(&mut self, found: &Found) {
+        for (i, color) in self.colors.iter_mut().enumerate() {
+            let face = found.face(i);
+            if face.samples > 0.0 {
+                let old = color.map(|c| f64::from(srgb_from_linear(c)));
+                let mean = |k: usize| (face.rgb[k] + PRIOR_SAMPLES * old[k]) / (face.samples + PRIOR_SAMPLES);
+                *color = [0, 1, 2].map(|k| linear_from_srgb(mean(k) as f32));
+            }
+        }
+    }
+
+    /// Moves corners if this lowers the error; returns how many.
+    pub(super) fn keep_moves(&mut self, found: &Found, candidates: Vec<[Vec3; 3]>) -> u64 {
+        let mut moves = 0;
+        for (i, candidate) in candidates.into_iter().enumerate() {
+            if found.face(i).moving < 0.0 && !self.shell[i] {
+                self.corners[i] = candidate;
+                moves += 1;
+            }
+        }
+        moves
+    }
+
+    /// Drops faces if the error is lower without them; returns how many. Faces not in `found` stay.
+    pub(super) fn drop_harmful(&mut self, found: &Found) -> u64 {
+        let before = self.len();
+        let stays = |i: usize| i >= found.len() || self.shell[i] || !found.face(i).is_harmful();
+        let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
+        // At least one triangle must stay.
+        if !kept.is_empty() {
+            self.ids = kept.iter().map(|&i| self.ids[i]).collect();
+            self.corners = kept.iter().map(|&i| self.corners[i]).collect();
+            self.colors = kept.iter().map(|&i| self.colors[i]).collect();
+            self.shell = kept.iter().map(|&i| self.shell[i]).collect();
+        }
+        (before - self.len()) as u64
+    }
+
+    /// Cuts faces in two across their longest edge, those with the largest error first: at most the share
+    /// `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how many.
+    pub(super) fn cut(&mut self, found: &Found, budget: usize, most: f64) -> u64 {
+        let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
+        let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
+        let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
+        let mut order: Vec<usize> =
+            (0..self.len()).filter(is_good).filter(|&i| found.face(i).samples >= CUT_SAMPLES).collect();
+        order.sort_unstable_by(|&a, &b| found.face(b).error.total_cmp(&found.face(a).error).then(a.cmp(&b)));
+        order.truncate(room);
+        for &i in &order {
+            let [first, second] = halves(self.corners[i]);
+            self.corners[i] = first;
+            self.corners.push(second);
+            self.colors.push(self.colors[i]);
+            self.shell.push(false);
+            self.ids.push(self.next_id);
+            self.next_id += 1;
+        }
+        order.len() as u64
+    }
+
+    /// As a mesh, one colour per face.
+    pub(super) fn to_mesh(&self) -> Mesh {
+        Mesh {
+            positions: self.corners.as_flattened().to_vec(),
+            colors: Colors::Face(self.colors.clone()),
+            shell: if self.shell.contains(&true) { self.shell.clone() } else { Vec::new() },
+            ..Mesh::default()
+        }
+    }
+}
+
+/// The two halves of a triangle, cut along the median to its longest edge.
+fn halves(corners: [Vec3; 3]) -> [[Vec3; 3]; 2] {
+    let edge = |k: usize| corners[(k + 1) % 3].distance_squared(corners[(k + 2) % 3]);
+    let opposite = (1..3).fold(0, |best, k| if edge(k) > edge(best) { k } else { best });
+    let (b, c) = ((opposite + 1) % 3, (opposite + 2) % 3);
+    let middle = (corners[b] + corners[c]) / 2.0;
+    let mut halves = [corners; 2];
+    halves[0][c] = middle;
+    halves[1][b] = middle;
+    halves
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_cover_the_triangle_and_turn_the_same_way() {
+        let corners = [Vec3::ZERO, Vec3::new(4.0, 0.0, 0.0), Vec3::new(1.0, 2.0, 0.0)];
+        let normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
+        let [first, second] = halves(corners);
+        assert_eq!(normal(first), normal(second));
+        assert_eq!(normal(first) + normal(second), normal(corners));
+        assert!(first.contains(&Vec3::new(2.0, 0.0, 0.0)) && second.contains(&Vec3::new(2.0, 0.0, 0.0)));
+    }
+}

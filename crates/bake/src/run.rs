@@ -1,0 +1,105 @@
+//! The bake, called by a program.
+
+use super::options::BakeOptions;
+use super::recipe::Recipe;
+use super::views::Views;
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::Result;
+use trisplat_scene::report::{Observer, Report};
+use trisplat_scene::scene::Loaded;
+
+/// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
+/// report and an observer.
+///
+/// Errors: options out of range, nothing left to draw.
+///
+/// ```
+/// use glam::Vec3;
+/// use trisplat::bake::{BakeOptions, BakePreset, bake};
+/// use trisplat::soup::Soup;
+///
+/// let soup = Soup {
+///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+///     opacity: vec![1.0],
+///     sigma: vec![0.01],
+///     sh: vec![[0.5, 0.0, -0.5]],
+///     sh_degree: 0,
+///     ..Soup::default()
+/// };
+/// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
+    Bake::new(options).run([scene])
+}
+
+/// A bake with all optional inputs.
+///
+/// ```
+/// # use glam::Vec3;
+/// use trisplat::bake::{Bake, BakeOptions, prune::PruneDetails};
+/// use trisplat::report::Report;
+/// # use trisplat::soup::Soup;
+/// # let triangle = Soup {
+/// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
+/// #     opacity: vec![1.0],
+/// #     sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]],
+/// #     sh_degree: 0,
+/// #     ..Soup::default()
+/// # };
+/// # let faint = Soup { opacity: vec![0.001], ..triangle.clone() };
+///
+/// let mut report = Report::new("bake");
+/// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
+/// assert_eq!(asset.mesh.face_count(), 1);
+/// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+#[must_use = "nothing happens before `run`"]
+pub struct Bake<'a> {
+    options: &'a BakeOptions,
+    views: Option<&'a mut Views>,
+    report: Option<&'a mut Report>,
+    observer: Option<&'a mut dyn Observer>,
+}
+
+impl<'a> Bake<'a> {
+    /// A bake with these options.
+    pub fn new(options: &'a BakeOptions) -> Self {
+        Self { options, views: None, report: None, observer: None }
+    }
+
+    /// Photos of the scene. Without them the cameras stored in the scene, if any, decide visibility. The
+    /// photos' cameras are left in the frame of the scene.
+    pub fn photos(self, views: impl Into<Option<&'a mut Views>>) -> Self {
+        Self { views: views.into(), ..self }
+    }
+
+    /// Records the result of every stage.
+    pub fn report(self, report: &'a mut Report) -> Self {
+        Self { report: Some(report), ..self }
+    }
+
+    /// Is notified when stages start and end.
+    pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
+        Self { observer: Some(observer), ..self }
+    }
+
+    /// Merges `inputs` and bakes them for an engine.
+    ///
+    /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
+    /// not show the scene.
+    pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
+        self.options.validate()?;
+        let (mut own_report, mut no_observer) = (Report::default(), ());
+        let observer = match self.observer {
+            Some(observer) => observer,
+            None => &mut no_observer,
+        };
+        let report = self.report.unwrap_or(&mut own_report);
+        let recipe = Recipe::new(self.options, self.views, report, observer);
+        recipe.run(inputs.into_iter().map(Into::into).collect())
+    }
+}

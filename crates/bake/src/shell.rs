@@ -1,0 +1,110 @@
+//! The shell of a trained scene as its backdrop.
+//!
+//! Training closes a scene with a shell of triangles where it has no points. As part of the scene, the shell
+//! would be an opaque ball for viewers, which look from outside. As the backdrop it is visible from within
+//! only. Training flags the triangles of its shell ([`Mesh::shell`]); they are never guessed from their
+//! place. Other programs close their scenes with sky domes without such a flag. These are recognised by four
+//! signs that no wall shows.
+
+use super::backdrop::BackdropWhen;
+use glam::Vec3;
+use trisplat_raster::framing::far_shell::far_shell;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::Scene;
+
+/// A shell stays whole if the budget of triangles is at least this many times its size.
+const LEAST_SHELLS: u64 = 8;
+
+/// Flags the far shell of a soup whose file has no flags.
+pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
+    let Scene::Soup(soup) = scene else { return };
+    if when == BackdropWhen::Off || soup.shell_count() > 0 {
+        return;
+    }
+    soup.shell = far_shell(&|triangle| soup.vertices[triangle], soup.len()).unwrap_or_default();
+}
+
+/// Takes the faces of the shell out of `mesh`, their fronts towards the middle: that of `cameras`, or its own.
+pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
+    let mut shell = mesh.take_shell();
+    shell.shell.clear();
+    let mean = |points: &mut dyn ExactSizeIterator<Item = Vec3>| {
+        let count = points.len().max(1) as f32;
+        points.sum::<Vec3>() / count
+    };
+    // The middle of a shell that is open to one side may lie behind some of it.
+    let middle = match cameras.is_empty() {
+        true => mean(&mut (0..shell.face_count()).map(|face| shell.centroid(face))),
+        false => mean(&mut cameras.iter().map(Camera::position)),
+    };
+    for face in 0..shell.face_count() {
+        if shell.flat_normal(face).dot(middle - shell.centroid(face)) < 0.0 {
+            shell.flip(face);
+        }
+    }
+    shell
+}
+
+/// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
+/// of them, unless the mesh is larger than `budget` and the shell takes a large part of it: small budgets are
+/// spent on visible triangles. `[F]`
+pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
+    let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
+    let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
+        Some(budget) => count <= budget / LEAST_SHELLS,
+        None => true,
+    };
+    if count > 0 && spares { mesh.shell.clone() } else { Vec::new() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::mesh::Colors;
+
+    /// An octahedron of radius 10 as a shell, wound outward, and `within` triangles near its middle.
+    fn scene(within: usize) -> Mesh {
+        let faces = (0..8).map(|i| {
+            let sign = |axis: usize| if i >> axis & 1 == 0 { 10.0 } else { -10.0 };
+            let [x, y, z] = [Vec3::X * sign(0), Vec3::Y * sign(1), Vec3::Z * sign(2)];
+            if (y - x).cross(z - x).dot(x) > 0.0 { [x, y, z] } else { [x, z, y] }
+        });
+        let inner =
+            (0..within).map(|i| [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::X * (i as f32 / 100.0)));
+        let triangles: Vec<[Vec3; 3]> = faces.chain(inner).collect();
+        Mesh {
+            colors: Colors::Face(vec![[0.5; 3]; triangles.len()]),
+            shell: (0..triangles.len()).map(|face| face < 8).collect(),
+            positions: triangles.into_flattened(),
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn the_shell_is_taken_and_turned_inward_and_what_leans_against_it_stays() {
+        let mut mesh = scene(1);
+        // In the plane of a triangle of the shell: only the flag tells them apart.
+        let leaning = Mesh { shell: Vec::new(), ..scene(0).part(&[0]) };
+        mesh.append(leaning.clone()).unwrap();
+        let shell = take_shell(&mut mesh, &[]);
+        assert_eq!((shell.face_count(), mesh.face_count()), (8, 2));
+        assert_eq!(mesh.corners(1), leaning.corners(0));
+        assert!((0..8).all(|f| shell.flat_normal(f).dot(shell.centroid(f)) < 0.0), "fronts are inside");
+        assert!(mesh.shell.is_empty() && shell.shell.is_empty());
+        assert_eq!(take_shell(&mut mesh, &[]).face_count(), 0);
+    }
+
+    #[test]
+    fn a_shell_is_kept_whole_unless_it_is_a_large_part_of_a_budget() {
+        let mut whole = scene(100);
+        for (budget, count) in [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
+            let faces = spared(&whole, budget);
+            assert_eq!(faces.iter().filter(|face| **face).count(), count, "{budget:?}");
+            assert!(faces.iter().skip(8).all(|face| !face), "{budget:?}");
+            assert_eq!(faces.is_empty(), count == 0, "{budget:?}");
+        }
+        whole.shell.clear();
+        assert!(spared(&whole, Some(64)).is_empty(), "room is left for another backdrop");
+    }
+}

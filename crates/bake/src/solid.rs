@@ -1,0 +1,232 @@
+//! Makes soft triangles solid: each becomes the smaller, opaque triangle that looks most like it.
+//!
+//! The level sets of the window function are copies of the triangle shrunk about its incenter (Held et
+//! al. 2025, eq. 1), so no meshing is needed.
+
+use super::prune::is_degenerate;
+use glam::Vec3;
+use rayon::prelude::*;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::soup::Soup;
+
+/// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
+pub const SOLID_SIGMA: f32 = 1e-4;
+
+/// How a soft triangle becomes solid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Solidify {
+    /// The larger of `contour` and `area`: hard triangles keep their outline, faint ones their share
+    Auto,
+    /// The outline where opacity times window is `contour`; fainter triangles are dropped
+    Contour,
+    /// As large as the opacity that the triangle adds to the picture
+    Area,
+    /// Full size
+    None,
+}
+
+/// How soft triangles become solid ones.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolidOptions {
+    /// How a soft triangle becomes solid
+    pub solid: Solidify,
+    /// The value of opacity times window that counts as the outline
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub contour: f64,
+}
+
+impl SolidOptions {
+    /// Nothing vanishes and nothing tears.
+    pub const DEFAULT: Self = Self { solid: Solidify::Auto, contour: 0.5 };
+}
+
+impl Default for SolidOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// What shrinking did.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct SolidDetails {
+    /// Triangles dropped because opacity times window nowhere reaches `contour`.
+    pub no_contour: u64,
+    /// Triangles dropped because they shrank to a line or a point.
+    pub collapsed: u64,
+    /// Area of all triangles after, as a share of that before.
+    pub area_ratio: f64,
+}
+
+impl StageDetails for SolidDetails {
+    const STAGE: &'static str = "solid";
+}
+
+/// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink below the range of an
+/// f32 are dropped; with `contour`, so are triangles without one.
+///
+/// Errors: `contour` outside (0, 1); nothing left.
+pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails) -> Result<Outcome<()>> {
+    if !(options.contour > 0.0 && options.contour < 1.0) {
+        return Err(Error::invalid("contour", options.contour, "a number above 0 and below 1"));
+    }
+    let is_solid = |(o, s): (&f32, &f32)| *o >= 1.0 && *s <= SOLID_SIGMA;
+    if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
+        return Ok(Outcome::Unneeded("every triangle is solid already"));
+    }
+    let (results, areas) = solidify_all(soup, options);
+    soup.opacity.fill(1.0);
+    soup.sigma.fill(SOLID_SIGMA);
+    let lost = |result| results.iter().filter(|&&r| r == result).count();
+    let (no_contour, collapsed) = (lost(Shrunk::NoContour), lost(Shrunk::Collapsed));
+    if no_contour + collapsed == results.len() {
+        return Err(nothing_left(options, no_contour, results.len()));
+    }
+    if no_contour + collapsed > 0 {
+        soup.retain(|i| results[i] == Shrunk::Solid);
+    }
+    *details = SolidDetails {
+        no_contour: no_contour as u64,
+        collapsed: collapsed as u64,
+        area_ratio: areas.after / areas.before,
+    };
+    Ok(Outcome::Changed(()))
+}
+
+/// Triangles that a thread shrinks at once. Fixed, so that sums do not depend on the number of threads.
+const PART: usize = 1 << 12;
+
+/// Sums of areas.
+#[derive(Debug, Clone, Copy, Default)]
+struct Areas {
+    before: f64,
+    after: f64,
+}
+
+/// Shrinks every triangle in place; returns the areas before and after.
+fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas) {
+    let mut results = vec![Shrunk::Solid; soup.len()];
+    let log_contour = options.contour.ln();
+    let parts: Vec<Areas> = (
+        soup.vertices.par_chunks_mut(PART),
+        soup.opacity.par_chunks(PART),
+        soup.sigma.par_chunks(PART),
+        results.par_chunks_mut(PART),
+    )
+        .into_par_iter()
+        .map(|(vertices, opacity, sigma, results)| {
+            let mut sum = Areas::default();
+            for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
+                let factor = factor(o.into(), s.into(), options, log_contour);
+                let area = area(corners);
+                *result = solidify(corners, factor);
+                sum.before += area;
+                if *result == Shrunk::Solid {
+                    sum.after += area * factor.min(1.0).powi(2);
+                }
+            }
+            sum
+        })
+        .collect();
+    let sum = |of: fn(&Areas) -> f64| parts.iter().map(of).sum();
+    (results, Areas { before: sum(|part| part.before), after: sum(|part| part.after) })
+}
+
+fn nothing_left(options: &SolidOptions, no_contour: usize, total: usize) -> Error {
+    if no_contour > 0 {
+        let wants =
+            format!("a lower value, or `solid` auto: {no_contour} of {total} triangles never reach it");
+        return Error::invalid("contour", options.contour, wants);
+    }
+    let what = format!("{total} triangles that shrink to nothing");
+    Error::invalid("the scene", what, "triangles of some size (the prune stage drops lines and points)")
+}
+
+/// The result of shrinking a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shrunk {
+    Solid,
+    NoContour,
+    Collapsed,
+}
+
+/// The scale of a triangle about its incenter.
+fn factor(opacity: f64, sigma: f64, options: &SolidOptions, log_contour: f64) -> f64 {
+    let contour = || match opacity > options.contour {
+        true => contour_factor_of_logs(opacity.ln(), sigma, log_contour),
+        false => 0.0,
+    };
+    match options.solid {
+        Solidify::Auto => contour().max(area_factor(opacity, sigma)),
+        Solidify::Contour => contour(),
+        Solidify::Area => area_factor(opacity, sigma),
+        Solidify::None => 1.0,
+    }
+}
+
+/// Shrinks one triangle in place.
+fn solidify(corners: &mut [Vec3; 3], factor: f64) -> Shrunk {
+    if factor >= 1.0 {
+        return Shrunk::Solid;
+    }
+    if !(factor > 0.0) {
+        return Shrunk::NoContour;
+    }
+    *corners = shrink(corners, factor);
+    if is_degenerate(corners) { Shrunk::Collapsed } else { Shrunk::Solid }
+}
+
+/// The scale about the incenter at which opacity times window is `contour`; 0 when it never is.
+///
+/// ```text
+/// o (1 - f)^sigma = t   =>   f = 1 - (t / o)^(1 / sigma)      (Held et al. 2025, eq. 1)
+/// ```
+///
+/// Domain: o in [0, 1], sigma > 0, t in (0, 1). In the log domain, where 1e-4 and 1e3 do not overflow.
+pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
+    if !(opacity > contour) {
+        return 0.0;
+    }
+    contour_factor_of_logs(opacity.ln(), sigma, contour.ln())
+}
+
+/// The same where there is a contour.
+fn contour_factor_of_logs(log_opacity: f64, sigma: f64, log_contour: f64) -> f64 {
+    -((log_contour - log_opacity) / sigma).exp_m1()
+}
+
+/// The scale whose area is the triangle's integrated alpha: the opaque triangle then adds as much to a
+/// picture as the soft one.
+///
+/// ```text
+/// f^2 = o * mean(window) = o * 2 / ((sigma + 1) (sigma + 2))
+/// ```
+///
+/// The mean holds for any triangle: the part of it above level t is itself, scaled by 1 - t^(1/sigma), and
+/// the mean is the integral of that area over t from 0 to 1.
+pub fn area_factor(opacity: f64, sigma: f64) -> f64 {
+    (opacity * 2.0 / ((sigma + 1.0) * (sigma + 2.0))).sqrt()
+}
+
+/// The triangle scaled by `factor` about its incenter, computed in f64 and rounded once.
+///
+/// ```text
+/// s = (|bc| a + |ca| b + |ab| c) / (|bc| + |ca| + |ab|)
+/// ```
+pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
+    let [a, b, c] = corners.map(|v| v.as_dvec3());
+    let (bc, ca, ab) = (b.distance(c), c.distance(a), a.distance(b));
+    let perimeter = bc + ca + ab;
+    if !(perimeter > 0.0) {
+        return *corners;
+    }
+    let incenter = (bc * a + ca * b + ab * c) / perimeter;
+    [a, b, c].map(|v| (incenter + factor * (v - incenter)).as_vec3())
+}
+
+/// Area of a triangle.
+fn area(v: &[Vec3; 3]) -> f64 {
+    0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length()
+}

@@ -1,0 +1,265 @@
+//! Pictures instead of photos: a soft scene is drawn as it was trained, and later stages use these pictures
+//! like photos.
+//!
+//! A solid triangle keeps its own colour, but soft pictures blend many triangles. The soft rasteriser still
+//! draws the scene as it was trained, without photos.
+
+use super::color::color;
+use super::prune::{PruneDetails, PruneOptions, prune};
+use super::solid::{SolidOptions, area_factor, solid};
+use super::views::{SAMPLES, Views, drawing};
+use glam::UVec2;
+use trisplat_formats::info::Softness;
+use trisplat_raster::soft::SoftOptions;
+use trisplat_raster::solid::Solid;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
+use trisplat_teacher::{Teacher, ViewpointKind, Viewpoints};
+
+/// Pixels of all pictures together; with many or large cameras not all are drawn.
+const MOST_PIXELS: u64 = 12_000_000;
+/// Number of pictures from chosen viewpoints: enough for colours, few enough for every bake.
+const CHOSEN_PICTURES: usize = 32;
+/// Pictures that softness is measured on.
+const SOFTNESS_VIEWS: usize = 4;
+/// Their longer side, px.
+const SOFTNESS_PX: u32 = 240;
+/// Pictures with a smaller share of scene are not used.
+const LEAST_COVERED: f64 = 0.001;
+/// A scene is solid when its triangles cover this share of their area.
+const SOLID_COVER: f64 = 0.95;
+
+/// Whether pictures of the soft scene are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TeacherWhen {
+    /// When the scene is soft and no photos are given
+    Auto,
+    /// Never
+    Off,
+}
+
+/// Whether pictures of the soft scene replace photos.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct TeacherOptions {
+    /// When the soft scene is drawn as it was trained, and its pictures replace photos
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TeacherOptions::DEFAULT.teacher, value_name = "WHEN"))]
+    pub teacher: TeacherWhen,
+    /// Draw at most N pictures [default: 32 from chosen viewpoints; from stored cameras as many as fit 12 million pixels]
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[schemars(range(min = 1))]
+    pub teacher_pictures: Option<u32>,
+}
+
+impl TeacherOptions {
+    /// Draws pictures if there are no photos.
+    pub const DEFAULT: Self = Self { teacher: TeacherWhen::Auto, teacher_pictures: None };
+    /// Draws none.
+    pub const OFF: Self = Self { teacher: TeacherWhen::Off, ..Self::DEFAULT };
+
+    fn validate(&self) -> Result<()> {
+        ranges::check("teacher", self, Called::ByFlag)
+    }
+}
+
+impl Default for TeacherOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The drawn pictures, and the softness of the scene; empty when it is solid.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct TeacherDetails {
+    /// How well the scene matches its soft pictures when each triangle is just made solid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub softness: Option<Softness>,
+    /// Where it was drawn from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viewpoints: Option<ViewpointKind>,
+    /// Pictures drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pictures: Option<u64>,
+    /// Width and height of the first of them, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size_px: Option<[u32; 2]>,
+    /// Share of the pictures that triangles cover.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covered: Option<f64>,
+}
+
+impl StageDetails for TeacherDetails {
+    const STAGE: &'static str = "teacher";
+}
+
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`.
+///
+/// Errors: an option out of range; options of the stages that make a scene solid out of range.
+pub fn teacher(
+    views: &mut Option<Views>,
+    scene: &Loaded,
+    photos: bool,
+    options: &TeacherOptions,
+    solidly: &SolidOptions,
+    details: &mut TeacherDetails,
+) -> Result<Outcome<()>> {
+    options.validate()?;
+    if options.teacher == TeacherWhen::Off {
+        return Ok(Outcome::Unneeded("`teacher` off"));
+    }
+    let soup = match &scene.scene {
+        Scene::Mesh(_) => return Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+        Scene::Soup(soup) if is_solid(soup) => {
+            return Ok(Outcome::Unneeded("the scene is solid already"));
+        }
+        Scene::Soup(soup) => soup,
+    };
+    if photos {
+        details.softness = softness_from(soup, &scene.cameras, solidly)?;
+        return Ok(Outcome::Unneeded("there are photos, or pictures already"));
+    }
+    let Some(viewpoints) = viewpoints(scene) else {
+        return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
+    };
+    details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
+    details.viewpoints = Some(viewpoints.kind);
+    let drawn = at_most(options.teacher_pictures, scene, viewpoints.cameras);
+    if drawn.covered() < LEAST_COVERED {
+        return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
+    }
+    details.pictures = Some(drawn.len() as u64);
+    details.size_px = drawn.cameras().first().map(|camera| camera.size.to_array());
+    details.covered = Some(drawn.covered());
+    *views = Some(drawn);
+    Ok(Outcome::Changed(()))
+}
+
+/// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
+fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
+    let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
+    if viewpoints.kind != ViewpointKind::Stored {
+        viewpoints.cameras.truncate(CHOSEN_PICTURES);
+    }
+    Some(viewpoints)
+}
+
+/// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
+/// are too many.
+pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
+    at_most(None, scene, cameras)
+}
+
+/// The same, limited in number.
+fn at_most(most: Option<u32>, scene: &Loaded, cameras: Vec<Camera>) -> Views {
+    let cameras = within_budget(cameras);
+    let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
+    let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
+    let mut chosen: Vec<usize> = spread(cameras.len()).take(most).collect();
+    chosen.sort_unstable();
+    let picture = |view| (cameras[view], teacher.weighted_picture(&cameras[view]));
+    let (chosen, pictures) = chosen.into_iter().map(picture).unzip();
+    Views::drawn(chosen, pictures)
+}
+
+/// The numbers below `count` in bit-reversed order, in which every prefix is spread evenly.
+fn spread(count: usize) -> impl Iterator<Item = usize> {
+    let bits = count.next_power_of_two().trailing_zeros();
+    let reversed = move |i: usize| i.reverse_bits().checked_shr(usize::BITS - bits).unwrap_or(0);
+    (0..1usize << bits).map(reversed).filter(move |i| *i < count)
+}
+
+/// An evenly spaced selection of `cameras` when their pictures would be too many.
+fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
+    let pixels: u64 = cameras.iter().map(|c| u64::from(c.size.x) * u64::from(c.size.y)).sum();
+    if pixels <= MOST_PIXELS {
+        return cameras;
+    }
+    let share = MOST_PIXELS as f64 / pixels as f64;
+    let count = ((cameras.len() as f64 * share) as usize).max(1);
+    (0..count).map(|i| no_larger(&cameras[i * cameras.len() / count])).collect()
+}
+
+/// The camera, with a smaller picture where one of its own size would alone be too large.
+fn no_larger(camera: &Camera) -> Camera {
+    let pixels = u64::from(camera.size.x) * u64::from(camera.size.y);
+    if pixels <= MOST_PIXELS {
+        return *camera;
+    }
+    let ratio = (MOST_PIXELS as f64 / pixels as f64).sqrt();
+    camera.resized((camera.size.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE))
+}
+
+/// True when making the triangles of `soup` solid loses nothing: nearly all of their area is opaque.
+pub fn is_solid(soup: &Soup) -> bool {
+    let (mut all, mut covered) = (0.0, 0.0);
+    for (i, [a, b, c]) in soup.vertices.iter().enumerate() {
+        let area = f64::from((*b - *a).cross(*c - *a).length());
+        if area.is_finite() {
+            all += area;
+            covered += area * area_factor(soup.opacity[i].into(), soup.sigma[i].into()).powi(2);
+        }
+    }
+    !(covered < SOLID_COVER * all)
+}
+
+/// The loss of `scene`, on a few small pictures, when its triangles are just made solid. `None` when it is
+/// solid, or cannot be seen.
+///
+/// Errors: options out of range.
+pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softness>> {
+    let Scene::Soup(soup) = &scene.scene else { return Ok(None) };
+    if is_solid(soup) {
+        return Ok(None);
+    }
+    match viewpoints(scene) {
+        Some(viewpoints) => softness_from(soup, &viewpoints.cameras, solidly),
+        None => Ok(None),
+    }
+}
+
+fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Result<Option<Softness>> {
+    if cameras.is_empty() {
+        return Ok(None);
+    }
+    let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
+    let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
+    let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
+    let count = SOFTNESS_VIEWS.min(cameras.len());
+    let psnr = |i: usize| {
+        let camera = small(&cameras[i * cameras.len() / count]);
+        let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));
+        metric::psnr(&soft.rgb, &solid.rgb, None)
+    };
+    let psnr = (0..count).map(psnr).sum::<f64>() / count as f64;
+    Ok(Some(Softness { psnr, pictures: count as u64 }))
+}
+
+/// The triangles of `soup`, made solid; `None` when none is left.
+fn solid_mesh(soup: &Soup, options: &SolidOptions) -> Result<Option<Mesh>> {
+    let mut scene = Scene::Soup(soup.clone());
+    if prune(&mut scene, &PruneOptions::DEFAULT, &mut PruneDetails::default()).is_err() {
+        return Ok(None);
+    }
+    let Scene::Soup(mut soup) = scene else { return Ok(None) };
+    soup.truncate_sh(0);
+    solid(&mut soup, options, &mut Default::default())?;
+    Ok(Some(color(soup, &mut Default::default())?))
+}
+
+/// The same camera with a small picture.
+fn small(camera: &Camera) -> Camera {
+    let longer = camera.size.max_element();
+    if longer <= SOFTNESS_PX {
+        return *camera;
+    }
+    camera.resized((camera.size * SOFTNESS_PX / longer).max(UVec2::ONE))
+}

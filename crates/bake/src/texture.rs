@@ -1,0 +1,181 @@
+//! Texels from the photos: in place of one colour, each triangle shows what photos show of it.
+//!
+//! The size that a triangle has in photos decides how many texels it has (`footprint`). Of a soup, pairs of triangles share a rectangle of
+//! one picture (`atlas`); a connected mesh is unwrapped (`charts`). Texels begin with the colours of the mesh, and get what photos show
+//! more (`fit`): all of them on average, or also the detail of the one that shows a face best (`best`).
+//!
+//! Some photos are held out at first. If they match the colours better, there is no texture: where triangles are hardly larger than
+//! pixels, what mip levels mix is more than what texels add. Both begin with colours that were fitted to the other photos only, so neither
+//! has seen them.
+
+mod atlas;
+mod best;
+mod charts;
+mod footprint;
+mod layout;
+mod of_colors;
+mod options;
+mod page;
+mod texels;
+
+pub(super) use of_colors::texture_all;
+pub use options::{TextureDetail, TextureOptions};
+
+use super::refit::UnseenColors;
+use super::views::Views;
+use atlas::Atlas;
+use best::Candidates;
+use charts::Charts;
+use footprint::footprints;
+use glam::{UVec2, Vec2};
+use layout::Layout;
+use std::sync::Arc;
+use texels::{Adding, Texels};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::texture::{FaceTexture, Texture};
+
+/// Number of photos for which λ is what the options say; half as many double it.
+const USUAL_PHOTOS: f32 = 40.0;
+/// λ of what the best photo adds to the mean, px.
+const SHARP_FLATNESS: f32 = 0.2;
+
+/// What the texture is; empty when there is none.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct TextureDetails {
+    /// Width and height of a page, texels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<[u32; 2]>,
+    /// Pages, when one does not suffice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pages: Option<u32>,
+    /// Texels that triangles show.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texels: Option<u64>,
+    /// Charts that a connected mesh is unwrapped to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub charts: Option<u64>,
+    /// Photos that show some face best, whose detail it has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_photos: Option<u64>,
+    /// Texels per pixel that the size permits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texels_per_pixel: Option<f64>,
+    /// Mean PSNR of colours on held-out photos, dB. `refit` has not seen them; the colours of a connected mesh may have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_before: Option<f64>,
+    /// The same with texels that were fitted to the other photos only, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_after: Option<f64>,
+}
+
+impl StageDetails for TextureDetails {
+    const STAGE: &'static str = "texture";
+}
+
+/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh.
+///
+/// Errors: an option out of range, no photos, a photo that cannot be decoded.
+pub fn texture(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    unseen: Option<UnseenColors>,
+    options: &TextureOptions,
+    details: &mut TextureDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    options.validate()?;
+    if !options.texture {
+        return Ok(Outcome::Unneeded("`texture` was not asked for"));
+    }
+    let Some(views) = views.filter(|views| !views.is_empty()) else {
+        let wants = "photos, which `dataset` names, or a soft scene, whose own pictures serve";
+        return Err(Error::invalid("texture", "given without photos", wants));
+    };
+    if mesh.indices.is_empty() {
+        let atlas = Atlas::new(mesh, &footprints(mesh, views), options)?;
+        details.texels_per_pixel = Some(atlas.texels_per_pixel);
+        let Some(UnseenColors { colors, psnr_of_own }) = unseen else {
+            return paint(mesh, views, &atlas, None, options, details, progress);
+        };
+        let own = std::mem::replace(&mut mesh.colors, colors);
+        let outcome = paint(mesh, views, &atlas, psnr_of_own, options, details, progress);
+        mesh.colors = own;
+        return outcome;
+    }
+    let mut charted = mesh.clone();
+    let charts = Charts::new(&mut charted, &footprints(mesh, views), options)?;
+    (details.texels_per_pixel, details.charts) = (Some(charts.texels_per_pixel), Some(charts.count));
+    let outcome = paint(&mut charted, views, &charts, None, options, details, progress)?;
+    if charted.texture.is_some() {
+        *mesh = charted;
+    }
+    Ok(outcome)
+}
+
+/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` is the PSNR of colours on held-out photos, if known.
+fn paint(
+    mesh: &mut Mesh,
+    views: &mut Views,
+    layout: &impl Layout,
+    before: Option<f64>,
+    options: &TextureOptions,
+    details: &mut TextureDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    details.size = Some((layout.size() / UVec2::new(1, layout.pages())).to_array());
+    details.pages = Some(layout.pages()).filter(|pages| *pages > 1);
+    let mut texels = Texels::new(mesh, layout);
+    details.texels = Some(texels.shown());
+    let (held_out, others) = views.held_out();
+    // λ for this number of photos.
+    let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
+    let painted = |texels: &Texels, flatness: f32| Some(pages(layout, texels.picture(flatness)));
+    let mut candidates = Candidates::new(mesh.face_count());
+    texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
+    if !held_out.is_empty() {
+        let before = before.map_or_else(|| views.mean_psnr(mesh, &held_out), Ok)?;
+        mesh.texture = painted(&texels, flatness(others.len()));
+        let after = views.mean_psnr(mesh, &held_out)?;
+        mesh.texture = None;
+        (details.psnr_before, details.psnr_after) = (Some(before), Some(after));
+        if after < before {
+            return Ok(Outcome::Unneeded("held-out photos match the colours better than texels"));
+        }
+    }
+    texels.add(mesh, views, layout, &held_out, Adding::All(&mut candidates), progress.part(0.6, 0.7))?;
+    let connected = !mesh.indices.is_empty();
+    if options.texture_detail == TextureDetail::Mean
+        || options.texture_detail == TextureDetail::Auto && !connected
+    {
+        mesh.texture = painted(&texels, flatness(views.len()));
+        return Ok(Outcome::Changed(()));
+    }
+    texels.settle(flatness(views.len()));
+    let best = candidates.best(mesh);
+    details.best_photos = Some(best.views().len() as u64);
+    texels.add(mesh, views, layout, &best.views(), Adding::Best(&best), progress.part(0.7, 0.95))?;
+    texels.sharpen(layout, &best, SHARP_FLATNESS);
+    mesh.texture = painted(&texels, 0.0);
+    Ok(Outcome::Changed(()))
+}
+
+/// The texture of faces, with the pages of a picture that has them one below the other.
+fn pages(layout: &impl Layout, picture: Pixels) -> FaceTexture {
+    let (uvs, count) = (layout.uvs(), layout.pages() as usize);
+    if count == 1 {
+        return FaceTexture::new(uvs, Arc::new(Texture::new(picture)));
+    }
+    let size = picture.size / UVec2::new(1, count as u32);
+    let page = |rgb: &[[u8; 3]]| Arc::new(Texture::new(Pixels { size, rgb: rgb.to_vec(), alpha: None }));
+    let pages = picture.rgb.chunks_exact(size.element_product() as usize).map(page).collect();
+    let middle = |uvs: &[Vec2; 3]| (uvs[0].y + uvs[1].y + uvs[2].y) / 3.0;
+    let page_of: Vec<u16> =
+        uvs.iter().map(|uvs| (middle(uvs) * count as f32).clamp(0.0, count as f32 - 1.0) as u16).collect();
+    let within = |(uvs, page): (&[Vec2; 3], &u16)| {
+        uvs.map(|uv| Vec2::new(uv.x, uv.y * count as f32 - f32::from(*page)))
+    };
+    FaceTexture { uvs: uvs.iter().zip(&page_of).map(within).collect(), pages, page_of }
+}

@@ -1,0 +1,392 @@
+//! Where each triangle is on the texture.
+//!
+//! A triangle becomes a right-angled one, its right angle opposite to its longest edge; its corners are middles of texels, so that
+//! nothing bleeds in at the finest level. Two of one size, the second turned by 180 degrees, make a rectangle with free diagonals between
+//! them:
+//!
+//! ```text
+//! A A A A . . B
+//! A A A . . B B
+//! A A . . B B B
+//! A . . B B B B
+//! ```
+//!
+//! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
+
+use super::layout::Layout;
+use super::options::TextureOptions;
+use glam::{DVec3, UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::Mesh;
+
+/// Most texels along an edge.
+const MOST: u32 = 1024;
+/// Free texels around every triangle with more than one, so that the next mip level does not bleed either; an even number keeps its
+/// texels whole.
+const GUTTER: u32 = 2;
+/// The height of pages is a multiple of this, so that mip levels are means of whole texels.
+const ROWS: u32 = 32;
+/// Fewer texels per pixel are tried where all do not fit, each time this many times as many.
+const FEWER: f64 = 0.9;
+
+/// The texels of a triangle: texel (i, j) is at `corner` + i, j, or of a turned one at `corner` - i, j.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Patch {
+    /// The texel of the corner with the right angle.
+    pub(super) corner: UVec2,
+    /// Texels from corner to corner along both legs, corners included.
+    pub(super) size: UVec2,
+    /// Turned by 180 degrees.
+    pub(super) turned: bool,
+    /// Numbers of the face's corners: at the right angle, at the end of the first leg, at the end of the second.
+    pub(super) order: [usize; 3],
+}
+
+impl Patch {
+    /// How large the patch of a triangle with these edges is, and the order of its corners.
+    fn new(edges: [f32; 3], texels_per_pixel: f64) -> Self {
+        // Edge i leads from corner i to the next one; opposite to it is the one after that.
+        let longest = (0..3).fold(0, |longest, i| if edges[i] > edges[longest] { i } else { longest });
+        let right = (longest + 2) % 3;
+        let (first, second) = (edges[right], edges[(longest + 1) % 3]);
+        let whole = |px: f32| match f64::from(px) * texels_per_pixel {
+            ..1.0 => 1,
+            texels => sizes_up(texels.ceil().min(f64::from(MOST)) as u32 + 1),
+        };
+        let (along, across) = (whole(first), whole(second));
+        let order = [right, (right + 1) % 3, (right + 2) % 3];
+        let (corner, turned) = (UVec2::ZERO, false);
+        match along < across {
+            false => Self { corner, size: UVec2::new(along, across), turned, order },
+            // The longer leg lies along the rows.
+            true => Self {
+                corner,
+                size: UVec2::new(across, along),
+                turned,
+                order: [order[0], order[2], order[1]],
+            },
+        }
+    }
+
+    /// Free texels around it. One texel is never drawn at another level: nothing changes from one corner to another.
+    fn gutter(&self) -> u32 {
+        if self.size == UVec2::ONE { 0 } else { GUTTER }
+    }
+
+    /// Width and height of two, with what is free between them.
+    fn pair(&self) -> UVec2 {
+        match self.size.y {
+            1 => UVec2::new(self.size.x, 2 + 2 * self.gutter()),
+            _ => self.size + 2 + 2 * self.gutter(),
+        }
+    }
+
+    /// The same with what is free around them.
+    fn rectangle(&self) -> UVec2 {
+        match self.gutter() {
+            0 => self.pair(),
+            gutter => (self.pair() + 2 * gutter).map(|side| side.next_multiple_of(2)),
+        }
+    }
+
+    /// Where a point of the face with these weights of its corners is, in texels from the middle of the first texel of the texture.
+    #[inline(always)]
+    pub(super) fn place(&self, weights: &[f32; 3]) -> Vec2 {
+        let [_, first, second] = self.order;
+        let legs = (self.size - 1).as_vec2();
+        let from_corner = Vec2::new(weights[first] * legs.x, weights[second] * legs.y);
+        let corner = self.corner.as_vec2();
+        if self.turned { corner - from_corner } else { corner + from_corner }
+    }
+
+    /// Every texel that a sample within the face may need, with the weights of the face's corners there, or at the nearest point of the
+    /// face.
+    pub(super) fn texels(&self) -> impl Iterator<Item = (UVec2, [f32; 3])> + use<> {
+        let Self { corner, size, turned, order } = *self;
+        let legs = (size - 1).as_vec2();
+        let per = Vec2::new(1.0 / legs.x.max(1.0), 1.0 / legs.y.max(1.0));
+        let line = size.y == 1;
+        // Beyond the corners, where rounding may lead.
+        let end = if line { UVec2::new(size.x - 1, 0) } else { size };
+        (0..=end.y).flat_map(move |j| (0..=end.x).map(move |i| UVec2::new(i, j))).filter_map(move |at| {
+            let before = (at.as_vec2() - 1.0) * per;
+            if !line && before.x + before.y >= 1.0 - 1e-6 {
+                return None;
+            }
+            let within = (at.as_vec2() * per).min(Vec2::ONE);
+            let within = (within - (within.element_sum() - 1.0).max(0.0) / 2.0).max(Vec2::ZERO);
+            let mut weights = [0.0; 3];
+            weights[order[1]] = within.x;
+            weights[order[2]] = within.y;
+            weights[order[0]] = (1.0 - within.element_sum()).max(0.0);
+            Some((if turned { corner - at } else { corner + at }, weights))
+        })
+    }
+}
+
+/// The next larger size of few: rectangles of one size share shelves and are sorted by colour.
+fn sizes_up(texels: u32) -> u32 {
+    let step = (texels.next_power_of_two() / 8).max(1);
+    texels.next_multiple_of(step)
+}
+
+/// All patches, and the texture that holds them.
+#[derive(Debug, PartialEq)]
+pub(super) struct Atlas {
+    /// Width and height of the texture, all pages one below the other; those of a single page are powers of two.
+    pub(super) size: UVec2,
+    /// Pages of equal height.
+    pages: u32,
+    /// `[F]`
+    pub(super) patches: Vec<Patch>,
+    /// What was asked for, or less where the texture would be too large.
+    pub(super) texels_per_pixel: f64,
+}
+
+impl Atlas {
+    /// Places the faces of a mesh whose edges have these lengths in photos, px. `[F]`
+    ///
+    /// Errors: more triangles than a texture of the largest size has texels.
+    pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
+        let colors: Vec<u32> =
+            (0..mesh.face_count()).into_par_iter().map(|face| color_key(mesh, face)).collect();
+        let mut texels_per_pixel = options.texels_per_pixel;
+        loop {
+            let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
+            let mut atlas = Self { size: UVec2::ZERO, pages: 1, patches, texels_per_pixel };
+            if atlas.pack(&colors, options.texture_size)
+                || (2..=options.texture_pages).any(|pages| atlas.pack_pages(mesh, &colors, options, pages))
+            {
+                return Ok(atlas);
+            }
+            if atlas.patches.iter().all(|patch| patch.size == UVec2::ONE) {
+                let wants = format!("a texture with a texel for each of {} triangles", atlas.patches.len());
+                return Err(Error::invalid("texture_size", options.texture_size, wants));
+            }
+            texels_per_pixel *= FEWER;
+        }
+    }
+
+    /// Sorts faces as they stand on shelves.
+    fn sort(&self, faces: &mut [u32], colors: &[u32]) {
+        faces.par_sort_unstable_by_key(|face| {
+            let size = self.patches[*face as usize].size;
+            (u32::MAX - size.y, u32::MAX - size.x, colors[*face as usize], *face)
+        });
+    }
+
+    /// Finds a place for every patch on `pages` pages, each for a slice of the mesh, so that chunks are on few of them; false when
+    /// there is none.
+    fn pack_pages(&mut self, mesh: &Mesh, colors: &[u32], options: &TextureOptions, pages: u32) -> bool {
+        let width = options.texture_size;
+        let texels = |face: u32| u64::from(self.patches[face as usize].rectangle().element_product());
+        let all: u64 = (0..self.patches.len() as u32).map(texels).sum();
+        let mut left = all / 2;
+        // Two of them share a rectangle.
+        if left > u64::from(pages) * u64::from(width) * u64::from(width) {
+            return false;
+        }
+        let mut slices = vec![Vec::new(); pages as usize];
+        let (mut slice, mut filled) = (0, 0);
+        for face in along_the_longest_axis(mesh) {
+            slices[slice].push(face);
+            filled += texels(face) / 2;
+            if filled >= left / (pages as u64 - slice as u64) && slice + 1 < slices.len() {
+                (left, filled, slice) = (left - filled, 0, slice + 1);
+            }
+        }
+        let mut height = 1;
+        for faces in &mut slices {
+            self.sort(faces, colors);
+            match self.place(faces, width, width) {
+                Some(rows) => height = height.max(rows.next_multiple_of(ROWS)),
+                None => return false,
+            }
+        }
+        for (page, faces) in slices.iter().enumerate() {
+            faces.iter().for_each(|face| self.patches[*face as usize].corner.y += page as u32 * height);
+        }
+        (self.size, self.pages) = (UVec2::new(width, height * pages), pages);
+        true
+    }
+
+    /// Finds a place for every patch on the smallest texture that holds them; false when none of at most `most` by `most` does.
+    fn pack(&mut self, colors: &[u32], most: u32) -> bool {
+        let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
+        self.sort(&mut faces, colors);
+        let texels: u64 = self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
+        let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
+        while side <= most {
+            if let Some(height) = self.place(&faces, side, side) {
+                self.size = UVec2::new(side, height.next_power_of_two().max(1));
+                return true;
+            }
+            side *= 2;
+        }
+        false
+    }
+
+    /// Places patches in this order on shelves `width` wide; returns how high they are together, unless that is above `most`.
+    fn place(&mut self, faces: &[u32], width: u32, most: u32) -> Option<u32> {
+        let (mut at, mut shelf) = (UVec2::ZERO, 0);
+        let mut next = 0;
+        while next < faces.len() {
+            let patch = self.patches[faces[next] as usize];
+            let rectangle = patch.rectangle();
+            if rectangle.x > width {
+                return None;
+            }
+            if at.x + rectangle.x > width {
+                at = UVec2::new(0, at.y + shelf);
+                shelf = 0;
+            }
+            shelf = shelf.max(rectangle.y);
+            if at.y + shelf > most {
+                return None;
+            }
+            let first = at + patch.gutter();
+            let pair =
+                faces.get(next + 1).is_some_and(|face| self.patches[*face as usize].size == patch.size);
+            let placed = &mut self.patches[faces[next] as usize];
+            (placed.corner, placed.turned) = (first, false);
+            if pair {
+                let placed = &mut self.patches[faces[next + 1] as usize];
+                (placed.corner, placed.turned) = (first + patch.pair() - 1, true);
+            }
+            at.x += rectangle.x;
+            next += if pair { 2 } else { 1 };
+        }
+        Some(at.y + shelf)
+    }
+}
+
+impl Layout for Atlas {
+    fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    fn pages(&self) -> u32 {
+        self.pages
+    }
+
+    fn face_count(&self) -> usize {
+        self.patches.len()
+    }
+
+    #[inline(always)]
+    fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2 {
+        self.patches[face].place(weights)
+    }
+
+    /// A line of texels, or one, is not interpolated across.
+    #[inline(always)]
+    fn interpolated(&self, face: usize) -> UVec2 {
+        self.patches[face].size.map(|side| u32::from(side > 1))
+    }
+
+    fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3])) {
+        self.patches[face].texels().for_each(|(at, weights)| visit(at, weights));
+    }
+}
+
+/// All faces, sorted by their middles along the axis on which these reach farthest. `[F]`
+fn along_the_longest_axis(mesh: &Mesh) -> Vec<u32> {
+    let middles: Vec<Vec3> = (0..mesh.face_count()).into_par_iter().map(|face| mesh.centroid(face)).collect();
+    // A backdrop reaches farther than the scene: deviations count, not extremes.
+    let mean = middles.iter().map(|m| m.as_dvec3()).sum::<DVec3>() / middles.len().max(1) as f64;
+    let spread: DVec3 = middles.iter().map(|m| (m.as_dvec3() - mean).abs()).sum();
+    let axis = spread.max_position();
+    let mut faces: Vec<u32> = (0..middles.len() as u32).collect();
+    let place = |face: u32| middles[face as usize].to_array()[axis];
+    faces.par_sort_unstable_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b)));
+    faces
+}
+
+/// Faces of like colours have like keys: the bits of their channels, highest first.
+fn color_key(mesh: &Mesh, face: usize) -> u32 {
+    let corners = mesh.corner_colors(face);
+    let codes =
+        [1, 0, 2].map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
+    (0..8).rev().flat_map(|bit| codes.map(|code| code >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::mesh::Colors;
+    use trisplat_scene::rng::Rng;
+
+    /// Edges of many lengths: points, needles, triangles that are never seen, and a huge one.
+    fn edges() -> Vec<[f32; 3]> {
+        let rng = Rng::new(4, "atlas", 0);
+        let mut edges: Vec<[f32; 3]> = (0..300)
+            .map(|i| {
+                let [a, b] = [0, 1].map(|k| 40.0 * rng.uniform(3 * i + k).powi(4));
+                [a, b, (a - b).abs() + (a + b - (a - b).abs()) * rng.uniform(3 * i + 2)]
+            })
+            .collect();
+        edges.extend([[0.0; 3], [900.0, 700.0, 1100.0], [500.0, 500.0, 0.1]]);
+        edges
+    }
+
+    fn atlas(most: u32) -> Atlas {
+        let mesh = Mesh {
+            positions: vec![glam::Vec3::ZERO; 3 * edges().len()],
+            colors: Colors::Face(vec![[0.5; 3]; edges().len()]),
+            ..Mesh::default()
+        };
+        let options = TextureOptions { texture_size: most, ..TextureOptions::DEFAULT };
+        Atlas::new(&mesh, &edges(), &options).unwrap()
+    }
+
+    #[test]
+    fn no_two_triangles_share_a_texel_and_none_is_outside() {
+        for most in [512, 4096] {
+            let atlas = atlas(most);
+            assert!(atlas.size.max_element() <= most);
+            let mut owner = vec![None; atlas.size.element_product() as usize];
+            for (face, patch) in atlas.patches.iter().enumerate() {
+                for (at, weights) in patch.texels() {
+                    assert!(at.cmplt(atlas.size).all(), "{at} of {patch:?}");
+                    let owner = &mut owner[(at.y * atlas.size.x + at.x) as usize];
+                    assert!(owner.is_none_or(|other| other == face), "{owner:?} and {face} at {at}");
+                    *owner = Some(face);
+                    assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
+                    assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{weights:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_a_sample_needs_is_the_triangles_own() {
+        let atlas = atlas(4096);
+        let rng = Rng::new(5, "samples", 0);
+        for (face, patch) in atlas.patches.iter().enumerate() {
+            let own: Vec<UVec2> = patch.texels().map(|(at, _)| at).collect();
+            for i in 0..50 {
+                let [u, v] = [0, 1].map(|k| rng.uniform((face * 100 + 2 * i + k) as u64));
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                let place = patch.place(&[1.0 - u - v, u, v]);
+                for across in [UVec2::ZERO, UVec2::X, UVec2::Y, UVec2::ONE] {
+                    let share = (1.0 - (place - (place.as_uvec2() + across).as_vec2()).abs()).max(Vec2::ZERO);
+                    let texel = place.as_uvec2() + across;
+                    assert!(share.element_product() < 1e-3 || own.contains(&texel), "{texel} of {patch:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_right_angle_is_opposite_to_the_longest_edge() {
+        // Corner 2 is opposite to the edge from corner 0 to corner 1.
+        let patch = Patch::new([50.0, 30.0, 40.0], 1.0);
+        assert_eq!((patch.order, patch.size), ([2, 0, 1], UVec2::new(48, 32)));
+        assert_eq!(patch.place(&[0.0, 0.0, 1.0]), Vec2::ZERO);
+        assert_eq!(patch.place(&[1.0, 0.0, 0.0]), Vec2::new(47.0, 0.0));
+        assert_eq!(patch.place(&[0.0, 1.0, 0.0]), Vec2::new(0.0, 31.0));
+        assert_eq!(Patch::new([9.0; 3], 0.1).size, UVec2::ONE, "too small for more than one colour");
+    }
+}

@@ -1,0 +1,251 @@
+//! Which photo shows a face best: large and sharp, in the colour that the others see too, and the same one as its neighbours.
+//!
+//! ```text
+//! min over labels l   Σ_faces D_f(l_f) + SEAM Σ_neighbours [l_f ≠ l_g]      D_f(v) = 1 - q_fv / max_v q_fv + |c_fv - mean c_f| / OTHER
+//! ```
+//!
+//! q is the sum of the brightness gradients of the pixels that show the face (Gal et al. 2010), c their mean colour. The sum is made small by
+//! min-sum belief propagation, after Waechter et al. 2014.
+
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use trisplat_raster::solid::{NO_FACE, Visibility};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::mesh::Mesh;
+
+/// Photos that a face chooses from.
+const CANDIDATES: usize = 6;
+/// Cost of another photo beside a face.
+const SEAM: f32 = 0.4;
+/// A difference from the mean colour that costs as much as having no quality, sRGB codes.
+const OTHER: f32 = 48.0;
+/// The brightness gradient that every pixel has at least, codes: of even surfaces the largest picture is the best one.
+const LEAST_GRADIENT: u64 = 2;
+/// Rounds of belief propagation.
+const ROUNDS: usize = 12;
+/// No photo.
+const NONE: u32 = u32::MAX;
+
+/// A photo that shows a face.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    view: u32,
+    quality: f32,
+    color: [f32; 3],
+}
+
+const NOBODY: Candidate = Candidate { view: NONE, quality: 0.0, color: [0.0; 3] };
+
+/// The photos that show each face best, as far as they were added.
+pub(super) struct Candidates {
+    /// Best first. `[F]`
+    of_face: Vec<[Candidate; CANDIDATES]>,
+    /// Sum of colours over the pixels of all photos, and their number. `[F]`
+    sums: Vec<[f32; 4]>,
+    /// Pixels, gradients and colours of one photo. `[F]`
+    here: Vec<[AtomicU64; 5]>,
+}
+
+impl Candidates {
+    /// None yet of `faces` faces.
+    pub(super) fn new(faces: usize) -> Self {
+        let mut here = Vec::new();
+        here.resize_with(faces, Default::default);
+        Self { of_face: vec![[NOBODY; CANDIDATES]; faces], sums: vec![[0.0; 4]; faces], here }
+    }
+
+    /// Adds a photo.
+    pub(super) fn add(&mut self, view: usize, photo: &Pixels, visibility: &Visibility) {
+        let here = &self.here;
+        (0..photo.size.y).into_par_iter().for_each(|y| add_row(here, photo, visibility, y));
+        let all = self.of_face.par_iter_mut().zip(&mut self.sums).zip(&mut self.here).with_min_len(1 << 12);
+        all.for_each(|((candidates, sums), here)| {
+            let [pixels, gradient, rgb @ ..] = here.each_mut().map(|sum| std::mem::take(sum.get_mut()));
+            if pixels == 0 {
+                return;
+            }
+            (0..3).for_each(|c| sums[c] += rgb[c] as f32);
+            sums[3] += pixels as f32;
+            let color = rgb.map(|sum| sum as f32 / pixels as f32);
+            let found =
+                Candidate { view: view as u32, quality: (gradient + LEAST_GRADIENT * pixels) as f32, color };
+            let at = candidates.partition_point(|other| other.view != NONE && other.quality >= found.quality);
+            if at < CANDIDATES {
+                candidates[at..].rotate_right(1);
+                candidates[at] = found;
+            }
+        });
+    }
+
+    /// The best photo of every face of `mesh`.
+    pub(super) fn best(self, mesh: &Mesh) -> Best {
+        let vertices = welded(mesh);
+        let costs: Vec<[f32; CANDIDATES]> = self.costs();
+        let beside = beside(&vertices);
+        let label = propagated(&self.of_face, &costs, &beside);
+        let view = label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
+        Best { view: view.collect(), vertices }
+    }
+
+    fn costs(&self) -> Vec<[f32; CANDIDATES]> {
+        let cost = |(candidates, sums): (&[Candidate; CANDIDATES], &[f32; 4])| {
+            candidates.map(|candidate| {
+                if candidate.view == NONE {
+                    return f32::INFINITY;
+                }
+                let away =
+                    (0..3).map(|c| (candidate.color[c] - sums[c] / sums[3]).powi(2)).sum::<f32>().sqrt();
+                1.0 - candidate.quality / candidates[0].quality + away / OTHER
+            })
+        };
+        self.of_face.iter().zip(&self.sums).map(cost).collect()
+    }
+}
+
+/// Adds a row of pixels to the sums of the faces that they show.
+fn add_row(here: &[[AtomicU64; 5]], photo: &Pixels, visibility: &Visibility, y: u32) {
+    let width = photo.size.x as usize;
+    let below = if y + 1 < photo.size.y { width } else { 0 };
+    let brightness = |at: usize| photo.rgb[at].iter().map(|c| i32::from(*c)).sum::<i32>();
+    for x in 0..width {
+        let at = y as usize * width + x;
+        let face = visibility.face[at];
+        if face == NO_FACE || photo.alpha.as_ref().is_some_and(|alpha| alpha[at] < 128) {
+            continue;
+        }
+        let right = if x + 1 < width { 1 } else { 0 };
+        let here_is = brightness(at);
+        let gradient = (brightness(at + right) - here_is).abs() + (brightness(at + below) - here_is).abs();
+        let sums = &here[face as usize];
+        let add = |sum: &AtomicU64, x: u64| sum.fetch_add(x, Ordering::Relaxed);
+        add(&sums[0], 1);
+        add(&sums[1], (gradient / 3) as u64);
+        (0..3).for_each(|c| {
+            add(&sums[2 + c], u64::from(photo.rgb[at][c]));
+        });
+    }
+}
+
+/// The best photo of every face, and the corners that faces share.
+pub(super) struct Best {
+    /// Or [`NONE`]. `[F]`
+    view: Vec<u32>,
+    /// Corners of faces at one place have one number. `[F * 3]`
+    vertices: Vec<u32>,
+}
+
+impl Best {
+    /// The best photo of a face.
+    #[inline(always)]
+    pub(super) fn view(&self, face: u32) -> u32 {
+        self.view[face as usize]
+    }
+
+    /// Photos that are the best of some face.
+    pub(super) fn views(&self) -> Vec<usize> {
+        let mut views: Vec<usize> =
+            self.view.iter().filter(|view| **view != NONE).map(|v| *v as usize).collect();
+        views.par_sort_unstable();
+        views.dedup();
+        views
+    }
+
+    /// How many pairs of a place and a photo there are, and the number of the one of each corner. `[F * 3]`
+    pub(super) fn slots(&self) -> Vec<u32> {
+        let key = |corner: usize| u64::from(self.vertices[corner]) << 32 | u64::from(self.view[corner / 3]);
+        numbered(self.vertices.len(), key)
+    }
+}
+
+/// Numbers for corners by their keys: equal ones have the same.
+fn numbered<K: Ord + Send + Sync>(corners: usize, key: impl Fn(usize) -> K + Sync) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..corners as u32).collect();
+    order.par_sort_unstable_by_key(|corner| key(*corner as usize));
+    let mut numbers = vec![0; corners];
+    let mut number = 0;
+    for (i, corner) in order.iter().enumerate() {
+        number += u32::from(i > 0 && key(order[i - 1] as usize) != key(*corner as usize));
+        numbers[*corner as usize] = number;
+    }
+    numbers
+}
+
+/// Numbers of the places of corners. `[F * 3]`
+fn welded(mesh: &Mesh) -> Vec<u32> {
+    let place = |corner: usize| {
+        let vertex = mesh.face(corner / 3)[corner % 3];
+        mesh.positions[vertex as usize].to_array().map(|x| (x + 0.0).to_bits())
+    };
+    numbered(3 * mesh.face_count(), place)
+}
+
+/// Pairs of faces with a common edge, both ways, by the first of them: where those of each face begin, and the second.
+struct Beside {
+    first: Vec<u32>,
+    other: Vec<u32>,
+    /// Where the same pair is, the other way.
+    back: Vec<u32>,
+}
+
+fn beside(vertices: &[u32]) -> Beside {
+    let edge = |at: usize| {
+        let (face, k) = (at / 3, at % 3);
+        let (a, b) = (vertices[at], vertices[3 * face + (k + 1) % 3]);
+        (a.min(b), a.max(b))
+    };
+    let mut edges: Vec<u32> = (0..vertices.len() as u32).collect();
+    edges.par_sort_unstable_by_key(|at| (edge(*at as usize), *at));
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    for two in edges.windows(2) {
+        let (a, b) = (two[0] / 3, two[1] / 3);
+        if a != b && edge(two[0] as usize) == edge(two[1] as usize) {
+            pairs.extend([(a, b), (b, a)]);
+        }
+    }
+    pairs.par_sort_unstable();
+    pairs.dedup();
+    let faces = vertices.len() / 3;
+    let first = (0..=faces as u32).map(|face| pairs.partition_point(|pair| pair.0 < face) as u32).collect();
+    let back = pairs.iter().map(|(a, b)| pairs.binary_search(&(*b, *a)).unwrap_or_default() as u32).collect();
+    Beside { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
+}
+
+/// The number of the candidate that every face takes.
+fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], beside: &Beside) -> Vec<u32> {
+    // What a face is told about its own candidates, by pair of the teller and it.
+    let mut told = vec![[0.0f32; CANDIDATES]; beside.other.len()];
+    let pairs = |face: usize| beside.first[face] as usize..beside.first[face + 1] as usize;
+    let belief = |told: &[[f32; CANDIDATES]], face: usize| {
+        let mut sum = costs[face];
+        for pair in pairs(face) {
+            let from = &told[beside.back[pair] as usize];
+            (0..CANDIDATES).for_each(|l| sum[l] += from[l]);
+        }
+        sum
+    };
+    for _ in 0..ROUNDS {
+        let next = (0..of_face.len()).into_par_iter().with_min_len(1 << 10).flat_map_iter(|face| {
+            let all = belief(&told, face);
+            let told = &told;
+            pairs(face).map(move |pair| {
+                let back = &told[beside.back[pair] as usize];
+                let without: [f32; CANDIDATES] = std::array::from_fn(|l| all[l] - back[l]);
+                let least = without.iter().copied().filter(|x| x.is_finite()).fold(f32::INFINITY, f32::min);
+                let other = &of_face[beside.other[pair] as usize];
+                other.map(|candidate| {
+                    if candidate.view == NONE || !least.is_finite() {
+                        return 0.0;
+                    }
+                    let same = (0..CANDIDATES).find(|l| of_face[face][*l].view == candidate.view);
+                    same.map_or(SEAM, |l| (without[l] - least).min(SEAM))
+                })
+            })
+        });
+        told = next.collect();
+    }
+    let best = |face: usize| {
+        let sum = belief(&told, face);
+        (1..CANDIDATES).fold(0, |best, l| if sum[l] < sum[best] { l } else { best }) as u32
+    };
+    (0..of_face.len()).into_par_iter().map(best).collect()
+}

@@ -1,0 +1,299 @@
+//! Where the faces of a connected mesh are on the texture: in charts, which `uvunwrap` makes and packs.
+//!
+//! First the mesh is unwrapped. Then its charts are packed once more, each with the number of texels that its size in the photos asks for.
+
+use super::layout::Layout;
+use super::options::TextureOptions;
+use glam::{UVec2, Vec2, Vec3};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::{Colors, Mesh};
+use uvunwrap::{Density, MeshInput, Options, Packing};
+
+/// Free texels around each chart: two more mip levels do not bleed.
+const PADDING: u32 = 4;
+/// Texels this near to a face are its own where no other face is nearer: what samples between texels need.
+const REACH: f32 = 1.5;
+/// Density of charts that no photo sees, as a share of the mean one.
+const UNSEEN_DENSITY: f32 = 0.1;
+/// Width and height are multiples of it, so that mip levels are means of whole texels.
+const STEP: u32 = 32;
+/// Above this many faces charts are packed in rows, which takes less time.
+const ROWS_ABOVE: usize = 100_000;
+
+/// Charts and the texture that holds them.
+#[derive(Debug)]
+pub(super) struct Charts {
+    /// All pages, one below the other.
+    size: UVec2,
+    pages: u32,
+    /// Corners of faces, in texels from the middle of the first one. `[F]`
+    corners: Vec<[Vec2; 3]>,
+    /// The face that a texel belongs to, or [`NOBODY`]. `[H * W]`
+    owner: Vec<u32>,
+    /// What was asked for, or less where the texture would be too large.
+    pub(super) texels_per_pixel: f64,
+    /// How many charts there are.
+    pub(super) count: u64,
+}
+
+const NOBODY: u32 = u32::MAX;
+
+/// A chart of the first unwrapping, as it is packed again.
+#[derive(Default)]
+struct Chart {
+    faces: Vec<u32>,
+    positions: Vec<[f32; 3]>,
+    uvs: Vec<[f32; 2]>,
+    indices: Vec<u32>,
+    scale: f32,
+}
+
+impl Charts {
+    /// Unwraps `mesh`, whose edges have these lengths in photos, px. Its vertices are doubled where charts end. `[F]`
+    ///
+    /// Errors: what cannot be unwrapped onto a texture of the largest size.
+    pub(super) fn new(mesh: &mut Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
+        let refused = |e: uvunwrap::Error| {
+            let wants = format!("a texture on which the surface has room ({e})");
+            Error::invalid("texture_size", options.texture_size, wants)
+        };
+        let packing = if mesh.face_count() > ROWS_ABOVE { Packing::Fast } else { Packing::Shape };
+        let how = Options { padding: PADDING, packing, ..Options::default() };
+        let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
+        let first = Options { packing: Packing::Fast, ..how };
+        let unwrapped = uvunwrap::generate(&[MeshInput::new(&positions, &mesh.indices)], &first);
+        let charts = apart(mesh, &unwrapped.map_err(refused)?.meshes[0], edges);
+        let inputs: Vec<MeshInput<'_>> = charts.iter().map(Chart::input).collect();
+        let wanted = options.texels_per_pixel as f32;
+        let fixed = Options { density: Density::Fixed { texels_per_unit: wanted, page_size: None }, ..how };
+        let most = options.texture_size;
+        let packed = match uvunwrap::generate(&inputs, &fixed) {
+            Ok(packed) if packed.width.max(packed.height) <= most => packed,
+            packed if options.texture_pages == 1 || packed.is_err() => {
+                let fitting = Options { density: Density::Auto { page_size: most }, ..how };
+                uvunwrap::generate(&inputs, &fitting).map_err(refused)?
+            }
+            packed => {
+                let texels = packed.map_or(0.0, |one| one.width as f32 * one.height as f32);
+                on_pages(&inputs, how, wanted, texels, options).map_err(refused)?
+            }
+        };
+        if packed.page_count > options.texture_pages {
+            let wants = format!("a texture on which {} charts have room", charts.len());
+            return Err(Error::invalid("texture_size", most, wants));
+        }
+        let used = UVec2::new(packed.width, packed.height);
+        let page = used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(most)).max(used);
+        let corners = split(mesh, &charts, &packed.meshes, used.as_vec2(), page.y);
+        let size = UVec2::new(page.x, page.y * packed.page_count);
+        let texels_per_pixel = f64::from(packed.texels_per_unit);
+        let (count, pages) = (u64::from(packed.chart_count), packed.page_count);
+        Ok(Self { owner: owners(&corners, size), size, pages, corners, texels_per_pixel, count })
+    }
+}
+
+/// Charts on several pages, as dense as was asked for or as fits; together they have about `texels`.
+fn on_pages(
+    inputs: &[MeshInput<'_>],
+    how: Options,
+    wanted: f32,
+    texels: f32,
+    options: &TextureOptions,
+) -> std::result::Result<uvunwrap::Atlas, uvunwrap::Error> {
+    let (side, pages) = (options.texture_size, options.texture_pages);
+    let room = pages as f32 * (side * side) as f32 / texels.max(1.0);
+    let mut density = wanted * room.sqrt().min(1.0);
+    // A chart larger than a page gets fewer texels than the others.
+    let how = Options { max_chart_size: side - 2 * PADDING - 2, ..how };
+    loop {
+        let density_of_all = Density::Fixed { texels_per_unit: density, page_size: Some(side) };
+        let packed = uvunwrap::generate(inputs, &Options { density: density_of_all, ..how })?;
+        if packed.page_count <= pages || density < wanted * LEAST_DENSITY {
+            return Ok(packed);
+        }
+        density *= SPARSER;
+    }
+}
+
+impl Chart {
+    fn input(&self) -> MeshInput<'_> {
+        MeshInput {
+            scale: self.scale,
+            existing_uvs: Some(&self.uvs),
+            ..MeshInput::new(&self.positions, &self.indices)
+        }
+    }
+}
+
+/// Where charts do not fit on the pages, they are tried with this many times the texels per pixel, ...
+const SPARSER: f32 = 0.93;
+/// ... but not with less than this many times what was asked for.
+const LEAST_DENSITY: f32 = 0.01;
+
+/// The charts of an unwrapped mesh, each with the mean number of pixels per unit of its faces.
+fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> Vec<Chart> {
+    let mut charts: Vec<Chart> = Vec::new();
+    // Those without a chart, which have no area, are one more.
+    let number = |face: usize| unwrapped.vertices[unwrapped.indices[3 * face] as usize].chart;
+    let last = (0..mesh.face_count()).filter_map(number).max().map_or(0, |last| last as usize + 1);
+    charts.resize_with(last + 1, Chart::default);
+    let mut local = vec![(u32::MAX, 0u32); unwrapped.vertices.len()];
+    let mut lengths = vec![(0.0f32, 0.0f32); charts.len()];
+    for (face, edges) in edges.iter().enumerate() {
+        let number = number(face).map_or(last, |number| number as usize);
+        let chart = &mut charts[number];
+        chart.faces.push(face as u32);
+        for &vertex in &unwrapped.indices[3 * face..3 * face + 3] {
+            let known = &mut local[vertex as usize];
+            if known.0 != number as u32 {
+                *known = (number as u32, chart.positions.len() as u32);
+                let from = &unwrapped.vertices[vertex as usize];
+                chart.positions.push(mesh.positions[from.xref as usize].to_array());
+                chart.uvs.push(from.uv);
+            }
+            chart.indices.push(known.1);
+        }
+        let px: f32 = edges.iter().sum();
+        if px > 0.0 {
+            let [a, b, c] = mesh.corners(face);
+            lengths[number].0 += px;
+            lengths[number].1 += a.distance(b) + b.distance(c) + c.distance(a);
+        }
+    }
+    let (px, units) = lengths.iter().fold((0.0, 0.0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+    let usual = if units > 0.0 { px / units } else { 1.0 };
+    for (chart, (px, units)) in charts.iter_mut().zip(lengths) {
+        chart.scale = if px > 0.0 && units > 0.0 { px / units } else { UNSEEN_DENSITY * usual };
+    }
+    charts.retain(|chart| !chart.faces.is_empty());
+    charts
+}
+
+/// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels from the middle of the first one: on
+/// pages of the size `page`, each beginning `height` texels below the previous one. `[F]`
+fn split(
+    mesh: &mut Mesh,
+    charts: &[Chart],
+    packed: &[uvunwrap::OutputMesh],
+    page: Vec2,
+    height: u32,
+) -> Vec<[Vec2; 3]> {
+    let place = |vertex: &uvunwrap::OutputVertex| {
+        let above = (vertex.page.unwrap_or(0) * height) as f32;
+        Vec2::from(vertex.uv) * page - 0.5 + Vec2::new(0.0, above)
+    };
+    // Old vertices of the new ones, and where these are.
+    let (mut from, mut at): (Vec<u32>, Vec<Vec2>) = (Vec::new(), Vec::new());
+    let mut indices = vec![0u32; mesh.indices.len()];
+    for (chart, packed) in charts.iter().zip(packed) {
+        let first = at.len() as u32;
+        at.extend(packed.vertices.iter().map(place));
+        from.resize(at.len(), 0);
+        for (i, &face) in chart.faces.iter().enumerate() {
+            for k in 0..3 {
+                let (old, new) = (3 * face as usize + k, first + packed.indices[3 * i + k]);
+                from[new as usize] = mesh.indices[old];
+                indices[old] = new;
+            }
+        }
+    }
+    mesh.positions = from.iter().map(|v| mesh.positions[*v as usize]).collect();
+    if let Colors::Vertex(colors) = &mut mesh.colors {
+        *colors = from.iter().map(|v| colors[*v as usize]).collect();
+    }
+    mesh.indices = indices;
+    mesh.indices.as_chunks::<3>().0.iter().map(|face| face.map(|v| at[v as usize])).collect()
+}
+
+/// The face that is nearest to every texel, of those within [`REACH`] of it. `[H * W]`
+fn owners(corners: &[[Vec2; 3]], size: UVec2) -> Vec<u32> {
+    let mut owner = vec![NOBODY; size.element_product() as usize];
+    let mut distance = vec![REACH * REACH; owner.len()];
+    let last = (size - 1).as_vec2();
+    for (face, corners) in corners.iter().enumerate() {
+        let [a, b, c] = *corners;
+        let low = (a.min(b).min(c) - REACH).clamp(Vec2::ZERO, last).as_uvec2();
+        let high = (a.max(b).max(c) + REACH).clamp(Vec2::ZERO, last).as_uvec2();
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let (at, away) = ((y * size.x + x) as usize, away(corners, UVec2::new(x, y).as_vec2()));
+                if away < distance[at] {
+                    (owner[at], distance[at]) = (face as u32, away);
+                }
+            }
+        }
+    }
+    owner
+}
+
+/// Square of the distance of a point from a triangle; 0 within it.
+fn away(corners: &[Vec2; 3], point: Vec2) -> f32 {
+    let sides = [0, 1, 2].map(|k| {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        (to - from).perp_dot(point - from)
+    });
+    if sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0) {
+        let area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);
+        if area != 0.0 {
+            return 0.0;
+        }
+    }
+    let to_edge = |k: usize| {
+        let (from, along) = (corners[k], corners[(k + 1) % 3] - corners[k]);
+        let share =
+            ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        point.distance_squared(from + share * along)
+    };
+    to_edge(0).min(to_edge(1)).min(to_edge(2))
+}
+
+/// Weights of the corners at the point, those of points outside moved to the border.
+fn weights(corners: &[Vec2; 3], point: Vec2) -> [f32; 3] {
+    let [a, b, c] = *corners;
+    let area = (b - a).perp_dot(c - a);
+    let (u, v) = ((point - a).perp_dot(c - a) / area, (b - a).perp_dot(point - a) / area);
+    let kept = [1.0 - u - v, u, v].map(|w| w.clamp(0.0, 1.0));
+    let sum: f32 = kept.iter().sum();
+    if sum > 0.0 && sum.is_finite() { kept.map(|w| w / sum) } else { [1.0 / 3.0; 3] }
+}
+
+impl Layout for Charts {
+    fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    fn pages(&self) -> u32 {
+        self.pages
+    }
+
+    fn face_count(&self) -> usize {
+        self.corners.len()
+    }
+
+    #[inline(always)]
+    fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2 {
+        let [a, b, c] = self.corners[face];
+        a * weights[0] + b * weights[1] + c * weights[2]
+    }
+
+    #[inline(always)]
+    fn interpolated(&self, _: usize) -> UVec2 {
+        UVec2::ONE
+    }
+
+    fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3])) {
+        let corners = &self.corners[face];
+        let [a, b, c] = *corners;
+        let last = (self.size - 1).as_vec2();
+        let low = (a.min(b).min(c) - REACH).clamp(Vec2::ZERO, last).as_uvec2();
+        let high = (a.max(b).max(c) + REACH).clamp(Vec2::ZERO, last).as_uvec2();
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                if self.owner[(y * self.size.x + x) as usize] == face as u32 {
+                    let at = UVec2::new(x, y);
+                    visit(at, weights(corners, at.as_vec2()));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Whether there is a texture, and how fine it is.
+
+use std::path::Path;
+use trisplat_formats::output::OutputFormat;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::ranges::{self, Called};
+
+/// Which photos a texture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum TextureDetail {
+    /// Best for a connected surface, mean for a soup
+    Auto,
+    /// The mean of all photos that see a place
+    Mean,
+    /// The mean, and the detail of the photo that shows a triangle best
+    Best,
+}
+
+/// Whether the scene gets a texture.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct TextureOptions {
+    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj
+    /// and .tileset.json files
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub texture: bool,
+    /// Largest width and height of a page of the texture, texels
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
+    #[schemars(range(min = 64, max = 8192))]
+    pub texture_size: u32,
+    /// Most pages of the texture; where they do not suffice, all triangles have fewer texels. Each page needs up to 0.9 GB of memory
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_pages))]
+    #[schemars(range(min = 1, max = 16))]
+    pub texture_pages: u32,
+    /// Texels for each pixel along an edge, in the photos that see it
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texels_per_pixel))]
+    #[schemars(range(min = 0.05, max = 4.0))]
+    pub texels_per_pixel: f64,
+    /// λ: pull of texels towards the colour that their triangle has there, equivalent to this many pixels of 40 photos
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_flatness))]
+    #[schemars(range(min = 0.0))]
+    pub texture_flatness: f64,
+    /// Whose detail texels show
+    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_detail))]
+    pub texture_detail: TextureDetail,
+}
+
+impl TextureOptions {
+    /// None.
+    pub const DEFAULT: Self = Self {
+        texture: false,
+        texture_size: 4096,
+        texture_pages: 4,
+        texels_per_pixel: 0.7,
+        texture_flatness: 1.0,
+        texture_detail: TextureDetail::Auto,
+    };
+
+    /// Whether files of a format hold the texture, if there is one.
+    ///
+    /// Errors: a format without textures.
+    pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
+        if self.texture && format == OutputFormat::Ply {
+            let wants = "a name ending in .glb, .gltf, .html, .obj or .tileset.json, whose files hold a texture, or no `texture`";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
+        Ok(())
+    }
+
+    pub(crate) fn validate(&self) -> Result<()> {
+        ranges::check("texture", self, Called::ByFlag)
+    }
+}
+
+impl Default for TextureOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

@@ -1,0 +1,239 @@
+//! Texels from what photos show more than the mesh.
+//!
+//! ```text
+//! t = t0 + Σ_pixels b (photo - drawn) / (Σ_pixels b + λ),   drawn = Σ_k b_k t0_k
+//! ```
+//!
+//! with t the sRGB-encoded texels, t0 the colours that they had, and b the bilinear weights of the four texels around the point
+//! that a pixel sees. The more pixels see a texel, the less it stays what it was. The fewer photos there are, the more often all of them
+//! see it from the same side, and a residual is an error of the shape: λ is larger for them.
+//!
+//! Not kept, as held-out photos of four scenes showed no difference: more passes, less weight for pixels
+//! that are larger than texels, exposure solved first, less trust where pixels disagree.
+//!
+//! Sums are whole numbers: their order, and with it the number of threads, does not matter.
+
+use super::best::{Best, Candidates};
+use super::layout::Layout;
+use super::page::Page;
+use crate::views::Views;
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicI32, Ordering};
+use trisplat_raster::solid::{Barycentrics, NO_FACE, Solid, Visibility};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::StageProgress;
+
+/// One in the sums.
+const UNIT: f32 = 4096.0;
+
+/// The texels and what photos say of them.
+pub(super) struct Texels {
+    size: UVec2,
+    /// Those that triangles show. `[H * W]`
+    owned: Vec<bool>,
+    /// Before photos were added: sRGB-encoded, 0 to 255. `[H * W]`
+    values: Vec<[f32; 3]>,
+    /// Residuals of three channels, sRGB-encoded, and weights, in 4096ths. `[H * W]`
+    sums: Vec<[AtomicI32; 4]>,
+}
+
+/// Which pixels are added.
+pub(super) enum Adding<'a> {
+    /// All, and photos become candidates for what they show best.
+    All(&'a mut Candidates),
+    /// Of every face those of its best photo.
+    Best(&'a Best),
+}
+
+impl Texels {
+    /// The colours of the mesh.
+    pub(super) fn new(mesh: &Mesh, layout: &impl Layout) -> Self {
+        let size = layout.size();
+        let count = size.element_product() as usize;
+        let mut texels =
+            Self { size, owned: vec![false; count], values: vec![[0.0; 3]; count], sums: Vec::new() };
+        texels.sums.resize_with(count, Default::default);
+        for face in 0..layout.face_count() {
+            let corners = mesh.corner_colors(face).map(|corner| corner.map(|c| 255.0 * srgb_from_linear(c)));
+            layout.for_each_texel(face, &mut |at, weights| {
+                let at = (at.y * size.x + at.x) as usize;
+                texels.owned[at] = true;
+                texels.values[at] =
+                    [0, 1, 2].map(|c| (0..3).map(|k| weights[k] * corners[k][c]).sum::<f32>());
+            });
+        }
+        texels
+    }
+
+    /// Number of texels that triangles show.
+    pub(super) fn shown(&self) -> u64 {
+        self.owned.iter().filter(|owned| **owned).count() as u64
+    }
+
+    /// Adds what the photos `chosen` show to the sums.
+    ///
+    /// Errors: a photo that cannot be decoded.
+    pub(super) fn add(
+        &mut self,
+        mesh: &Mesh,
+        views: &mut Views,
+        layout: &impl Layout,
+        chosen: &[usize],
+        mut adding: Adding<'_>,
+        mut progress: StageProgress<'_>,
+    ) -> Result<()> {
+        let drawing = views.drawing(mesh, 1);
+        views.prefetch(chosen);
+        let mut solid = Solid::new();
+        for (done, &view) in chosen.iter().enumerate() {
+            progress.set(done, chosen.len());
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visibility = solid.visibility(mesh, camera, &drawing);
+            let best = match &mut adding {
+                Adding::All(candidates) => {
+                    candidates.add(view, &photo, visibility);
+                    None
+                }
+                Adding::Best(best) => Some((*best, view as u32)),
+            };
+            let observation =
+                Observation { texels: self, layout, mesh, camera, photo: &photo, visibility, best };
+            (0..photo.size.y).into_par_iter().for_each(|y| observation.add_row(y));
+        }
+        Ok(())
+    }
+
+    /// What the sums change about a texel, when they are pulled to what it was by `flatness` pixels.
+    #[inline(always)]
+    fn step(&self, texel: usize, flatness: f32) -> [f32; 3] {
+        let [r, g, b, weight] =
+            [0, 1, 2, 3].map(|k| self.sums[texel][k].load(Ordering::Relaxed) as f32 / UNIT);
+        [r, g, b].map(|sum| if weight > 0.0 { 255.0 * sum / (weight + flatness) } else { 0.0 })
+    }
+
+    /// The texels that explain the photos added.
+    fn solved(&self, flatness: f32) -> Vec<[f32; 3]> {
+        let solved = |(texel, first): (usize, &[f32; 3])| {
+            let step = self.step(texel, flatness);
+            [0, 1, 2].map(|c| (first[c] + step[c]).clamp(0.0, 255.0))
+        };
+        self.values.par_iter().enumerate().with_min_len(1 << 14).map(solved).collect()
+    }
+
+    /// The picture of the texture that explains the photos added; `flatness` is λ, px.
+    pub(super) fn picture(&self, flatness: f32) -> Pixels {
+        Page { size: self.size, owned: self.owned.clone(), values: self.solved(flatness) }.picture()
+    }
+
+    /// Makes what explains the photos added what texels are, and forgets the photos.
+    pub(super) fn settle(&mut self, flatness: f32) {
+        self.values = self.solved(flatness);
+        self.forget();
+    }
+
+    fn forget(&mut self) {
+        self.sums.par_iter_mut().with_min_len(1 << 14).for_each(|sums| *sums = Default::default());
+    }
+
+    /// Adds the detail of each face's best photo to what texels are: what its pixels, which were added, show more than them, without what
+    /// is the same all over. So photos of other exposure, or of other colour from their side, meet without seams.
+    pub(super) fn sharpen(&mut self, layout: &impl Layout, best: &Best, flatness: f32) {
+        let slot_of = best.slots();
+        let width = self.size.x as usize;
+        let number = |at: UVec2| at.y as usize * width + at.x as usize;
+        let of_face = |face: usize| {
+            let mut sums = [[0.0f32; 4]; 3];
+            layout.for_each_texel(face, &mut |at, weights| {
+                let step = self.step(number(at), flatness);
+                for (sums, weight) in sums.iter_mut().zip(weights) {
+                    (0..3).for_each(|c| sums[c] += weight * step[c]);
+                    sums[3] += weight;
+                }
+            });
+            sums
+        };
+        let of_faces: Vec<[[f32; 4]; 3]> = (0..layout.face_count()).into_par_iter().map(of_face).collect();
+        let mut slots = vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
+        for (slot, sums) in slot_of.iter().zip(of_faces.as_flattened()) {
+            (0..4).for_each(|c| slots[*slot as usize][c] += sums[c]);
+        }
+        drop(of_faces);
+        for face in 0..layout.face_count() {
+            let same = [0, 1, 2].map(|k| {
+                let sums = slots[slot_of[3 * face + k] as usize];
+                [0, 1, 2].map(|c| sums[c] / sums[3].max(1e-6))
+            });
+            layout.for_each_texel(face, &mut |at, weights| {
+                let at = number(at);
+                let step = self.step(at, flatness);
+                for c in 0..3 {
+                    let same: f32 = (0..3).map(|k| weights[k] * same[k][c]).sum();
+                    self.values[at][c] = (self.values[at][c] + step[c] - same).clamp(0.0, 255.0);
+                }
+            });
+        }
+        self.forget();
+    }
+}
+
+/// A photo and what it sees.
+struct Observation<'a, L> {
+    texels: &'a Texels,
+    layout: &'a L,
+    mesh: &'a Mesh,
+    camera: &'a Camera,
+    photo: &'a Pixels,
+    visibility: &'a Visibility,
+    /// Only pixels of faces whose best view is this one.
+    best: Option<(&'a Best, u32)>,
+}
+
+impl<L: Layout> Observation<'_, L> {
+    /// Adds a row of pixels to the sums.
+    fn add_row(&self, y: u32) {
+        let barycentrics = Barycentrics::new(self.mesh, self.camera, 1);
+        let mut last = None;
+        for x in 0..self.photo.size.x {
+            let at = (y * self.photo.size.x + x) as usize;
+            let face = self.visibility.face[at];
+            let counts = self.photo.alpha.as_ref().map_or(1.0, |alpha| f32::from(alpha[at]) / 255.0);
+            if face == NO_FACE
+                || counts == 0.0
+                || self.best.is_some_and(|(best, view)| best.view(face) != view)
+            {
+                continue;
+            }
+            let of_face = match last {
+                Some((seen, of_face)) if seen == face => of_face,
+                _ => barycentrics.face(face),
+            };
+            last = Some((face, of_face));
+            let place = self.layout.place(face as usize, &barycentrics.weights(&of_face, x, y));
+            self.add(face as usize, place, self.photo.rgb[at], counts);
+        }
+    }
+
+    /// Adds what a photo shows at a place more than the texels around it do.
+    fn add(&self, face: usize, place: Vec2, photo: [u8; 3], counts: f32) {
+        let four = self.layout.around(face, place);
+        let residual = [0, 1, 2].map(|c| {
+            let drawn: f32 = four.iter().map(|(texel, share)| share * self.texels.values[*texel][c]).sum();
+            (f32::from(photo[c]) - drawn) / 255.0
+        });
+        for (texel, share) in four {
+            let weight = share * counts;
+            let sums = &self.texels.sums[texel];
+            let add = |sum: &AtomicI32, x: f32| {
+                sum.fetch_add((x * UNIT).round_ties_even() as i32, Ordering::Relaxed);
+            };
+            residual.iter().zip(sums).for_each(|(r, sum)| add(sum, r * weight));
+            add(&sums[3], weight);
+        }
+    }
+}

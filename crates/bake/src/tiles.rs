@@ -1,0 +1,143 @@
+//! Tiles: the scene cut into pieces that a viewer loads as it approaches, each at several levels of detail.
+//!
+//! ```text
+//!        root               level k: 1/4^k of the triangles
+//!      ┌──┬┴─┬──┐
+//!      ▢  ▢  ▢  ▢           level k - 1: each replaced by the four below it
+//!     ▢▢▢▢ …                level 0: all triangles
+//! ```
+//!
+//! Levels are those of [`lod`](super::lod), made from the whole scene. So a triangle of a tile is also in the
+//! tiles below it, and neighbours agree along their border. Space is cut by the triangles of the finest
+//! level: twice into halves of equal count for each step down, so all tiles hold about equal numbers.
+//! Triangles belong to the tile of their centroid.
+
+use super::cells::Cells;
+use rayon::prelude::*;
+use trisplat_scene::asset::{Asset, Tile};
+use trisplat_scene::error::Result;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageDetails};
+
+/// Most levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
+const MOST_LEVELS: u32 = 12;
+
+/// How the scene is cut into tiles.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TilesOptions {
+    /// Write 3D Tiles 1.1 that stream: OUT.tileset.json and a folder OUT.tiles of GLB files; -o
+    /// OUT.tileset.json implies it
+    pub tiles: bool,
+    /// Most triangles in a tile, 1000 or more
+    #[schemars(range(min = 1000))]
+    pub tile_triangles: u32,
+}
+
+impl TilesOptions {
+    /// No tiles; their default size is the largest that 16-bit indices can address.
+    pub const DEFAULT: Self = Self { tiles: false, tile_triangles: 21_845 };
+
+    /// Checks the range.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check("tiles", self, Called::ByFlag)
+    }
+
+    /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces` triangles.
+    pub fn shares(&self, faces: usize) -> Vec<f64> {
+        let most = f64::from(self.tile_triangles);
+        let fits = |levels: u32| faces as f64 / 4f64.powi(levels as i32) <= most;
+        let levels = (0..MOST_LEVELS).find(|levels| fits(*levels)).unwrap_or(MOST_LEVELS);
+        (1..=levels).map(|level| 0.25f64.powi(level as i32)).collect()
+    }
+}
+
+impl Default for TilesOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The tree of tiles.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct TilesDetails {
+    /// Tiles that hold triangles.
+    pub tiles: u64,
+    /// Levels, the root among them.
+    pub levels: u64,
+    /// Most triangles in a tile.
+    pub most_triangles: u64,
+}
+
+impl StageDetails for TilesDetails {
+    const STAGE: &'static str = "tiles";
+}
+
+/// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
+pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetails) -> Result<Outcome<()>> {
+    if !options.tiles {
+        return Ok(Outcome::Unneeded("`tiles` was not asked for"));
+    }
+    if asset.tiles.is_some() {
+        return Ok(Outcome::Unneeded("the scene has tiles already"));
+    }
+    let levels = std::mem::take(&mut asset.levels);
+    let mut finest = asset.mesh.clone();
+    finest.split_off(asset.scene_faces());
+    let cells = Cells::new(&centroids(&finest), 2 * levels.len() as u32);
+    let meshes = std::iter::once(finest).chain(levels.into_iter().map(|level| level.mesh));
+    let levels: Vec<Level> = meshes.enumerate().map(|(i, mesh)| Level::new(mesh, &cells, i as u32)).collect();
+    let root = tile(&levels, levels.len() - 1, 0);
+    details.levels = levels.len() as u64;
+    root.visit(&mut |tile| {
+        details.tiles += u64::from(tile.mesh.face_count() > 0);
+        details.most_triangles = details.most_triangles.max(tile.mesh.face_count() as u64);
+    });
+    asset.tiles = Some(Box::new(root));
+    Ok(Outcome::Changed(()))
+}
+
+/// A level, its faces sorted by the cell they are in.
+struct Level {
+    mesh: Mesh,
+    /// Cell and index of every face.
+    faces: Vec<(u64, u32)>,
+}
+
+impl Level {
+    fn new(mesh: Mesh, cells: &Cells, level: u32) -> Self {
+        let cell = |(face, centroid)| (cells.of(centroid) >> (2 * level), face);
+        let mut faces: Vec<(u64, u32)> = (0..).zip(centroids(&mesh)).map(cell).collect();
+        faces.par_sort_unstable();
+        Self { mesh, faces }
+    }
+
+    /// The part of the mesh in a cell, in the order of the mesh, which an engine's caches like.
+    fn part(&self, cell: u64) -> Mesh {
+        let from = self.faces.partition_point(|(other, _)| *other < cell);
+        let to = self.faces.partition_point(|(other, _)| *other <= cell);
+        let faces: Vec<u32> = self.faces[from..to].iter().map(|(_, face)| *face).collect();
+        self.mesh.part(&faces)
+    }
+}
+
+/// The tile of a cell, and those below it; the finest level is 0.
+fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
+    let children: Vec<Tile> = match level {
+        0 => Vec::new(),
+        _ => (0..4).map(|i| tile(levels, level - 1, 4 * cell + i)).filter(|tile| !tile.is_empty()).collect(),
+    };
+    // An enlarged triangle may have its centroid where the scene itself has none: no finer tile would replace
+    // it.
+    let mesh = if level > 0 && children.is_empty() { Mesh::default() } else { levels[level].part(cell) };
+    // A coarser tile leaves out at least as much as the finer tiles that it replaces.
+    let below = children.iter().map(|tile| tile.error).fold(0.0, f64::max);
+    let error = if level == 0 { 0.0 } else { Tile::error_of(mesh.detail()).max(below) };
+    Tile { mesh, error, children }
+}
+
+/// The middle of every face. `[F]`
+fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
+    (0..mesh.face_count()).into_par_iter().map(|face| mesh.centroid(face).to_array()).collect()
+}

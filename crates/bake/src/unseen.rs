@@ -1,0 +1,294 @@
+//! Visibility culling: drops triangles that the solid rasteriser draws in no photo, or hardly.
+//!
+//! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in
+//! pixels. Triangles outside every picture are kept, because nothing hides them from other views. Hidden
+//! triangles are kept when they are few: they cost little, and close gaps in other views. With a budget of
+//! triangles, the visible ones are then ranked by importance (see [`super::decimate`]).
+
+use super::decimate::Decimation;
+use super::views::{SAMPLES, Views};
+use super::visibility::{counted_share, visible_px};
+use rayon::prelude::*;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+
+/// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our own soup
+/// must be fast.
+const SAMPLES_AT_LEAST: u32 = 1;
+/// Hidden triangles stay when they are at most this share of all.
+const FEW_HIDDEN: f64 = 0.05;
+/// At least this share of a triangle's visible area must lie in unmasked pixels.
+const LEAST_COUNTED: f32 = 0.5;
+/// Number of photos for the curve of error against triangles.
+const CURVE_VIEWS: usize = 12;
+/// With `max_error`, at least about one triangle in this many stays.
+const FEWEST: usize = 64;
+/// Progress of a decimation when visibility is known, and ...
+const DRAWING_PART: f64 = 0.1;
+/// ... when corners begin to move.
+const MOVING_PART: f64 = 0.3;
+/// Halvings of the interval that contains the cut.
+const CURVE_STEPS: usize = 9;
+
+/// Which triangles the photos need.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct UnseenOptions {
+    /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were taken
+    pub keep_unseen: bool,
+    /// Remove triangles whose visible area in all photos together is below this, px
+    #[schemars(range(min = 0.0))]
+    pub min_seen_px: f64,
+    /// Remove the least important triangles until the PSNR on the photos has fallen by this much, dB
+    #[schemars(range(min = 0.0))]
+    pub max_error: Option<f64>,
+    /// After visible triangles were removed, move corners of the others to cover the gaps
+    pub enlarge: bool,
+}
+
+impl UnseenOptions {
+    /// Half a pixel in all photos together cannot be distinguished from noise.
+    pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
+}
+
+impl Default for UnseenOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Measurements of visibility; empty without cameras.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct UnseenDetails {
+    /// Triangles that no camera sees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen_by_none: Option<u64>,
+    /// How many of those lie outside every picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outside: Option<u64>,
+    /// Triangles dropped because photos see them mostly in masked pixels; only with `--masks ignore`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub masked: Option<u64>,
+    /// PSNR against the number of triangles, in the order tried; only with `max_error`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<Vec<CurvePoint>>,
+    /// Moves of corners of triangles that stay; only when visible triangles were dropped and `enlarge` is on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corners_moved: Option<u64>,
+}
+
+impl StageDetails for UnseenDetails {
+    const STAGE: &'static str = "unseen";
+}
+
+/// The score of the most important triangles.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct CurvePoint {
+    /// Triangles kept, the most important ones.
+    pub triangles: u64,
+    /// Mean PSNR against some of the photos, dB.
+    pub psnr: f64,
+}
+
+/// How many faces may stay.
+#[derive(Debug, Clone, Default)]
+pub struct FaceLimit {
+    /// Largest number of faces kept: the most important ones. None: no limit.
+    pub most: Option<u64>,
+    /// Faces that stay unchanged even if unseen; fewer than may stay, and empty for none. `[F]`
+    pub spared: Vec<bool>,
+}
+
+/// Drops faces of `mesh` that `cameras` do not see (those of `views` if there are photos), and more until
+/// `limit` is met.
+///
+/// Errors: an option out of range, a photo that cannot be decoded, no triangle in any view.
+pub fn unseen(
+    mesh: &mut Mesh,
+    cameras: &[Camera],
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    limit: &FaceLimit,
+    details: &mut UnseenDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    check(options)?;
+    if let (None, Some(db)) = (&views, options.max_error) {
+        return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
+    }
+    let most = limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
+    if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
+        return Ok(Outcome::Unneeded(why));
+    }
+    let chooses = views.is_some() || mesh.face_count() > most;
+    let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
+    let decides_at = if mesh.face_count() > most || options.max_error.is_some() { DRAWING_PART } else { 1.0 };
+    let visible_area = visible_px(mesh, cameras, samples, progress.part(0.0, decides_at));
+    let mut ranked = rank_by_visibility(mesh, &visible_area);
+    let visible = ranked.partition_point(|&f| visible_area[f as usize] > 0.0);
+    if visible == 0 && views.as_ref().is_some_and(|views| !views.is_drawn()) {
+        let wants = "photos of this scene: none of its triangles is in any view; was it moved or scaled?";
+        return Err(Error::invalid("dataset", "its cameras", wants));
+    }
+    details.seen_by_none = Some((ranked.len() - visible) as u64);
+    let outside = outside_first(mesh, cameras, &mut ranked[visible..]);
+    details.outside = Some(outside as u64);
+    let hidden = ranked.len() - visible - outside;
+    let kept_unseen =
+        if hidden as f64 <= FEW_HIDDEN * ranked.len() as f64 { outside + hidden } else { outside };
+    // Faces that are seen enough come first among the seen ones.
+    let seen = match options.keep_unseen {
+        true => visible,
+        false => ranked[..visible]
+            .partition_point(|&f| f64::from(visible_area[f as usize]) >= options.min_seen_px)
+            .max(1),
+    };
+    let needed = if options.keep_unseen || visible == 0 { ranked.len() } else { seen + kept_unseen };
+    if needed < ranked.len() {
+        // Kept ones come before hardly seen ones.
+        ranked[seen..visible + kept_unseen].rotate_left(visible - seen);
+    }
+    let [seen, needed] = spared_first(&mut ranked, &limit.spared, [seen, needed]);
+    let mut keep = needed.min(most);
+    let decimates = keep < seen || options.max_error.is_some();
+    let mut decimation = decimates.then(|| Decimation::new(mesh, cameras).sparing(&limit.spared));
+    if let Some(decimation) = &mut decimation {
+        let fewest = if options.max_error.is_some() { visible / FEWEST } else { keep }.max(1);
+        let candidates = &mut ranked[..seen];
+        let progress = progress.part(DRAWING_PART, MOVING_PART);
+        let best = decimation.rank_by_importance(&visible_area, candidates, fewest, progress);
+        candidates.copy_from_slice(&best);
+    }
+    if let (Some(db), Some(views)) = (options.max_error, views) {
+        keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
+    }
+    if keep == ranked.len() {
+        return Ok(Outcome::Unneeded("hardly any triangle is hidden from every camera"));
+    }
+    let enlarging = decimation.filter(|_| options.enlarge);
+    let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));
+    if let Some(moved) = moved {
+        moved.apply(mesh);
+        details.corners_moved = Some(moved.moves);
+    }
+    mesh.keep(&ranked[..keep]);
+    Ok(Outcome::Changed(()))
+}
+
+/// Drops triangles that photos see mostly in masked pixels, where training never compared them with anything.
+/// Returns how many; `None` without such masks, and with `keep_unseen`.
+///
+/// Errors: a photo that cannot be decoded.
+pub fn masked(
+    mesh: &mut Mesh,
+    views: Option<&mut Views>,
+    options: &UnseenOptions,
+    progress: &mut StageProgress<'_>,
+) -> Result<Option<u64>> {
+    let Some(views) = views.filter(|views| views.are_masked() && !options.keep_unseen) else {
+        return Ok(None);
+    };
+    let shares = counted_share(mesh, views, SAMPLES, progress)?;
+    let stays = |share: &Option<f32>| share.is_none_or(|share| share >= LEAST_COUNTED);
+    let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
+    // Masks that would remove everything are not masks of this scene.
+    if kept.is_empty() {
+        return Ok(Some(0));
+    }
+    let dropped = (mesh.face_count() - kept.len()) as u64;
+    mesh.keep(&kept);
+    Ok(Some(dropped))
+}
+
+/// Puts the faces that are `spared` first, the order unchanged otherwise; returns how many faces then precede each of `ends`, all spared ones among them.
+fn spared_first<const N: usize>(ranked: &mut [u32], spared: &[bool], ends: [usize; N]) -> [usize; N] {
+    if spared.is_empty() {
+        return ends;
+    }
+    let is_spared = |face: &u32| spared[*face as usize];
+    let ends = ends.map(|end| end + ranked[end..].iter().filter(|face| is_spared(face)).count());
+    ranked.sort_by_key(|face| !is_spared(face));
+    ends
+}
+
+/// Puts `faces` outside every picture first, the order unchanged otherwise; returns how many.
+fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
+    let is_outside = |&face: &u32| {
+        let [a, b, c] = mesh.corners(face as usize);
+        let points = [a, b, c, mesh.centroid(face as usize)];
+        !cameras.iter().any(|camera| points.iter().any(|point| camera.frames(*point)))
+    };
+    let outside: Vec<bool> = faces.par_iter().map(is_outside).collect();
+    let of = |which: bool| {
+        faces.iter().zip(&outside).filter(move |(_, out)| **out == which).map(|(face, _)| *face)
+    };
+    let ordered: Vec<u32> = of(true).chain(of(false)).collect();
+    faces.copy_from_slice(&ordered);
+    outside.iter().filter(|out| **out).count()
+}
+
+/// Why there is nothing to do, if this is known before drawing. At most `most` triangles may stay.
+fn nothing_to_do(
+    mesh: &Mesh,
+    cameras: &[Camera],
+    options: &UnseenOptions,
+    most: usize,
+) -> Option<&'static str> {
+    if cameras.is_empty() {
+        return Some("it needs cameras: from photos (`dataset`), or stored in the soup");
+    }
+    let keeps_all = options.keep_unseen && options.max_error.is_none() && mesh.face_count() <= most;
+    keeps_all.then_some("`keep_unseen`")
+}
+
+/// All faces, sorted by visible area, largest first; ties go to the larger face. `[F]`
+fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
+    let area = |f: u32| mesh.area(f as usize);
+    let mut ranked: Vec<u32> = (0..visible_area.len() as u32).collect();
+    ranked.par_sort_unstable_by(|&a, &b| {
+        let by_area = || area(b).total_cmp(&area(a));
+        visible_area[b as usize].total_cmp(&visible_area[a as usize]).then_with(by_area).then(a.cmp(&b))
+    });
+    ranked
+}
+
+fn check(options: &UnseenOptions) -> Result<()> {
+    for (option, value) in [("min_seen_px", Some(options.min_seen_px)), ("max_error", options.max_error)] {
+        if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
+            return Err(Error::invalid(option, value, "0 or more"));
+        }
+    }
+    Ok(())
+}
+
+/// How many of `ranked` must stay for a PSNR on the photos at most `db` below that of all.
+fn fewest_within(
+    mesh: &Mesh,
+    views: &mut Views,
+    ranked: &[u32],
+    db: f64,
+    details: &mut UnseenDetails,
+) -> Result<usize> {
+    let chosen = views.evenly_spaced(CURVE_VIEWS);
+    let mut curve = Vec::new();
+    let mut psnr = |keep: usize| -> Result<f64> {
+        let mut part = mesh.clone();
+        part.keep(&ranked[..keep]);
+        let psnr = views.mean_psnr(&part, &chosen)?;
+        curve.push(CurvePoint { triangles: keep as u64, psnr });
+        Ok(psnr)
+    };
+    let best = psnr(ranked.len())?;
+    let (mut too_few, mut enough) = (0, ranked.len());
+    for _ in 0..CURVE_STEPS {
+        let middle = (too_few + enough) / 2;
+        if middle == too_few || middle == 0 {
+            break;
+        }
+        if psnr(middle)? >= best - db { enough = middle } else { too_few = middle }
+    }
+    details.curve = Some(curve);
+    Ok(enough)
+}

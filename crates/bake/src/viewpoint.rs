@@ -1,0 +1,100 @@
+//! The first viewpoint of the file: the camera of the photo that shows the subject best or, without photos, a
+//! place around it.
+//!
+//! Runs late, because it needs the final triangles, upright as placed.
+
+use glam::Vec3;
+use trisplat_raster::framing::viewpoint::{Scenery, viewpoint as best_viewpoint};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::report::{Outcome, StageDetails};
+
+/// What was chosen.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ViewpointDetails {
+    /// Number of the photo taken there, counted from 0; absent for other viewpoints.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo: Option<u64>,
+    /// Share of the picture that shows the subject; absent when nothing was chosen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filled: Option<f64>,
+}
+
+impl StageDetails for ViewpointDetails {
+    const STAGE: &'static str = "viewpoint";
+}
+
+/// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in its frame.
+/// Without any, the input's viewpoint is kept.
+pub fn viewpoint(asset: &mut Asset, cameras: &[Camera], details: &mut ViewpointDetails) -> Outcome<()> {
+    if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
+        return Outcome::Unneeded(
+            "the input says where to look from, and no camera is known that could do better",
+        );
+    }
+    let (mesh, faces) = (&asset.mesh, asset.scene_faces());
+    let room = |from: Vec3| asset.room(from);
+    let corners = |face: usize| mesh.corners(face);
+    let scenery = Scenery { corners: &corners, count: faces, cameras, up: Vec3::Y, room: &room };
+    let chosen = best_viewpoint(&scenery).filter(|chosen| chosen.viewpoint.is_possible());
+    let Some(chosen) = chosen else {
+        return Outcome::Unneeded("there is nothing to be seen");
+    };
+    details.photo = chosen.photo.map(|photo| photo as u64);
+    details.filled = Some(chosen.filled);
+    asset.provenance.viewpoint = Some(chosen.viewpoint);
+    Outcome::Changed(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::camera::Viewpoint;
+    use trisplat_scene::math::octasphere::octasphere;
+    use trisplat_scene::mesh::{Colors, Mesh};
+
+    fn spheres() -> Asset {
+        let (corners, faces) = octasphere(2);
+        let sphere = |radius: f32| {
+            let corner = |i: u32| corners[i as usize] * radius;
+            faces.iter().flat_map(|face| face.map(corner)).collect::<Vec<Vec3>>()
+        };
+        let positions = [sphere(1.0), sphere(3.0)].concat();
+        let colors = Colors::Face(vec![[0.5; 3]; positions.len() / 3]);
+        let mut asset = Asset::from(Mesh { positions, colors, ..Mesh::default() });
+        asset.provenance.backdrop = faces.len() as u32;
+        asset
+    }
+
+    #[test]
+    fn it_is_inside_the_backdrop_and_found_once() {
+        let (mut asset, mut details) = (spheres(), ViewpointDetails::default());
+        assert_eq!(viewpoint(&mut asset, &[], &mut details), Outcome::Changed(()));
+        let chosen = asset.provenance.viewpoint.expect("it was chosen");
+        assert!(Vec3::from(chosen.eye.map(|x| x as f32)).length() < 3.0, "{chosen:?}");
+        assert!(details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1), "{details:?}");
+        let again = viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
+        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert_eq!(asset.provenance.viewpoint, Some(chosen));
+    }
+
+    #[test]
+    fn what_the_input_says_is_kept_unless_photos_know_better() {
+        let said = Viewpoint {
+            eye: [0.0; 3],
+            target: [1.0; 3],
+            up: [0.0, 1.0, 0.0],
+            fov: 50.0,
+            radius: None,
+            orbit: None,
+        };
+        let mut asset = spheres();
+        asset.provenance.viewpoint = Some(said);
+        viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
+        assert_eq!(asset.provenance.viewpoint, Some(said));
+        let size = glam::UVec2::splat(100);
+        let camera = said.camera(size).looking(Vec3::new(0.5, 1.0, 2.5), Vec3::ZERO, Vec3::Y);
+        viewpoint(&mut asset, &[camera], &mut ViewpointDetails::default());
+        assert_ne!(asset.provenance.viewpoint, Some(said));
+    }
+}

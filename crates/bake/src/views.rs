@@ -1,0 +1,265 @@
+//! The photos of a bake, or pictures that replace them: they decide the importance and the colour of a
+//! triangle.
+
+use super::corrected_poses::corrected;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+use trisplat_dataset::exposure::Exposures;
+use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos};
+use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_scene::asset::Placement;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::median::median;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::placed;
+
+/// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
+const NEAR: f32 = 0.01;
+/// Samples per pixel along each axis when a choice depends on the picture.
+pub const SAMPLES: u32 = 2;
+/// One photo in this many is held out when a stage evaluates what it fits, and ...
+const EVALUATION_EVERY: usize = 8;
+/// ... at most these.
+const MOST_EVALUATION_VIEWS: usize = 24;
+
+/// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
+#[derive(Debug)]
+pub struct Views {
+    cameras: Vec<Camera>,
+    points: Vec<Vec3>,
+    /// Cameras and points as they were read, in the world of the photos minus `origin`.
+    read: (Vec<Camera>, Vec<Vec3>),
+    origin: DVec3,
+    photos: Photos,
+    background: [f32; 3],
+    /// Share of the pictures that shows the scene, when they are not photos.
+    drawn: Option<f64>,
+    /// Some photos have masked pixels.
+    masked: bool,
+    /// Photos of an object without background. `[views]`
+    cut: Vec<bool>,
+    /// The photos' corrections; empty for none.
+    exposures: Exposures,
+}
+
+impl Views {
+    /// The training photos of `dataset`, which was read with `options`; held-out ones are never used.
+    pub fn new(dataset: &Dataset, options: &DatasetOptions) -> Self {
+        let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
+        let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
+        Self {
+            read: (cameras.clone(), points.clone()),
+            cameras,
+            points,
+            origin: dataset.origin,
+            photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
+            background: options.background.to_f32(),
+            drawn: None,
+            masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some())
+                || dataset.train().any(|v| v.photo.is_cut()),
+            cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
+            exposures: Exposures::default(),
+        }
+    }
+
+    /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the covered share
+    /// of each pixel.
+    pub fn drawn(cameras: Vec<Camera>, pictures: Vec<Pixels>) -> Self {
+        let (mut covered, mut all) = (0, 0);
+        for picture in &pictures {
+            all += 255 * picture.rgb.len() as u64;
+            covered += match &picture.alpha {
+                Some(alpha) => alpha.iter().map(|a| u64::from(*a)).sum(),
+                None => 255 * picture.rgb.len() as u64,
+            };
+        }
+        Self {
+            cameras,
+            points: Vec::new(),
+            read: (Vec::new(), Vec::new()),
+            origin: DVec3::ZERO,
+            photos: Photos::new(pictures.into_iter().map(Photo::drawn).collect(), 0),
+            background: [0.0; 3],
+            drawn: Some(covered as f64 / (all as f64).max(1.0)),
+            masked: false,
+            cut: Vec::new(),
+            exposures: Exposures::default(),
+        }
+    }
+
+    /// True when some photos have masked pixels.
+    pub fn are_masked(&self) -> bool {
+        self.masked
+    }
+
+    /// True when a photo shows an object without background: see [`Photo::is_cut`].
+    pub fn is_cut(&self, view: usize) -> bool {
+        self.cut.get(view).is_some_and(|cut| *cut)
+    }
+
+    /// True when any of them does.
+    pub fn are_cut(&self) -> bool {
+        self.cut.contains(&true)
+    }
+
+    /// True when these are drawn pictures, not photos.
+    pub fn is_drawn(&self) -> bool {
+        self.drawn.is_some()
+    }
+
+    /// Share of the pictures that shows the scene, 0 to 1; 1 for photos.
+    pub fn covered(&self) -> f64 {
+        self.drawn.unwrap_or(1.0)
+    }
+
+    /// Number of photos.
+    pub fn len(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// True when there are none.
+    pub fn is_empty(&self) -> bool {
+        self.cameras.is_empty()
+    }
+
+    /// The photos that stages hold out at first, to evaluate on, and the others. The same for every stage: what was
+    /// fitted to the others by one is unseen by all. Fewer than five photos are all fitted to.
+    pub fn held_out(&self) -> (Vec<usize>, Vec<usize>) {
+        let every = EVALUATION_EVERY.max(self.len().div_ceil(MOST_EVALUATION_VIEWS));
+        (0..self.len()).partition(|view| view % every == every / 2)
+    }
+
+    /// The cameras of all photos.
+    pub fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// The points of the photos' reconstruction, if the data set has any.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
+    /// How the photos' cameras draw `mesh`: see [`drawing`].
+    pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
+        SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
+    }
+
+    /// The mean of the places the photos were taken from.
+    pub fn center(&self) -> Vec3 {
+        let sum: DVec3 = self.cameras.iter().map(|c| c.position().as_dvec3()).sum();
+        (sum / self.len().max(1) as f64).as_vec3()
+    }
+
+    /// The largest distance of a camera from [`Views::center`].
+    pub fn radius(&self) -> f32 {
+        let center = self.center();
+        self.cameras.iter().map(|c| c.position().distance(center)).fold(0.0, f32::max)
+    }
+
+    /// Transforms cameras and points from the world of the photos into the frame of a file that was placed in
+    /// it. Those of drawn pictures are in that frame already. The views may serve several bakes, one after
+    /// the other.
+    pub fn transform(&mut self, placement: &Placement) {
+        if self.drawn.is_some() {
+            return;
+        }
+        let (cameras, points) = &self.read;
+        self.cameras = cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
+        let (transform, origin) = (placement.transform(), self.origin);
+        self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
+    }
+
+    /// Takes over the poses that the scene's training corrected. `stored` are the cameras of its file; call this
+    /// after [`Views::transform`]. Cameras of other photos change nothing.
+    pub fn correct_poses(&mut self, stored: &[Camera]) {
+        if self.drawn.is_none()
+            && let Some(cameras) = corrected(&self.cameras, stored, &self.points)
+        {
+            self.cameras = cameras;
+        }
+    }
+
+    /// The camera of a photo.
+    pub fn camera(&self, view: usize) -> &Camera {
+        &self.cameras[view]
+    }
+
+    /// Starts decoding the photos that will be asked for next, in this order.
+    pub fn prefetch(&mut self, views: &[usize]) {
+        self.photos.prefetch(views.iter().copied());
+    }
+
+    /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share covered by the
+    /// object. Fails when its file cannot be decoded.
+    pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
+        let photo = self.taken(view)?;
+        Ok(match self.is_cut(view) && photo.alpha.is_some() {
+            true => Arc::new(photo.undimmed()),
+            false => photo,
+        })
+    }
+
+    /// A photo, corrected.
+    fn taken(&mut self, view: usize) -> Result<Arc<Pixels>> {
+        let photo = self.photos.take(view)?;
+        Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
+    }
+
+    /// Corrects photos from now on.
+    pub fn correct_by(&mut self, exposures: Exposures) {
+        self.exposures = exposures;
+    }
+
+    /// Stops correcting photos.
+    pub fn take_as_they_are(&mut self) {
+        self.exposures = Exposures::default();
+    }
+
+    /// At most `count` photos, evenly spaced in their order.
+    pub fn evenly_spaced(&self, count: usize) -> Vec<usize> {
+        let count = count.min(self.len());
+        (0..count).map(|i| i * self.len() / count).collect()
+    }
+
+    /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.
+    pub fn mean_psnr(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<f64> {
+        let options = self.drawing(mesh, SAMPLES);
+        let mut solid = Solid::new();
+        let mut sum = 0.0;
+        self.prefetch(chosen);
+        for &view in chosen {
+            let photo = self.taken(view)?;
+            let cut = self.is_cut(view) && photo.alpha.is_some();
+            let mut psnr = |photo: &Pixels, background: [f32; 3]| {
+                let options = SolidRasterOptions { background, ..options };
+                let drawn = solid.render(mesh, self.camera(view), &options);
+                metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref())
+            };
+            sum += match cut {
+                false => psnr(&photo, options.background),
+                // Over black and over white, so that neither colour passes for background.
+                true => {
+                    let of =
+                        |code: u8| (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3]);
+                    let [black, white] = [of(0), of(255)];
+                    (psnr(&black.0, black.1) + psnr(&white.0, white.1)) / 2.0
+                }
+            };
+        }
+        Ok(sum / chosen.len().max(1) as f64)
+    }
+}
+
+/// How `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
+/// background.
+pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
+    let count = mesh.vertex_count().max(1);
+    let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
+    let away = cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();
+    let near = median(away, f32::total_cmp).unwrap_or(1.0) * NEAR;
+    let near = if near > 0.0 && near.is_finite() { near } else { NEAR };
+    SolidRasterOptions { background: [0.0; 3], samples, near }
+}

@@ -1,0 +1,87 @@
+//! What a bake makes of a case: triangles that are lost, and numbers that are not finite.
+
+use super::scene::StressScene;
+use glam::{DVec3, Vec3};
+use trisplat_bake::prune::REACH;
+use trisplat_bake::teacher::TeacherOptions;
+use trisplat_bake::{BakeOptions, bake};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::{Loaded, Scene};
+
+/// Cases of more triangles are not compared: each is looked for among all.
+const MOST: usize = 256;
+/// A triangle is there when its corners are as near as this, in last places of the largest coordinate: it was moved to an origin and back.
+const LAST_PLACES: f64 = 4.0;
+/// Height over longest edge below which a triangle is a line, in last places of its coordinates.
+const FLAT: f64 = 8.0;
+
+/// Triangles of the case, made opaque, that a bake with the default options loses or moves. A scene that is refused loses none.
+pub(super) fn lost(scene: &StressScene) -> f64 {
+    let (mesh, _) = scene.solid();
+    let there: Vec<[Vec3; 3]> =
+        (0..mesh.face_count()).map(|face| mesh.corners(face)).filter(can_be_drawn).collect();
+    if there.is_empty() || mesh.face_count() > MOST {
+        return 0.0;
+    }
+    let reaches = mesh.positions.iter().all(|p| p.abs().max_element() <= REACH);
+    let Ok(asset) = bake(Loaded::from(Scene::Mesh(mesh)), &BakeOptions::default()) else {
+        return if reaches { there.len() as f64 } else { 0.0 };
+    };
+    let placement = asset.provenance.placement;
+    let faces: Vec<[DVec3; 3]> = (0..asset.mesh.face_count())
+        .map(|face| asset.mesh.corners(face).map(|corner| placement.to_world_f64(corner)))
+        .collect();
+    there.iter().filter(|corners| !faces.iter().any(|face| is_same(corners, face))).count() as f64
+}
+
+/// Numbers that are not finite in a bake of the soft case, without pictures of it.
+pub(super) fn non_finite(scene: &StressScene) -> f64 {
+    let options = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
+    // What holds nothing to draw is refused.
+    let Ok(asset) = bake(Loaded::from(scene.soup.clone()), &options) else { return 0.0 };
+    let Mesh { positions, .. } = &asset.mesh;
+    let colors = (0..asset.mesh.face_count()).flat_map(|face| asset.mesh.corner_colors(face)).flatten();
+    let numbers = positions.iter().flat_map(|p| p.to_array()).chain(colors);
+    numbers.filter(|number| !number.is_finite()).count() as f64
+}
+
+/// Whether a triangle is within reach and has an area.
+fn can_be_drawn(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let height = (b - a).cross(c - a).length() / longest;
+    let reach = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+    reach <= REACH && height > FLAT * f64::from(f32::EPSILON) * longest.max(f64::from(reach))
+}
+
+fn is_same(corners: &[Vec3; 3], face: &[DVec3; 3]) -> bool {
+    let reach = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+    let near = LAST_PLACES * f64::from(f32::EPSILON * reach);
+    let is_near = |a: &Vec3, b: &DVec3| (a.as_dvec3() - *b).abs().max_element() <= near;
+    (0..3).any(|turn| (0..3).all(|k| is_near(&corners[k], &face[(k + turn) % 3])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stress::case::StressCase;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_triangle_is_found_wherever_its_first_corner_is_and_not_elsewhere() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let turned = [Vec3::X, Vec3::Y, Vec3::ZERO].map(|corner| corner.as_dvec3());
+        assert!(can_be_drawn(&corners) && is_same(&corners, &turned));
+        let [a, b, c] = turned;
+        assert!(!is_same(&corners, &[a, b, c + DVec3::splat(1e-5)]) && !is_same(&corners, &[b, a, c]));
+        assert!(!can_be_drawn(&[Vec3::ZERO, Vec3::X, 2.0 * Vec3::X]));
+        assert!(!can_be_drawn(&corners.map(|corner| 2e15 * corner)));
+    }
+
+    #[test]
+    fn an_ordinary_case_is_kept_whole() {
+        let scene = StressScene::new(&StressCase { seed: 1, axes: BTreeMap::new() });
+        assert!(scene.soup.vertices.iter().any(can_be_drawn));
+        assert_eq!((lost(&scene), non_finite(&scene)), (0.0, 0.0));
+    }
+}

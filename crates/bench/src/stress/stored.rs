@@ -1,0 +1,48 @@
+//! Positions as they come back from a GLB, plain and quantised.
+
+use glam::DVec3;
+use std::path::Path;
+use trisplat_formats::gltf::{GltfOptions, PositionEncoding, to_glb_bytes};
+use trisplat_formats::{ReadOptions, read};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::Scene;
+
+/// Steps along an axis of a quantised chunk.
+const STEPS: f64 = u16::MAX as f64;
+
+/// Largest error of a position that was written to the GLB `path` and read, in half steps of its format: 16 bits over the
+/// extent of the mesh along each axis, and the half of a last place of single precision that a reader rounds by.
+/// Infinite when triangles are missing.
+pub(super) fn half_steps(mesh: &Mesh, encoding: PositionEncoding, path: &Path) -> Result<f64> {
+    let asset = Asset { mesh: mesh.clone(), ..Asset::default() };
+    let options = GltfOptions { positions: encoding, ..GltfOptions::default() };
+    std::fs::write(path, to_glb_bytes(&asset, &options)?).map_err(|e| Error::io(path, e))?;
+    let loaded = read(path, &ReadOptions::default())?;
+    // A file far from the origin is read relative to an origin of its own.
+    let placement = loaded.provenance.placement;
+    let Scene::Mesh(stored) = loaded.scene else { return Ok(f64::INFINITY) };
+    if stored.face_count() != mesh.face_count() {
+        return Ok(f64::INFINITY);
+    }
+    let all = || mesh.positions.iter().map(|p| p.as_dvec3());
+    let extent = all().fold(DVec3::NEG_INFINITY, DVec3::max) - all().fold(DVec3::INFINITY, DVec3::min);
+    let step = match encoding {
+        PositionEncoding::F32 => DVec3::ZERO,
+        PositionEncoding::ChunkU16 => extent / STEPS,
+    };
+    let mut worst = 0.0f64;
+    for face in 0..mesh.face_count() {
+        for (a, b) in mesh.corners(face).into_iter().zip(stored.corners(face)) {
+            let error = (a.as_dvec3() - placement.to_world_f64(b)).abs();
+            for axis in 0..3 {
+                // Code times scale is rounded, then the sum with the origin.
+                let rounding = f64::from(f32::EPSILON) * (f64::from(a[axis]).abs() + extent[axis]);
+                let half = 0.5 * step[axis] + if step[axis] > 0.0 { rounding } else { 0.0 };
+                worst = worst.max(if error[axis] == 0.0 { 0.0 } else { error[axis] / half });
+            }
+        }
+    }
+    Ok(worst)
+}

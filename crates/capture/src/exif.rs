@@ -1,0 +1,127 @@
+//! EXIF: orientation, focal length and exposure.
+
+use exif::{Exif, Tag};
+use glam::UVec2;
+use std::io::Cursor;
+use trisplat_scene::image::exif_light::{above_zero, exposure_stops, first_number, read};
+
+/// Diagonal of a frame of 35 mm film, mm.
+const FILM_DIAGONAL: f64 = 43.266_615_305_567_87;
+/// Tag of the orientation in the first directory.
+const ORIENTATION: u16 = 0x0112;
+
+/// A photo's EXIF data.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct PhotoNotes {
+    /// EXIF orientation, 1 to 8; 1: upright.
+    pub(super) orientation: u8,
+    /// Focal length equivalent on 35 mm film, mm.
+    pub(super) focal_35: Option<f64>,
+    /// Exposure in stops: twice the light is 1 more.
+    pub(super) exposure_stops: Option<f64>,
+    /// The raw EXIF block, from its byte order mark on.
+    pub(super) raw: Vec<u8>,
+}
+
+impl PhotoNotes {
+    /// EXIF of an image file; upright and otherwise empty if missing or unreadable.
+    pub(super) fn of(bytes: &[u8]) -> Self {
+        let exif = read(&mut Cursor::new(bytes));
+        exif.map_or(Self { orientation: 1, ..Self::default() }, |exif| Self::in_block(&exif))
+    }
+
+    fn in_block(exif: &Exif) -> Self {
+        let orientation =
+            first_number(exif, Tag::Orientation).filter(|o| (1.0..=8.0).contains(o)).unwrap_or(1.0);
+        Self {
+            orientation: orientation as u8,
+            focal_35: above_zero(exif, Tag::FocalLengthIn35mmFilm),
+            exposure_stops: exposure_stops(exif),
+            raw: exif.buf().to_vec(),
+        }
+    }
+
+    /// Focal length in pixels for this picture size.
+    pub(super) fn focal_px(&self, size: UVec2) -> Option<f64> {
+        self.focal_35.map(|focal| focal / FILM_DIAGONAL * size.as_dvec2().length())
+    }
+
+    /// The EXIF block with orientation reset to upright.
+    pub(super) fn upright(&self) -> Vec<u8> {
+        let mut raw = self.raw.clone();
+        // An entry that is not found does not exist.
+        let _ = set_upright(&mut raw);
+        raw
+    }
+}
+
+/// Sets the orientation entry of the first directory to 1. `None` without such an entry.
+fn set_upright(tiff: &mut [u8]) -> Option<()> {
+    let big = tiff.get(..2)? == b"MM";
+    let short = |bytes: &[u8], at: usize| -> Option<u16> {
+        let two = bytes.get(at..at + 2)?.try_into().ok()?;
+        Some(if big { u16::from_be_bytes(two) } else { u16::from_le_bytes(two) })
+    };
+    let long: [u8; 4] = tiff.get(4..8)?.try_into().ok()?;
+    let start = if big { u32::from_be_bytes(long) } else { u32::from_le_bytes(long) } as usize;
+    let entries = usize::from(short(tiff, start)?);
+    let entry = (0..entries).map(|i| start + 2 + 12 * i).find(|&at| short(tiff, at) == Some(ORIENTATION))?;
+    let one = if big { 1u16.to_be_bytes() } else { 1u16.to_le_bytes() };
+    tiff.get_mut(entry + 8..entry + 10)?.copy_from_slice(&one);
+    Some(())
+}
+
+/// A JPEG file with an EXIF block inserted before all other segments.
+pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
+    const HEADER: &[u8] = b"Exif\0\0";
+    let length = u16::try_from(2 + HEADER.len() + notes.len());
+    match (length, jpeg.split_at_checked(2)) {
+        (Ok(length), Some((start, rest))) if !notes.is_empty() => {
+            [start, &[0xff, 0xe1], &length.to_be_bytes(), HEADER, notes, rest].concat()
+        }
+        _ => jpeg.to_vec(),
+    }
+}
+
+/// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
+#[cfg(test)]
+pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
+    use exif::{In, Rational, Value};
+    let rational = |num, denom| Value::Rational(vec![Rational { num, denom }]);
+    let fields = [
+        (Tag::Orientation, Value::Short(vec![orientation])),
+        (Tag::ExposureTime, rational(1, inverse_time)),
+        (Tag::FNumber, rational(2, 1)),
+        (Tag::PhotographicSensitivity, Value::Short(vec![100])),
+        (Tag::FocalLengthIn35mmFilm, Value::Short(vec![focal_35])),
+    ]
+    .map(|(tag, value)| exif::Field { tag, ifd_num: In::PRIMARY, value });
+    let mut writer = exif::experimental::Writer::new();
+    fields.iter().for_each(|field| writer.push_field(field));
+    let mut bytes = Cursor::new(Vec::new());
+    writer.write(&mut bytes, false).unwrap();
+    bytes.into_inner()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::image::Pixels;
+
+    #[test]
+    fn notes_come_back_from_a_jpeg_and_upright_ones_differ_in_orientation_alone() {
+        let picture = Pixels { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
+        let plain = picture.to_jpeg(90).unwrap();
+        assert_eq!(PhotoNotes::of(&plain), PhotoNotes { orientation: 1, ..PhotoNotes::default() });
+        let noted = with_notes(&plain, &sample_notes(6, 50, 26));
+        let notes = PhotoNotes::of(&noted);
+        assert_eq!((notes.orientation, notes.focal_35), (6, Some(26.0)));
+        assert!((notes.exposure_stops.unwrap() - (1.0f64 / 200.0).log2()).abs() < 1e-9);
+        let focal = notes.focal_px(UVec2::new(4000, 3000)).unwrap();
+        assert!((focal - 26.0 / FILM_DIAGONAL * 5000.0).abs() < 1e-9);
+        let turned = PhotoNotes::of(&with_notes(&plain, &notes.upright()));
+        assert_eq!(PhotoNotes { raw: notes.raw.clone(), orientation: 6, ..turned.clone() }, notes);
+        assert_eq!(turned.orientation, 1);
+        assert_eq!(PhotoNotes::of(b"not a picture").orientation, 1);
+    }
+}

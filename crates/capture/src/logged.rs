@@ -1,0 +1,203 @@
+//! Runs other programs. Each line of their output goes to a log and to a progress callback.
+
+use super::observer::{CaptureObserver, Halt, Step};
+use std::fs::{File, TryLockError};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant};
+use trisplat_scene::error::Error;
+use trisplat_scene::process::running::Running;
+
+/// Interval between checks for a stop request.
+const TICK: Duration = Duration::from_millis(100);
+/// Longest wait for a program left over from a killed run.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Lines kept for error messages.
+const KEPT: usize = 40;
+
+/// The log file of a capture.
+#[derive(Debug)]
+pub(super) struct Log {
+    pub(super) path: PathBuf,
+    file: File,
+    /// Locked, and the standard input of every program: one that runs on when this process is killed keeps the lock.
+    lock: File,
+}
+
+/// How a program ended.
+#[derive(Debug)]
+pub(super) struct Ended {
+    pub(super) status: ExitStatus,
+    /// Its last lines of output.
+    pub(super) said: Vec<String>,
+}
+
+impl Log {
+    /// Opens the log at `path` for appending.
+    ///
+    /// Errors: a program that another run started for this log is still running.
+    pub(super) fn open(path: &Path) -> Step<Self> {
+        let lock = locked(&path.with_extension("lock"))?;
+        let file = File::options().create(true).append(true).open(path).map_err(|e| Error::io(path, e))?;
+        Ok(Self { path: path.to_owned(), file, lock })
+    }
+
+    /// Runs `command` to its end, or until `observer` stops it. `hear` gets each line of standard output and error.
+    pub(super) fn run(
+        &mut self,
+        command: &mut Command,
+        observer: &mut dyn CaptureObserver,
+        mut hear: impl FnMut(&str, &mut dyn CaptureObserver),
+    ) -> Step<Ended> {
+        self.write(&format!("$ {}", shown(command)))?;
+        let mut program = self.start(command)?;
+        let (lines, heard) = mpsc::channel();
+        let (out, err) = program.pipes();
+        let readers = [out.map(boxed), err.map(boxed)].into_iter().flatten();
+        readers.for_each(|from| pass_lines(from, lines.clone()));
+        drop(lines);
+        let mut said = Vec::new();
+        loop {
+            match heard.recv_timeout(TICK) {
+                Ok(line) => {
+                    self.write(&line)?;
+                    hear(&line, observer);
+                    said.push(line);
+                    if said.len() > 2 * KEPT {
+                        said.drain(..KEPT);
+                    }
+                }
+                // A grandchild may keep the pipes open after the program has ended.
+                Err(RecvTimeoutError::Timeout) if program.has_ended().map_err(io_of(command))?.is_some() => {
+                    break;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if observer.wants_to_stop() {
+                program.stop();
+                self.write("stopped")?;
+                return Err(Halt::Stopped);
+            }
+        }
+        let status = program.wait().map_err(io_of(command))?;
+        self.write(&format!("{status}"))?;
+        Ok(Ended { status, said })
+    }
+
+    /// [`Log::run`], with an error unless the program succeeds.
+    pub(super) fn run_well(
+        &mut self,
+        command: &mut Command,
+        observer: &mut dyn CaptureObserver,
+        hear: impl FnMut(&str, &mut dyn CaptureObserver),
+    ) -> Step<()> {
+        let ended = self.run(command, observer, hear)?;
+        match ended.status.success() {
+            true => Ok(()),
+            false => Err(self.failure(command, &ended).into()),
+        }
+    }
+
+    /// Runs `command` and passes its binary standard output to `read`. Standard error goes to the log.
+    pub(super) fn stream(
+        &mut self,
+        command: &mut Command,
+        read: impl FnOnce(&mut dyn Read) -> Step<()>,
+    ) -> Step<()> {
+        self.write(&format!("$ {}", shown(command)))?;
+        let mut program = self.start(command)?;
+        let (lines, heard) = mpsc::channel();
+        let (out, err) = program.pipes();
+        err.into_iter().for_each(|err| pass_lines(Box::new(err), lines.clone()));
+        drop(lines);
+        // On an error, dropping the program ends it.
+        out.map_or(Ok(()), |mut out| read(&mut out))?;
+        let status = program.wait().map_err(io_of(command))?;
+        let said: Vec<String> = heard.iter().collect();
+        said.iter().try_for_each(|line| self.write(line))?;
+        self.write(&format!("{status}"))?;
+        match status.success() {
+            true => Ok(()),
+            false => Err(self.failure(command, &Ended { status, said }).into()),
+        }
+    }
+
+    /// The error for a failed program.
+    pub(super) fn failure(&self, command: &Command, ended: &Ended) -> Error {
+        let name = command.get_program().to_string_lossy().into_owned();
+        let telling = |line: &&String| {
+            let lower = line.to_lowercase();
+            ["error", "fail", "cannot", "could not", "invalid", "not found"].iter().any(|w| lower.contains(w))
+        };
+        let line = ended.said.iter().rev().find(telling).or(ended.said.last());
+        let last = line.map_or(String::new(), |line| format!(": {}", line.trim()));
+        let reason = format!("{name} ended with {}{last}; this is its log", ended.status);
+        Error::unsupported(&self.path, reason)
+    }
+
+    fn start(&self, command: &mut Command) -> Step<Running> {
+        let lock = self.lock.try_clone().map_err(io_of(command))?;
+        Running::start(command.stdin(Stdio::from(lock))).map_err(|e| io_of(command)(e).into())
+    }
+
+    fn write(&mut self, line: &str) -> Step<()> {
+        writeln!(self.file, "{line}").map_err(|e| Error::io(&self.path, e).into())
+    }
+}
+
+fn boxed<R: Read + Send + 'static>(from: R) -> Box<dyn Read + Send> {
+    Box::new(from)
+}
+
+/// The file at `path`, which is made if need be, with its lock.
+fn locked(path: &Path) -> Step<File> {
+    let io = |e| Error::io(path, e);
+    let file = File::options().read(true).append(true).create(true).open(path).map_err(io)?;
+    let began = Instant::now();
+    loop {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) if began.elapsed() < PATIENCE => std::thread::sleep(TICK),
+            Err(TryLockError::WouldBlock) => {
+                let why =
+                    "a program that an earlier run has started still works here; wait for it, or end it";
+                return Err(io(io::Error::new(io::ErrorKind::ResourceBusy, why)).into());
+            }
+            // Without locks nothing is worse than before.
+            Ok(()) | Err(TryLockError::Error(_)) => return Ok(file),
+        }
+    }
+}
+
+fn io_of(command: &Command) -> impl Fn(io::Error) -> Error + use<> {
+    let name = PathBuf::from(command.get_program());
+    move |e| Error::io(&name, e)
+}
+
+/// Sends lines until the end of the stream, or until the receiver is gone.
+fn pass_lines(from: Box<dyn Read + Send>, to: Sender<String>) {
+    std::thread::spawn(move || {
+        let mut from = BufReader::new(from);
+        let mut line = Vec::new();
+        // Progress bars end their lines with a carriage return.
+        while from.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+            let text = String::from_utf8_lossy(&line).trim_end().to_owned();
+            if to.send(text).is_err() {
+                return;
+            }
+            line.clear();
+        }
+    });
+}
+
+/// A command as it could be typed, for the log.
+fn shown(command: &Command) -> String {
+    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    let short = |word: std::borrow::Cow<str>| match word.char_indices().nth(200) {
+        Some((end, _)) => format!("{}…", &word[..end]).replace('\n', " "),
+        None => word.replace('\n', " "),
+    };
+    words.map(|word| short(word.to_string_lossy())).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,257 @@
+//! Pose programs: finds an installed one and builds its commands.
+
+use super::options::CaptureOptions;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use trisplat_scene::error::{Error, Result};
+
+/// Environment variable that names the program if the option `poses` does not.
+const VARIABLE: &str = "TRISPLAT_POSES";
+/// Script that drives pycolmap.
+const SCRIPT: &str = include_str!("poses.py");
+/// Longer side of pictures for feature detection, px. Twice this costs four times as much.
+const FEATURE_SIDE: u32 = 2000;
+
+/// An installed program that finds poses.
+#[derive(Debug, Clone)]
+pub(super) struct Program {
+    kind: Kind,
+    path: PathBuf,
+    /// "COLMAP 3.8", "pycolmap 4.2.1".
+    pub(super) version: String,
+    /// Whether it can use a graphics card.
+    pub(super) has_gpu: bool,
+    /// Its global mapper.
+    global: Option<Global>,
+    /// CPU threads that it may use.
+    pub(super) threads: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Colmap,
+    Pycolmap,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Global {
+    /// A command of the program itself.
+    Own,
+    /// A separate program.
+    Glomap,
+}
+
+/// Paths that the program reads and writes.
+#[derive(Debug, Clone)]
+pub(super) struct Places {
+    pub(super) images: PathBuf,
+    pub(super) database: PathBuf,
+    /// A list of the pairs to compare.
+    pub(super) pairs: PathBuf,
+    /// Folder of the models.
+    pub(super) models: PathBuf,
+}
+
+/// The cameras of the photos.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Cameras {
+    /// One camera per folder; otherwise one for all.
+    pub(super) by_folder: bool,
+    /// Focal length and principal point of the one camera, px.
+    pub(super) known: Option<[f64; 3]>,
+}
+
+/// The pairs of photos to compare.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Pairing {
+    /// All pairs.
+    Exhaustive,
+    /// Pairs from a list.
+    Listed,
+    /// Similar photos, by a vocabulary tree.
+    Tree(PathBuf),
+}
+
+impl Program {
+    /// The requested program, or the first installed one. `input` is named in the error.
+    ///
+    /// Errors: no program is installed.
+    pub(super) fn find(options: &CaptureOptions, input: &Path) -> Result<Self> {
+        let named = options.poses.clone().or_else(|| std::env::var_os(VARIABLE).map(PathBuf::from));
+        if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+            let found = if name.starts_with("py") { Self::pycolmap(&path) } else { Self::colmap(&path) };
+            let wants = "a colmap program, or a Python that has pycolmap";
+            return found.ok_or_else(|| Error::invalid("poses", path.display(), wants));
+        }
+        let pythons = if cfg!(windows) { ["python", "py"] } else { ["python3", "python"] };
+        let found = Self::colmap(Path::new("colmap"))
+            .or_else(|| pythons.iter().find_map(|python| Self::pycolmap(Path::new(python))));
+        found.ok_or_else(|| {
+            let reason = "needs camera poses, and no program that finds them is installed (neither colmap, nor pycolmap in the Python of \
+                          this shell). Install one: `pip install pycolmap` (any system with Python), `sudo apt install colmap` (Debian, \
+                          Ubuntu), `brew install colmap` (macOS), or the archive from https://github.com/colmap/colmap/releases \
+                          (Windows). One that is elsewhere is named with `poses`";
+            Error::unsupported(input, reason)
+        })
+    }
+
+    fn colmap(path: &Path) -> Option<Self> {
+        let text = said(Command::new(path).arg("help"))?;
+        let first = text.lines().find(|line| line.starts_with("COLMAP"))?;
+        let version = first.split(['-', '(']).next().unwrap_or(first).trim().to_owned();
+        let own = text.contains("global_mapper").then_some(Global::Own);
+        let glomap = || said(Command::new("glomap").arg("-h")).map(|_| Global::Glomap);
+        let threads = rayon::current_num_threads();
+        let (global, has_gpu) = (own.or_else(glomap), !text.contains("without CUDA"));
+        Some(Self { kind: Kind::Colmap, path: path.to_owned(), version, has_gpu, global, threads })
+    }
+
+    fn pycolmap(path: &Path) -> Option<Self> {
+        let mut command = Command::new(path);
+        command.args(["-c", SCRIPT, r#"{"step": "probe"}"#]);
+        let text = said(&mut command)?;
+        let line = text.lines().find(|line| line.starts_with("pycolmap "))?;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let version = format!("{} {}", words[0], words.get(1).unwrap_or(&""));
+        let global = words.contains(&"global").then_some(Global::Own);
+        let threads = rayon::current_num_threads();
+        Some(Self { kind: Kind::Pycolmap, path: path.to_owned(), version, has_gpu: false, global, threads })
+    }
+
+    /// True when it can find all poses at once.
+    pub(super) fn has_global(&self) -> bool {
+        self.global.is_some()
+    }
+
+    /// The same without a graphics card.
+    pub(super) fn on_cpu(&self) -> Self {
+        Self { has_gpu: false, ..self.clone() }
+    }
+
+    /// The command that finds features in the photos.
+    pub(super) fn features(&self, places: &Places, cameras: &Cameras) -> Command {
+        let [f, x, y] = cameras.known.unwrap_or_default();
+        let params = if cameras.known.is_some() { format!("{f:.3},{x},{y},0") } else { String::new() };
+        if self.kind == Kind::Pycolmap {
+            return self.script(json!({
+                "step": "features", "database": places.database, "images": places.images, "params": params,
+                "folders": cameras.by_folder, "max_size": FEATURE_SIDE, "threads": self.threads,
+            }));
+        }
+        let mut words = Words::of(&self.path, "feature_extractor");
+        words.path("--database_path", &places.database).path("--image_path", &places.images);
+        words.add("--ImageReader.camera_model", "SIMPLE_RADIAL");
+        let shared = if cameras.by_folder { "single_camera_per_folder" } else { "single_camera" };
+        words.add(&format!("--ImageReader.{shared}"), "1");
+        if cameras.known.is_some() {
+            words.add("--ImageReader.camera_params", &params);
+        }
+        let extraction = ["FeatureExtraction", "SiftExtraction"];
+        words.known(&extraction, "max_image_size", &FEATURE_SIDE.to_string());
+        words.known(&extraction, "num_threads", &self.threads.to_string());
+        words.known(&extraction, "use_gpu", if self.has_gpu { "1" } else { "0" });
+        words.command
+    }
+
+    /// The command that compares photos.
+    pub(super) fn matches(&self, places: &Places, pairing: &Pairing) -> Command {
+        if self.kind == Kind::Pycolmap {
+            let tree = if let Pairing::Tree(tree) = pairing { Some(tree) } else { None };
+            let pairs = (*pairing == Pairing::Listed).then_some(&places.pairs);
+            return self.script(json!({
+                "step": "matches", "database": places.database, "pairs": pairs, "tree": tree, "threads": self.threads,
+            }));
+        }
+        let name = match pairing {
+            Pairing::Exhaustive => "exhaustive_matcher",
+            Pairing::Listed => "matches_importer",
+            Pairing::Tree(_) => "vocab_tree_matcher",
+        };
+        let mut words = Words::of(&self.path, name);
+        words.path("--database_path", &places.database);
+        match pairing {
+            Pairing::Exhaustive => {}
+            Pairing::Listed => {
+                words.path("--match_list_path", &places.pairs).add("--match_type", "pairs");
+            }
+            Pairing::Tree(tree) => {
+                words.path("--VocabTreeMatching.vocab_tree_path", tree);
+            }
+        }
+        let matching = ["FeatureMatching", "SiftMatching"];
+        words.known(&matching, "num_threads", &self.threads.to_string());
+        words.known(&matching, "use_gpu", if self.has_gpu { "1" } else { "0" });
+        words.command
+    }
+
+    /// The command that puts poses together, all at once or photo by photo.
+    pub(super) fn model(&self, places: &Places, output: &Path, at_once: bool) -> Command {
+        if self.kind == Kind::Pycolmap {
+            return self.script(json!({
+                "step": "model", "database": places.database, "images": places.images, "output": output,
+                "global": at_once, "threads": self.threads,
+            }));
+        }
+        let glomap = at_once && self.global == Some(Global::Glomap);
+        let program = if glomap { Path::new("glomap") } else { &self.path };
+        let name = if at_once && !glomap { "global_mapper" } else { "mapper" };
+        let mut words = Words::of(program, name);
+        words.path("--database_path", &places.database).path("--image_path", &places.images);
+        words.path("--output_path", output);
+        if !at_once {
+            words.known(&["Mapper"], "num_threads", &self.threads.to_string());
+        }
+        words.command
+    }
+
+    fn script(&self, job: serde_json::Value) -> Command {
+        let mut command = Command::new(&self.path);
+        command.args(["-c", SCRIPT, &job.to_string()]);
+        command
+    }
+}
+
+/// A COLMAP command and its help text: option names differ between versions.
+struct Words {
+    command: Command,
+    help: String,
+}
+
+impl Words {
+    fn of(program: &Path, name: &str) -> Self {
+        let help = said(Command::new(program).args([name, "-h"])).unwrap_or_default();
+        let mut command = Command::new(program);
+        command.arg(name);
+        // Without a display, Qt would abort.
+        command.env("QT_QPA_PLATFORM", "offscreen");
+        Self { command, help }
+    }
+
+    fn add(&mut self, option: &str, value: &str) -> &mut Self {
+        self.command.args([option, value]);
+        self
+    }
+
+    fn path(&mut self, option: &str, value: &Path) -> &mut Self {
+        self.command.arg(option).arg(value);
+        self
+    }
+
+    /// The option in the first of these groups that has it.
+    fn known(&mut self, groups: &[&str], option: &str, value: &str) {
+        let names = groups.iter().map(|group| format!("--{group}.{option}"));
+        if let Some(name) = names.into_iter().find(|name| self.help.contains(name.as_str())) {
+            self.add(&name, value);
+        }
+    }
+}
+
+/// Output of a short command; `None` if the program is missing or fails silently.
+fn said(command: &mut Command) -> Option<String> {
+    command.env("QT_QPA_PLATFORM", "offscreen");
+    let Output { status, stdout, stderr } = command.stdin(Stdio::null()).output().ok()?;
+    let text = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();
+    (status.success() || !text.trim().is_empty()).then_some(text)
+}

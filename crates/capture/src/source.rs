@@ -1,0 +1,150 @@
+//! Inputs of a capture: photos and videos, given as files or folders, recognised by extension.
+
+use std::path::{Path, PathBuf};
+use trisplat_scene::error::{Error, Result};
+
+const PHOTOS: [&str; 7] = ["jpg", "jpeg", "jpe", "png", "webp", "tif", "tiff"];
+const VIDEOS: [&str; 9] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mpg", "mts", "3gp"];
+const HEIC: [&str; 4] = ["heic", "heif", "hif", "avif"];
+const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "pef"];
+
+/// Photos and videos, sorted by name.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Sources {
+    pub(super) photos: Vec<SourcePhoto>,
+    pub(super) videos: Vec<PathBuf>,
+    /// Ignored files, and why.
+    pub(super) warnings: Vec<String>,
+}
+
+/// An input photo.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SourcePhoto {
+    pub(super) path: PathBuf,
+    /// Its path relative to the given folder.
+    pub(super) name: String,
+}
+
+enum Kind {
+    Photo,
+    Video,
+    /// An unsupported photo, with the remedy.
+    Foreign(&'static str),
+    Other,
+}
+
+impl Sources {
+    /// Finds the photos and videos in `inputs`, which are files or folders.
+    ///
+    /// Errors: a missing file; an unsupported photo format; no photos or videos.
+    pub(super) fn find(inputs: &[PathBuf]) -> Result<Self> {
+        let mut found = Self::default();
+        for input in inputs {
+            let meta = std::fs::metadata(input).map_err(|e| Error::io(input, e))?;
+            match meta.is_dir() {
+                true => found.add_folder(input, "")?,
+                false => {
+                    let name = input.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                    if !found.add(input, name)? {
+                        let reason = "is no photo and no video; give JPEG, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them";
+                        return Err(Error::unsupported(input, reason));
+                    }
+                }
+            }
+        }
+        if found.photos.is_empty() && found.videos.is_empty() {
+            let input = inputs.first().map_or(Path::new(""), PathBuf::as_path);
+            let reason =
+                "holds no photo and no video; give a folder of JPEG, PNG, WebP or TIFF files, or a video";
+            return Err(Error::unsupported(input, reason));
+        }
+        found.photos.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
+            let reason = format!("has the name of {}; rename one of the two", pair[0].path.display());
+            return Err(Error::unsupported(&pair[1].path, reason));
+        }
+        Ok(found)
+    }
+
+    fn add_folder(&mut self, folder: &Path, below: &str) -> Result<()> {
+        let io = |e| Error::io(folder, e);
+        let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>();
+        let mut paths: Vec<PathBuf> = entries.map_err(io)?.into_iter().map(|entry| entry.path()).collect();
+        paths.sort();
+        for path in paths {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            // Hidden files and folders of systems and programs.
+            if name.starts_with('.') || name == "__MACOSX" {
+                continue;
+            }
+            let name = if below.is_empty() { name } else { format!("{below}/{name}") };
+            if path.is_dir() {
+                self.add_folder(&path, &name)?;
+            } else if path.is_file() {
+                self.add(&path, name)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// False for a file that is neither photo nor video.
+    fn add(&mut self, path: &Path, name: String) -> Result<bool> {
+        match kind(path) {
+            Kind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),
+            Kind::Video => self.videos.push(path.to_owned()),
+            Kind::Foreign(remedy) => return Err(Error::unsupported(path, remedy)),
+            Kind::Other => return Ok(false),
+        }
+        Ok(true)
+    }
+}
+
+fn kind(path: &Path) -> Kind {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let is = |list: &[&str]| list.contains(&ending.as_str());
+    if is(&PHOTOS) {
+        Kind::Photo
+    } else if is(&VIDEOS) {
+        Kind::Video
+    } else if is(&HEIC) {
+        Kind::Foreign(
+            "is a HEIC or AVIF photo, which is not read; convert all of them to JPEG: `sips -s format jpeg *.HEIC --out jpg` (macOS), \
+             `heif-convert IMG.HEIC IMG.jpg` (Linux, package libheif-examples), `magick mogrify -format jpg *.HEIC` (Windows). \
+             An iPhone takes JPEG with Settings > Camera > Formats > Most Compatible",
+        )
+    } else if is(&RAW) {
+        Kind::Foreign(
+            "is a raw photo, which is not read; export JPEG or 16-bit TIFF files with one white balance for all",
+        )
+    } else {
+        Kind::Other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_and_videos_are_found_in_folders_and_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("in/more")).unwrap();
+        for name in ["in/b.JPG", "in/more/a.png", "in/notes.txt", "in/._b.jpg", "in/walk.MOV"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        let found = Sources::find(&[at("in")]).unwrap();
+        let names: Vec<&str> = found.photos.iter().map(|photo| photo.name.as_str()).collect();
+        assert_eq!(names, ["b.JPG", "more/a.png"]);
+        assert_eq!(found.videos, [at("in/walk.MOV")]);
+        let twice = Sources::find(&[at("in"), at("in/b.JPG")]).unwrap_err().to_string();
+        assert!(twice.contains("rename one of the two"), "{twice}");
+        let text = Sources::find(&[at("in/notes.txt")]).unwrap_err().to_string();
+        assert!(text.contains("notes.txt: is no photo"), "{text}");
+        std::fs::write(at("in/IMG_1.HEIC"), "").unwrap();
+        let heic = Sources::find(&[at("in")]).unwrap_err().to_string();
+        assert!(heic.contains("IMG_1.HEIC: is a HEIC") && heic.contains("heif-convert"), "{heic}");
+        std::fs::create_dir(at("empty")).unwrap();
+        assert!(Sources::find(&[at("empty")]).unwrap_err().to_string().contains("holds no photo"));
+    }
+}

@@ -1,0 +1,378 @@
+//! Judges a capture by poses, reprojection error, gaps, blur and exposure, with advice.
+
+use super::exposure::{Observation, solve};
+use super::frames::{Grey, sharpness};
+use super::observer::{CaptureObserver, Halt, Step};
+use super::poses::ModelDetails;
+use super::stored::StoredPhotos;
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+use trisplat_dataset::tracks::{TrackedPhoto, Tracks};
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::report::{StageDetails, counted};
+
+/// Longer side of analysed pictures, px.
+const LOOKED_AT: u32 = 640;
+/// Most names in a list of the report.
+const LISTED: usize = 20;
+/// A photo with at most this number of points may have a wrong pose.
+const FEW_POINTS: usize = 50;
+/// Consecutive frames that share at most this number of points count as a gap.
+const FEW_SHARED: usize = 20;
+/// A photo with less than this share of its neighbours' fine detail counts as blurred.
+const BLURRED: f32 = 0.5;
+/// Neighbours on each side for the sharpness comparison.
+const BESIDE: usize = 3;
+/// Thresholds between good, fair and poor: share of photos with poses, ...
+const REGISTERED: [f64; 2] = [0.95, 0.6];
+/// ... reprojection error, px, ...
+const ERROR_PX: [f64; 2] = [1.0, 2.0];
+/// ... and range of exposures, stops.
+const STOPS: f64 = 0.5;
+
+/// Verdict on a capture.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct VerdictDetails {
+    /// Overall grade.
+    pub verdict: Verdict,
+    /// Number of photos.
+    pub photos: u64,
+    /// Photos with a pose.
+    pub registered: u64,
+    /// Number of 3D points.
+    pub points: u64,
+    /// Mean number of photos per point.
+    pub track_length: f64,
+    /// Mean reprojection error, px.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error_px: Option<f64>,
+    /// Range of exposures in stops, measured on shared points.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub exposure_stops: Option<f64>,
+    /// Range of exposures in stops, from EXIF.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noted_stops: Option<f64>,
+    /// Photos that are blurred compared with their neighbours.
+    pub blurred: Vec<String>,
+    /// Photos whose pose rests on few points.
+    pub weak: Vec<String>,
+    /// Places where photos are missing.
+    pub gaps: Vec<Gap>,
+    /// Contact sheet of the gaps: the photo before, one without a pose, the photo after.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Advice, one sentence each.
+    pub advice: Vec<String>,
+}
+
+impl StageDetails for VerdictDetails {
+    const STAGE: &'static str = "verdict";
+}
+
+/// Grade of a capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// No problem found.
+    #[default]
+    Good,
+    /// Usable; see the advice.
+    Fair,
+    /// Should be taken again.
+    Poor,
+}
+
+impl Verdict {
+    /// Name of the grade.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Fair => "fair",
+            Self::Poor => "poor",
+        }
+    }
+}
+
+/// A gap: photos without a pose between two with one.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Gap {
+    /// Last photo with a pose before the gap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after: Option<String>,
+    /// First photo with a pose after the gap.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub before: Option<String>,
+    /// Number of photos without a pose between them.
+    pub lost: u64,
+    /// Name of one of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub example: Option<String>,
+}
+
+/// Measurements of one photo.
+struct Looked {
+    sharpness: f32,
+    observations: Vec<Observation>,
+}
+
+/// Judges the photos in `images` with the tracks of their model.
+pub(super) fn judge(
+    images: &Path,
+    stored: &StoredPhotos,
+    tracks: &Tracks,
+    model: &ModelDetails,
+    observer: &mut dyn CaptureObserver,
+) -> Step<VerdictDetails> {
+    let by_name: HashMap<&str, usize> =
+        tracks.photos.iter().enumerate().map(|(i, photo)| (photo.name.as_str(), i)).collect();
+    let mut looked = Vec::new();
+    for chunk in stored.photos.chunks(8) {
+        if observer.wants_to_stop() {
+            return Err(Halt::Stopped);
+        }
+        observer.progressed(looked.len() as f64 / stored.photos.len() as f64);
+        let look_at = |name: &str| {
+            let tracked = by_name.get(name).map(|&i| (i, &tracks.photos[i]));
+            look(&images.join(name), tracked)
+        };
+        let part: Result<Vec<Looked>> = chunk.par_iter().map(|photo| look_at(&photo.name)).collect();
+        looked.extend(part?);
+    }
+    let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
+    let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();
+    let observations = looked.into_iter().flat_map(|looked| looked.observations).collect::<Vec<_>>();
+    let stops = solve(&observations, tracks.photos.len(), tracks.points);
+    let noted: Vec<f64> = stored.photos.iter().filter_map(|photo| photo.exposure_stops).collect();
+    let seen: usize = tracks.photos.iter().map(|photo| photo.seen.len()).sum();
+    let weak = tracks.photos.iter().filter(|photo| photo.seen.len() <= FEW_POINTS);
+    let mut details = VerdictDetails {
+        photos: names.len() as u64,
+        registered: tracks.photos.len() as u64,
+        points: tracks.points as u64,
+        track_length: seen as f64 / tracks.points.max(1) as f64,
+        error_px: tracks.error_px,
+        exposure_stops: span(stops.into_iter().flatten()),
+        noted_stops: span(noted.into_iter()),
+        blurred: listed(blurred(&sharpness).into_iter().map(|i| names[i])),
+        weak: listed(weak.map(|photo| photo.name.as_str())),
+        gaps: gaps(stored, tracks, &by_name),
+        ..VerdictDetails::default()
+    };
+    details.advice = advice(&details, model);
+    details.verdict = word(&details);
+    Ok(details)
+}
+
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
+    names.take(LISTED).map(str::to_owned).collect()
+}
+
+fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let bounds = values.fold(None, |bounds: Option<(f64, f64)>, v| {
+        Some(bounds.map_or((v, v), |(low, high)| (low.min(v), high.max(v))))
+    });
+    bounds.map(|(low, high)| high - low)
+}
+
+/// Measures one photo; `tracked` is its index and its entry in the model.
+fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> {
+    let limits = &Limits::DEFAULT;
+    let full = Pixels::size_of(path, limits)?;
+    let ratio = (f64::from(LOOKED_AT) / f64::from(full.max_element())).min(1.0);
+    let least = (full.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
+    let small = Pixels::load_reduced(path, least, limits)?.0.downscaled(least);
+    let luma = |[r, g, b]: [u8; 3]| (u32::from(r) * 54 + u32::from(g) * 183 + u32::from(b) * 19) >> 8;
+    let codes: Vec<u8> = small.rgb.iter().map(|p| luma(*p).min(255) as u8).collect();
+    let grey = Grey { size: small.size, codes };
+    let observations = tracked.map_or(Vec::new(), |(photo, tracked)| {
+        let ratio = grey.size.as_vec2() / tracked.size.as_vec2();
+        let read = |(point, at): &(u32, Vec2)| {
+            let at = (*at * ratio).floor().clamp(Vec2::ZERO, grey.size.as_vec2() - 1.0).as_uvec2();
+            let code = grey.codes[(at.y * grey.size.x + at.x) as usize];
+            Observation::of_code(photo, *point as usize, code)
+        };
+        tracked.seen.iter().filter_map(read).collect()
+    });
+    Ok(Looked { sharpness: sharpness(&grey), observations })
+}
+
+/// Photos with much less fine detail than their neighbours.
+fn blurred(sharpness: &[f32]) -> Vec<usize> {
+    let is_blurred = |&i: &usize| {
+        let (from, to) = (i.saturating_sub(BESIDE), (i + BESIDE + 1).min(sharpness.len()));
+        let mut beside: Vec<f32> = (from..to).filter(|&k| k != i).map(|k| sharpness[k]).collect();
+        beside.sort_by(f32::total_cmp);
+        beside.get(beside.len() / 2).is_some_and(|middle| sharpness[i] < BLURRED * middle)
+    };
+    (0..sharpness.len()).filter(is_blurred).collect()
+}
+
+/// Runs of photos without a pose, and consecutive frames that share too few points.
+fn gaps(stored: &StoredPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    let mut last: Option<usize> = None;
+    let mut lost: Vec<usize> = Vec::new();
+    let name = |i: usize| stored.photos[i].name.clone();
+    let gap = |last: Option<usize>, next: Option<usize>, lost: &[usize]| Gap {
+        after: last.map(name),
+        before: next.map(name),
+        lost: lost.len() as u64,
+        example: lost.get(lost.len() / 2).map(|&i| name(i)),
+    };
+    for i in 0..stored.photos.len() {
+        let Some(&here) = by_name.get(stored.photos[i].name.as_str()) else {
+            lost.push(i);
+            continue;
+        };
+        let loose = last.is_some_and(|last| {
+            let before = by_name.get(stored.photos[last].name.as_str());
+            let frames = stored.photos[i].frame && stored.photos[last].source == stored.photos[i].source;
+            frames
+                && before
+                    .is_some_and(|&before| shared(&tracks.photos[before], &tracks.photos[here]) < FEW_SHARED)
+        });
+        if !lost.is_empty() || loose {
+            gaps.push(gap(last, Some(i), &lost));
+            lost.clear();
+        }
+        last = Some(i);
+    }
+    if !lost.is_empty() {
+        gaps.push(gap(last, None, &lost));
+    }
+    // Name only the largest.
+    gaps.sort_by_key(|gap| std::cmp::Reverse(gap.lost));
+    gaps.truncate(LISTED);
+    gaps
+}
+
+fn shared(a: &TrackedPhoto, b: &TrackedPhoto) -> usize {
+    let points: HashSet<u32> = a.seen.iter().map(|(point, _)| *point).collect();
+    b.seen.iter().filter(|(point, _)| points.contains(point)).count()
+}
+
+fn word(details: &VerdictDetails) -> Verdict {
+    let share = details.registered as f64 / details.photos.max(1) as f64;
+    let error = details.error_px.unwrap_or(0.0);
+    let many_blurred = 10 * details.blurred.len() as u64 > details.photos;
+    if share < REGISTERED[1] || error > ERROR_PX[1] {
+        Verdict::Poor
+    } else if share < REGISTERED[0] || error > ERROR_PX[0] || many_blurred || !details.advice.is_empty() {
+        Verdict::Fair
+    } else {
+        Verdict::Good
+    }
+}
+
+fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
+    let mut advice = Vec::new();
+    for gap in details.gaps.iter().take(3) {
+        let place = match (&gap.after, &gap.before) {
+            (Some(after), Some(before)) => format!("between {after} and {before}"),
+            (Some(after), None) => format!("after {after}"),
+            (None, Some(before)) => format!("before {before}"),
+            (None, None) => continue,
+        };
+        advice.push(match gap.lost {
+            0 => format!("take more photos {place}: they hardly overlap"),
+            1 => format!("take more photos {place}: one there has no pose"),
+            lost => format!("take more photos {place}: {lost} there have no pose"),
+        });
+    }
+    if model.models > 1 {
+        advice.push(format!(
+            "the photos fell into {} parts that do not overlap, and the largest is used: take photos that connect them",
+            model.models
+        ));
+    }
+    if !details.weak.is_empty() {
+        advice.push(format!(
+            "{} hold few points ({}): more overlap there, or more texture",
+            counted(details.weak.len() as u64, "photo"),
+            details.weak.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
+        ));
+    }
+    if !details.blurred.is_empty() {
+        advice.push(format!(
+            "{} blurred beside the others ({}): more light, slower steps, or leave them out",
+            if details.blurred.len() == 1 {
+                "1 photo is".to_owned()
+            } else {
+                format!("{} photos are", details.blurred.len())
+            },
+            details.blurred.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
+        ));
+    }
+    if let Some(stops) = details.exposure_stops.filter(|stops| *stops > STOPS) {
+        advice.push(format!("exposures are {stops:.1} stops apart: lock the exposure of the camera"));
+    }
+    if let Some(error) = details.error_px.filter(|error| *error > ERROR_PX[0]) {
+        advice.push(format!(
+            "points are {error:.2} px from where they were seen: a lens that zooms or focuses, video stabilisation, or something that moved"
+        ));
+    }
+    advice
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stored::StoredPhoto;
+
+    fn stored(count: usize) -> StoredPhotos {
+        let photo =
+            |i: usize| StoredPhoto { name: format!("{i}.jpg"), frame: true, ..StoredPhoto::default() };
+        StoredPhotos { photos: (0..count).map(photo).collect(), ..StoredPhotos::default() }
+    }
+
+    /// Tracks in which photo `i` shows the points `points(i)`.
+    fn model(photos: &[usize], points: impl Fn(usize) -> std::ops::Range<u32>) -> Tracks {
+        let photo = |&i: &usize| TrackedPhoto {
+            name: format!("{i}.jpg"),
+            size: UVec2::splat(100),
+            seen: points(i).map(|p| (p, Vec2::ZERO)).collect(),
+        };
+        Tracks { photos: photos.iter().map(photo).collect(), points: 1000, error_px: Some(0.5) }
+    }
+
+    #[test]
+    fn photos_without_poses_are_gaps_between_those_that_have_some() {
+        let tracks = model(&[1, 2, 6, 7], |_| 0..100);
+        let by_name = tracks.photos.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
+        let gaps = gaps(&stored(9), &tracks, &by_name);
+        let said: Vec<_> = gaps.iter().map(|g| (g.after.as_deref(), g.before.as_deref(), g.lost)).collect();
+        assert_eq!(
+            said,
+            [(Some("2.jpg"), Some("6.jpg"), 3), (None, Some("1.jpg"), 1), (Some("7.jpg"), None, 1)]
+        );
+        assert_eq!(gaps[0].example.as_deref(), Some("4.jpg"));
+        let details = VerdictDetails { gaps, photos: 9, registered: 4, ..VerdictDetails::default() };
+        let advice = advice(&details, &ModelDetails::default());
+        assert!(advice[0].contains("between 2.jpg and 6.jpg: 3 there"), "{advice:?}");
+        assert_eq!(word(&details), Verdict::Poor);
+    }
+
+    #[test]
+    fn frames_that_hardly_overlap_are_a_gap() {
+        let all: Vec<usize> = (0..6).collect();
+        let tracks = model(&all, |i| if i < 3 { 0..100 } else { 90..200 });
+        let by_name = tracks.photos.iter().enumerate().map(|(i, p)| (p.name.as_str(), i)).collect();
+        let gaps = gaps(&stored(6), &tracks, &by_name);
+        assert_eq!(gaps.len(), 1);
+        assert_eq!((gaps[0].after.as_deref(), gaps[0].lost), (Some("2.jpg"), 0));
+    }
+
+    #[test]
+    fn blur_is_less_detail_than_the_neighbours_have() {
+        assert_eq!(blurred(&[1.0, 1.1, 0.3, 0.9, 1.0]), [2]);
+        assert!(blurred(&[1.0, 0.8, 0.7, 0.6, 0.5]).is_empty(), "what falls slowly is another subject");
+        assert!(blurred(&[1.0]).is_empty() && blurred(&[]).is_empty());
+    }
+}

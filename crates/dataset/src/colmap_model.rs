@@ -1,0 +1,128 @@
+//! A COLMAP model in memory, with the meaning of camera models and quaternions.
+
+use super::lens::{Distortion, Lens};
+use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
+use std::collections::HashMap;
+use std::path::Path;
+use trisplat_scene::error::{Error, Result};
+
+/// A model without its points, which are read one by one.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Model {
+    pub(super) cameras: HashMap<u32, Lens>,
+    pub(super) images: Vec<ImageRow>,
+}
+
+/// A row of images.bin or images.txt.
+#[derive(Debug, PartialEq)]
+pub(super) struct ImageRow {
+    pub(super) name: String,
+    pub(super) camera: u32,
+    pub(super) rotation: DMat3,
+    pub(super) translation: DVec3,
+    /// Observed points and their image positions, px.
+    pub(super) observations: Vec<(u64, Vec2)>,
+}
+
+/// A row of points3D.bin or points3D.txt.
+#[derive(Debug, PartialEq)]
+pub(super) struct PointRow {
+    pub(super) id: u64,
+    pub(super) position: DVec3,
+    pub(super) rgb: [u8; 3],
+    pub(super) error: f64,
+}
+
+/// The rotation of a quaternion (w, x, y, z) of any length except zero.
+pub(super) fn rotation(wxyz: [f64; 4]) -> Option<DMat3> {
+    let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
+    let length = q.length();
+    (length > 1e-6 && length.is_finite()).then(|| DMat3::from_quat(q * (1.0 / length)))
+}
+
+/// COLMAP's camera models: number in binary files, name in text files, number of parameters.
+const CAMERA_MODELS: [(&str, usize); 5] =
+    [("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8)];
+
+/// Models that COLMAP must undistort.
+const OTHER_MODELS: [&str; 7] = [
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+];
+
+/// The name of a camera model by its number in binary files.
+pub(super) fn camera_model_name(number: i32) -> Option<&'static str> {
+    let names = CAMERA_MODELS.iter().map(|(name, _)| *name).chain(OTHER_MODELS);
+    usize::try_from(number).ok().and_then(|n| names.into_iter().nth(n))
+}
+
+/// Number of parameters of a camera model. Fails for models that are not undistorted.
+pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
+    CAMERA_MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count).ok_or_else(|| {
+        let ours = CAMERA_MODELS.map(|(name, _)| name).join(", ");
+        let remedy = "run `colmap image_undistorter` and use its output";
+        Error::unsupported(path, format!("camera model {model} is not read (only {ours}); {remedy}"))
+    })
+}
+
+/// A lens from the parameters in COLMAP's order.
+pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> Result<Lens> {
+    let wrong = |reason: String| Error::malformed(path, format!("{model} camera"), reason);
+    let want = parameter_count(path, model)?;
+    if params.len() != want {
+        return Err(wrong(format!("has {} parameters, expected {want}", params.len())));
+    }
+    let side = |pixels: u64| u32::try_from(pixels).ok().filter(|p| (1..=1 << 20).contains(p));
+    let (Some(width), Some(height)) = (side(size[0]), side(size[1])) else {
+        return Err(wrong(format!("its size is {}x{}", size[0], size[1])));
+    };
+    let (mut radial, mut tangential) = ([0.0; 4], [0.0; 2]);
+    let (focal, center, rest) = match *params {
+        [f, x, y] => ([f, f], [x, y], [].as_slice()),
+        [fx, fy, x, y, ref rest @ ..] if matches!(model, "PINHOLE" | "OPENCV") => ([fx, fy], [x, y], rest),
+        [f, x, y, ref rest @ ..] => ([f, f], [x, y], rest),
+        _ => return Err(wrong(format!("has {} parameters", params.len()))),
+    };
+    for (k, value) in rest.iter().enumerate() {
+        if k < 2 { radial[k] = *value } else { tangential[k - 2] = *value }
+    }
+    Ok(Lens {
+        size: UVec2::new(width, height),
+        focal: focal.into(),
+        center: center.into(),
+        distortion: Distortion { radial, tangential },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec2;
+
+    #[test]
+    fn parameters_have_the_order_of_colmap() {
+        let path = Path::new("cameras.txt");
+        let read = |model: &str, params: &[f64]| lens(path, model, [8, 6], params).unwrap();
+        let pinhole = read("PINHOLE", &[1.0, 2.0, 3.0, 4.0]);
+        assert_eq!((pinhole.focal, pinhole.center), (DVec2::new(1.0, 2.0), DVec2::new(3.0, 4.0)));
+        assert!(pinhole.distortion.is_none());
+        let simple = read("SIMPLE_RADIAL", &[1.0, 3.0, 4.0, 0.5]);
+        assert_eq!((simple.focal, simple.center), (DVec2::splat(1.0), DVec2::new(3.0, 4.0)));
+        assert_eq!(simple.distortion.radial, [0.5, 0.0, 0.0, 0.0]);
+        let radial = read("RADIAL", &[1.0, 3.0, 4.0, 0.5, 0.25]);
+        assert_eq!(radial.distortion.radial, [0.5, 0.25, 0.0, 0.0]);
+        let opencv = read("OPENCV", &[1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3, 0.4]);
+        assert_eq!(opencv.distortion.radial, [0.1, 0.2, 0.0, 0.0]);
+        assert_eq!(opencv.distortion.tangential, [0.3, 0.4]);
+        let error = lens(path, "OPENCV_FISHEYE", [8, 6], &[0.0; 8]).unwrap_err().to_string();
+        assert!(error.contains("image_undistorter"), "{error}");
+        assert_eq!(camera_model_name(4), Some("OPENCV"));
+        assert_eq!(camera_model_name(5), Some("OPENCV_FISHEYE"));
+        assert_eq!(camera_model_name(-1), None);
+    }
+}

@@ -1,0 +1,221 @@
+//! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
+
+use super::colmap_model::{self, ImageRow, Model, PointRow};
+use super::lens::Distortion;
+use glam::{DQuat, DVec3, Vec2};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input;
+use trisplat_scene::limits::Limits;
+
+/// Reads cameras and images of a folder; observations are kept if `observations` is set.
+pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
+    let mut model = Model::default();
+    read_cameras(&mut TextFile::open(folder.join("cameras.txt"), limits)?, &mut model)?;
+    read_images(&mut TextFile::open(folder.join("images.txt"), limits)?, observations, &mut model)?;
+    Ok(model)
+}
+
+/// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS...`
+fn read_cameras(lines: &mut TextFile, model: &mut Model) -> Result<()> {
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id = words.number("camera id")?;
+        let name = words.word("camera model")?.to_owned();
+        let size = [words.number("width")?, words.number("height")?];
+        let params: Vec<f64> = words.rest("parameter")?;
+        let lens = colmap_model::lens(&lines.path, &name, size, &params)?;
+        model.cameras.insert(id, lens);
+    }
+    Ok(())
+}
+
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, then a line of `X Y POINT3D_ID` triples, perhaps empty.
+fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()> {
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id: u32 = words.number("image id")?;
+        let quaternion = words.numbers::<4>("quaternion")?;
+        let translation = DVec3::from(words.numbers::<3>("translation")?);
+        let camera = words.number("camera id")?;
+        let name = words.text.trim().to_owned();
+        if name.is_empty() {
+            return Err(lines.malformed(format!("image {id} has no name")));
+        }
+        let rotation =
+            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
+                lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
+            })?;
+        let mut observations = Vec::new();
+        if lines.next_line()? {
+            let mut words = lines.words();
+            while !words.text.is_empty() {
+                let [x, y] = words.numbers("2D point")?;
+                let point: i64 = words.number("3D point id")?;
+                if let Some(point) = u64::try_from(point).ok().filter(|_| keep) {
+                    observations.push((point, Vec2::new(x as f32, y as f32)));
+                }
+            }
+        }
+        model.images.push(ImageRow { name, camera, rotation, translation, observations });
+    }
+    Ok(())
+}
+
+/// Passes every point of the file at `path` to `visit`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
+pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
+    let lines = &mut TextFile::open(path.to_owned(), limits)?;
+    let mut count = 0;
+    while lines.next_entry()? {
+        let mut words = lines.words();
+        let id = words.number("point id")?;
+        let position = DVec3::from(words.numbers::<3>("position")?);
+        let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
+        let error = words.number("error")?;
+        visit(PointRow { id, position, rgb, error });
+        count += 1;
+        lines.limits.vertices(lines.path.display(), count)?;
+    }
+    Ok(())
+}
+
+/// A file read line by line, with the line number.
+struct TextFile {
+    path: PathBuf,
+    reader: BufReader<File>,
+    line: String,
+    number: u64,
+    limits: Limits,
+}
+
+impl TextFile {
+    fn open(path: PathBuf, limits: &Limits) -> Result<Self> {
+        let (file, _) = input::open(&path, limits)?;
+        let reader = BufReader::with_capacity(1 << 18, file);
+        Ok(Self { reader, path, line: String::new(), number: 0, limits: *limits })
+    }
+
+    /// Goes to the next line; false at the end of the file.
+    fn next_line(&mut self) -> Result<bool> {
+        self.line.clear();
+        self.number += 1;
+        let most = self.limits.document_bytes.saturating_add(1);
+        let read = (&mut self.reader).take(most).read_line(&mut self.line);
+        let bytes = read.map_err(|e| match e.kind() {
+            std::io::ErrorKind::InvalidData => self.malformed("is not text; a binary model ends in .bin"),
+            _ => Error::io(&self.path, e),
+        })?;
+        self.limits.document(format_args!("{}: line {}", self.path.display(), self.number), bytes as u64)?;
+        if self.number == 1 && self.line.starts_with('\u{feff}') {
+            self.line.remove(0);
+        }
+        Ok(bytes > 0)
+    }
+
+    /// Goes to the next line that is neither empty nor a comment; false at the end of the file.
+    fn next_entry(&mut self) -> Result<bool> {
+        while self.next_line()? {
+            let line = self.line.trim_start();
+            if !line.is_empty() && !line.starts_with('#') {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn words(&self) -> Words<'_> {
+        Words { lines: self, text: self.line.trim() }
+    }
+
+    fn malformed(&self, reason: impl Into<String>) -> Error {
+        Error::malformed(&self.path, format!("line {}", self.number), reason)
+    }
+}
+
+/// The rest of a line.
+struct Words<'a> {
+    lines: &'a TextFile,
+    text: &'a str,
+}
+
+impl<'a> Words<'a> {
+    fn word(&mut self, what: &str) -> Result<&'a str> {
+        let (word, rest) = self.text.split_once(char::is_whitespace).unwrap_or((self.text, ""));
+        if word.is_empty() {
+            return Err(self.lines.malformed(format!("the {what} is missing")));
+        }
+        self.text = rest.trim_start();
+        Ok(word)
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
+        let word = self.word(what)?;
+        word.parse().map_err(|_| self.lines.malformed(format!("the {what} `{word}` is not such a number")))
+    }
+
+    fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = self.number(what)?;
+        }
+        Ok(numbers)
+    }
+
+    fn rest(&mut self, what: &str) -> Result<Vec<f64>> {
+        let mut numbers = Vec::new();
+        while !self.text.is_empty() {
+            numbers.push(self.number(what)?);
+        }
+        Ok(numbers)
+    }
+}
+
+/// Writes the three files of a model into `folder`; tracks are made from the observations.
+pub(super) fn write(folder: &Path, model: &Model, points: &[PointRow]) -> Result<()> {
+    let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
+    let mut ids: Vec<&u32> = model.cameras.keys().collect();
+    ids.sort();
+    for id in ids {
+        let lens = &model.cameras[id];
+        let ([w, h], [fx, fy], [cx, cy]) =
+            (lens.size.to_array(), lens.focal.to_array(), lens.center.to_array());
+        let Distortion { radial: [k1, k2, ..], tangential: [p1, p2] } = lens.distortion;
+        if lens.distortion.is_none() {
+            cameras += &format!("{id} PINHOLE {w} {h} {fx} {fy} {cx} {cy}\n");
+        } else {
+            cameras += &format!("{id} OPENCV {w} {h} {fx} {fy} {cx} {cy} {k1} {k2} {p1} {p2}\n");
+        }
+    }
+    let mut images = String::from(
+        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n",
+    );
+    let mut tracks: HashMap<u64, String> = HashMap::new();
+    for (index, image) in model.images.iter().enumerate() {
+        let id = index + 1;
+        let q = DQuat::from_mat3(&image.rotation);
+        let t = image.translation;
+        let (camera, name) = (image.camera, &image.name);
+        images += &format!("{id} {} {} {} {} {} {} {} {camera} {name}\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+        let seen = |(k, (point, at)): (usize, &(u64, Vec2))| {
+            *tracks.entry(*point).or_default() += &format!(" {id} {k}");
+            format!("{} {} {point}", at.x, at.y)
+        };
+        images += &image.observations.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
+        images.push('\n');
+    }
+    let mut cloud =
+        String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
+    for PointRow { id, position: p, rgb: [r, g, b], error } in points {
+        let track = tracks.get(id).map_or("", String::as_str);
+        cloud += &format!("{id} {} {} {} {r} {g} {b} {error}{track}\n", p.x, p.y, p.z);
+    }
+    for (name, text) in [("cameras.txt", cameras), ("images.txt", images), ("points3D.txt", cloud)] {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(|e| Error::io(&path, e))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! Figures of a data set, for `trisplat info`.
+
+use super::kind::DatasetKind;
+use super::posed::{Dataset, Reprojection, View};
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::error::Result;
+use trisplat_scene::limits::Limits;
+
+/// A data set in figures.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat data set")]
+pub struct Description {
+    /// What it was read as.
+    pub kind: DatasetKind,
+    /// Photos to train on.
+    pub train: u64,
+    /// Photos held out.
+    pub test: u64,
+    /// Cameras that differ in more than their pose, commonest first.
+    pub cameras: Vec<CameraGroup>,
+    /// Photos with a mask.
+    pub masks: u64,
+    /// Number of photos whose lens distortion is removed during reading.
+    pub undistorted: u64,
+    /// Bytes of all photos once decoded.
+    pub decoded_bytes: u64,
+    /// Diagonal of the box around the cameras, world units.
+    pub camera_extent: f64,
+    /// Points of the sparse cloud.
+    pub points: u64,
+    /// Bounds of the middle 98% of the points along each axis, world units.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_bounds: Option<[[f64; 3]; 2]>,
+    /// Mean error that the file states for its points, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stated_error_px: Option<f64>,
+    /// Measured reprojection errors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection: Option<Reprojection>,
+    /// The world point that positions are relative to, when the scene is far from the world's origin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<[f64; 3]>,
+    /// Notes for the user, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Photos taken with the same camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CameraGroup {
+    /// Number of photos.
+    pub photos: u64,
+    /// Width and height as delivered, px.
+    pub size: [u32; 2],
+    /// Width and height of the files, px.
+    pub stored: [u32; 2],
+    /// Focal lengths, px.
+    pub focal: [f64; 2],
+    /// Principal point, px.
+    pub center: [f64; 2],
+    /// Horizontal field of view, degrees.
+    pub field_of_view: f64,
+}
+
+/// The figures of a data set.
+///
+/// Errors: a COLMAP model that cannot be read again with its observations.
+pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
+    let views = &dataset.views;
+    let stated: Vec<f64> = dataset.points.iter().filter_map(|p| p.error).map(f64::from).collect();
+    let count = |keep: &dyn Fn(&View) -> bool| views.iter().filter(|v| keep(v)).count() as u64;
+    let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
+    let origin = dataset.origin;
+    Ok(Description {
+        kind: dataset.kind,
+        train: count(&|v| !v.test),
+        test: count(&|v| v.test),
+        cameras: cameras(views),
+        masks: count(&|v| v.photo.mask.is_some()),
+        undistorted: count(&|v| v.photo.undistort.is_some()),
+        decoded_bytes: views.iter().map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 }).sum(),
+        camera_extent: extent(views.iter().map(|v| v.camera.position())),
+        points: dataset.points.len() as u64,
+        point_bounds: bounds(dataset),
+        stated_error_px: (!stated.is_empty()).then(|| stated.iter().sum::<f64>() / stated.len() as f64),
+        reprojection: dataset.reprojection(limits)?,
+        origin: (origin != glam::DVec3::ZERO).then(|| origin.to_array()),
+        warnings: dataset.warnings.clone(),
+    })
+}
+
+fn cameras(views: &[View]) -> Vec<CameraGroup> {
+    let mut groups: Vec<CameraGroup> = Vec::new();
+    for view in views {
+        let camera = &view.camera;
+        let width = f64::from(camera.size.x);
+        let group = CameraGroup {
+            photos: 1,
+            size: camera.size.to_array(),
+            stored: view.photo.stored.to_array(),
+            focal: camera.focal.as_dvec2().to_array(),
+            center: camera.center.as_dvec2().to_array(),
+            field_of_view: 2.0 * (width / 2.0 / f64::from(camera.focal.x)).atan().to_degrees(),
+        };
+        let same = |other: &&mut CameraGroup| CameraGroup { photos: 1, ..(**other).clone() } == group;
+        match groups.iter_mut().find(same) {
+            Some(other) => other.photos += 1,
+            None => groups.push(group),
+        }
+    }
+    groups.sort_by_key(|group| std::cmp::Reverse(group.photos));
+    groups
+}
+
+fn extent(positions: impl Iterator<Item = Vec3> + Clone) -> f64 {
+    let low = positions.clone().fold(Vec3::INFINITY, Vec3::min);
+    let high = positions.fold(Vec3::NEG_INFINITY, Vec3::max);
+    f64::from(low.distance(high))
+}
+
+/// From the 1st to the 99th percentile along each axis: a few outliers must not determine it.
+fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
+    let last = dataset.points.len().checked_sub(1)?;
+    let axis = |axis: usize| {
+        let mut values: Vec<f64> =
+            dataset.points.iter().map(|p| f64::from(p.position[axis]) + dataset.origin[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        [values[last / 100], values[last - last / 100]]
+    };
+    let [x, y, z] = [axis(0), axis(1), axis(2)];
+    Some([[x[0], y[0], z[0]], [x[1], y[1], z[1]]])
+}

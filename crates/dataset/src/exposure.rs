@@ -1,0 +1,180 @@
+//! A phone's changes to the light of each photo: exposure, white balance, and the lens's falloff towards the
+//! corners.
+//!
+//! ```text
+//! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · r²)        in linear light
+//! ```
+//!
+//! with r the distance from the middle of the picture, 1 in its corners. Gains of a channel have the mean
+//! zero over all photos. Photos are corrected, not drawings, so training on any device, fitted colours and
+//! textures see the same light.
+
+mod judge;
+mod solve;
+
+pub use judge::{Verdict, judge};
+pub use solve::{Cells, Solved, solve};
+
+use glam::{UVec2, Vec2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+
+/// Whether photos are corrected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum ExposureUse {
+    /// Where their light differs.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Longer side of the compared pictures, px.
+const LONGEST: u32 = 256;
+/// Larger codes may be saturated.
+const SATURATED: u8 = 252;
+/// Weight, of 255, of a pixel with saturated light that the correction darkens.
+const SATURATED_WEIGHT: u8 = 32;
+/// Steps of r² at which the falloff is tabulated.
+const RINGS: usize = 64;
+
+/// The size for comparing a photo of `size`.
+pub fn compared_size(size: UVec2) -> UVec2 {
+    let by = f64::from(LONGEST) / f64::from(size.max_element().max(1));
+    if by >= 1.0 { size } else { (size.as_dvec2() * by).round().as_uvec2().max(UVec2::ONE) }
+}
+
+/// The light of all photos of a set.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Exposures {
+    /// Logarithm of each photo's gain, per channel. `[photos]`
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gains: Vec<[f32; 3]>,
+    /// Falloff of each photo's camera: the loss of light in a corner, as a logarithm. `[photos]`
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub falloff: Vec<f32>,
+}
+
+impl Exposures {
+    /// True when photo `index` needs no correction.
+    pub fn is_plain(&self, index: usize) -> bool {
+        let plain = |x: f32| x == 0.0;
+        self.gains.get(index).is_none_or(|gains| gains.iter().all(|x| plain(*x)))
+            && self.falloff.get(index).is_none_or(|x| plain(*x))
+    }
+
+    /// The corrected photo `index`; `None` if it needs no correction. Saturated pixels hardly count.
+    pub fn correct(&self, index: usize, photo: &Pixels) -> Option<Pixels> {
+        if self.is_plain(index) {
+            return None;
+        }
+        let tables = self.tables(index);
+        let darker = self.gains[index].iter().any(|gain| *gain > 0.0);
+        let mut corrected = photo.clone();
+        let mut saturated = Vec::new();
+        let rings = Rings::new(photo.size);
+        for (i, rgb) in corrected.rgb.iter_mut().enumerate() {
+            if darker && rgb.iter().any(|code| *code >= SATURATED) {
+                saturated.push(i);
+            }
+            let table = &tables[rings.of(i)];
+            *rgb = std::array::from_fn(|c| table[c][usize::from(rgb[c])]);
+        }
+        if !saturated.is_empty() {
+            let all = photo.rgb.len();
+            let alpha = corrected.alpha.get_or_insert_with(|| vec![u8::MAX; all]);
+            saturated.into_iter().for_each(|i| alpha[i] = alpha[i].min(SATURATED_WEIGHT));
+        }
+        Some(corrected)
+    }
+
+    /// The corrected value of each code. `[ring][channel][code]`
+    fn tables(&self, index: usize) -> Vec<[[u8; 256]; 3]> {
+        let (gains, falloff) = (self.gains[index], self.falloff[index]);
+        let rings = if falloff == 0.0 { 1 } else { RINGS };
+        let ring = |ring: usize| {
+            let r2 = ring as f32 / (RINGS - 1) as f32;
+            gains.map(|gain| {
+                let by = (falloff * r2 - gain).exp();
+                std::array::from_fn(|code| {
+                    let light = linear_from_srgb(code as f32 / 255.0) * by;
+                    (255.0 * srgb_from_linear(light)).round() as u8
+                })
+            })
+        };
+        let tables: Vec<_> = (0..rings).map(ring).collect();
+        if rings == 1 { vec![tables[0]; RINGS] } else { tables }
+    }
+}
+
+/// Distances of pixels from the middle of a picture.
+#[derive(Debug, Clone, Copy)]
+struct Rings {
+    width: usize,
+    middle: Vec2,
+    /// 1 / r² of a corner, px.
+    per: f32,
+}
+
+impl Rings {
+    fn new(size: UVec2) -> Self {
+        let middle = size.as_vec2() / 2.0;
+        Self { width: size.x as usize, middle, per: 1.0 / middle.length_squared().max(1e-6) }
+    }
+
+    /// r² of a place, 0 to 1.
+    fn square(&self, place: Vec2) -> f32 {
+        (place.distance_squared(self.middle) * self.per).min(1.0)
+    }
+
+    fn of(&self, pixel: usize) -> usize {
+        let place = Vec2::new((pixel % self.width) as f32 + 0.5, (pixel / self.width) as f32 + 0.5);
+        (self.square(place) * (RINGS - 1) as f32).round() as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_correction_undoes_gain_and_falloff() {
+        let size = UVec2::new(64, 48);
+        let scene = |i: usize| [60 + i % 50, 70 + i % 31, 50 + i / 64].map(|c| c as u8);
+        let (gains, falloff) = ([0.4, -0.2, 0.1], 0.35);
+        let rings = Rings::new(size);
+        let taken = |i: usize| {
+            let place = Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5);
+            std::array::from_fn(|c| {
+                let light = linear_from_srgb(f32::from(scene(i)[c]) / 255.0);
+                let light = light * (gains[c] - falloff * rings.square(place)).exp();
+                (255.0 * srgb_from_linear(light)).round() as u8
+            })
+        };
+        let photo = Pixels { size, rgb: (0..64 * 48).map(taken).collect(), alpha: None };
+        let exposures = Exposures { gains: vec![[0.0; 3], gains], falloff: vec![0.0, falloff] };
+        assert!(exposures.correct(0, &photo).is_none());
+        let corrected = exposures.correct(1, &photo).unwrap();
+        for (i, rgb) in corrected.rgb.iter().enumerate() {
+            for c in 0..3 {
+                assert!(rgb[c].abs_diff(scene(i)[c]) <= 1, "{i}: {rgb:?} {:?}", scene(i));
+            }
+        }
+        assert!(corrected.alpha.is_none(), "nothing was saturated");
+    }
+
+    #[test]
+    fn saturated_pixels_hardly_count_where_they_become_darker() {
+        let photo = Pixels { size: UVec2::new(2, 1), rgb: vec![[255; 3], [100; 3]], alpha: None };
+        let of =
+            |gain: f32| Exposures { gains: vec![[gain; 3]], falloff: vec![0.0] }.correct(0, &photo).unwrap();
+        assert_eq!(of(0.5).alpha, Some(vec![SATURATED_WEIGHT, 255]));
+        assert_eq!(of(-0.5).alpha, None, "they are brighter than white in any case");
+    }
+}

@@ -1,0 +1,342 @@
+//! From the path of a data set to cameras and photos: finds its reader, then does the common steps: check the
+//! photos, plan their undistortion, shrink, split.
+
+use super::found::{Found, FoundPhoto};
+use super::found_point::FoundPoint;
+use super::kind::DatasetKind;
+use super::lens::Lens;
+use super::options::{DatasetOptions, Masks};
+use super::photo::Photo;
+use super::point_file::PointFile;
+use super::posed::{Dataset, Point, Reprojection, View};
+use super::undistort::Undistort;
+use super::{colmap, split, transforms};
+use glam::{DVec3, UVec2};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::path::Path;
+use trisplat_formats::far::far_origin;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::math::median::median;
+
+impl Dataset {
+    /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.
+    /// A folder with both is read as COLMAP.
+    ///
+    /// ```no_run
+    /// use trisplat::dataset::{Dataset, DatasetOptions};
+    ///
+    /// let dataset = Dataset::load("garden".as_ref(), &DatasetOptions::default())?;
+    /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(), dataset.test().count());
+    /// # Ok::<(), trisplat::error::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for
+    /// broken files. Only the headers of photos are read; a missing or broken photo is an error unless
+    /// `skip_broken` is set.
+    pub fn load(path: &Path, options: &DatasetOptions) -> Result<Self> {
+        finish(path, find(path, options)?, options, None)
+    }
+
+    /// True for a file or folder with camera poses that [`Dataset::load`] can read.
+    pub fn is_posed(path: &Path) -> bool {
+        let is_list = path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        is_list || (path.is_dir() && (colmap::locate(path).is_some() || transforms::locate(path).is_some()))
+    }
+
+    /// Like [`Dataset::load`], but only with the named photos, all for training; others are not opened and
+    /// may be missing. The points and the origin are those of the whole data set; if `origin` is given, the
+    /// points are not read.
+    ///
+    /// # Errors
+    /// Those of [`Dataset::load`]; a name that is not in the data set.
+    pub fn load_some(
+        path: &Path,
+        options: &DatasetOptions,
+        names: &BTreeSet<String>,
+        origin: Option<DVec3>,
+    ) -> Result<Self> {
+        finish(path, find(path, options)?, options, Some((names, origin)))
+    }
+
+    /// Reprojection errors, if the data set has observations. Reads its model again, because nothing else
+    /// needs observations.
+    ///
+    /// # Errors
+    /// A model that can no longer be read.
+    pub fn reprojection(&self, limits: &Limits) -> Result<Option<Reprojection>> {
+        match self.kind {
+            DatasetKind::ColmapBinary | DatasetKind::ColmapText => colmap::reprojection(&self.path, limits),
+            DatasetKind::Transforms | DatasetKind::Drawn => Ok(None),
+        }
+    }
+}
+
+/// Reads the files at `path`, of any kind.
+fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
+    options.validate()?;
+    let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    if meta.is_file() {
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+            return transforms::read(path, options);
+        }
+        return Err(Error::unsupported(path, "is not a data set; give its folder or its transforms.json"));
+    }
+    if let Some(model) = colmap::locate(path) {
+        return colmap::read(path, &model, options);
+    }
+    if let Some(file) = transforms::locate(path) {
+        return transforms::read(&file, options);
+    }
+    Err(Error::unsupported(
+        path,
+        "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
+         .txt) or a transforms.json; `trisplat capture` finds the poses of photos",
+    ))
+}
+
+/// Makes a data set of all photos found, or of the named ones.
+fn finish(
+    path: &Path,
+    mut found: Found,
+    options: &DatasetOptions,
+    some: Option<(&BTreeSet<String>, Option<DVec3>)>,
+) -> Result<Dataset> {
+    found.photos.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        let reason = "is listed twice; remove one of the two";
+        return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
+    }
+    let given = some.and_then(|(_, origin)| origin);
+    let (origin, points) = match given {
+        Some(origin) => (origin, 0),
+        None => origin_of(&found, &options.limits)?,
+    };
+    some.map_or(Ok(()), |(names, _)| keep_named(&mut found, names))?;
+    find_masks(&mut found, options);
+    let views = open_views(&mut found, origin, options)?;
+    let mut dataset = Dataset {
+        path: path.to_owned(),
+        kind: found.kind,
+        views,
+        points: Vec::new(),
+        origin,
+        warnings: found.warnings,
+    };
+    if given.is_none() {
+        dataset.points = keep_points(&found.points, points, origin, &options.limits, &mut dataset.warnings)?;
+    }
+    if some.is_none() {
+        split::apply(&mut dataset, &found.root, options)?;
+    }
+    Ok(dataset)
+}
+
+/// Keeps the photos of these names, none of them held out.
+fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
+    found.photos.retain(|photo| names.contains(&photo.name));
+    found.photos.iter_mut().for_each(|photo| photo.held_out = false);
+    let there: BTreeSet<&String> = found.photos.iter().map(|photo| &photo.name).collect();
+    match names.iter().find(|name| !there.contains(name)) {
+        Some(name) => {
+            let reason = "is not in the data set any more: put it back, or plan again";
+            Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Reads the header of every photo and makes it a view.
+fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
+    let opened: Vec<Result<(View, Option<String>)>> =
+        found.photos.par_iter().map(|photo| open_view(photo, origin, options)).collect();
+    let total = opened.len();
+    let mut views = Vec::with_capacity(total);
+    let mut resized = Vec::new();
+    let mut broken = Vec::new();
+    for (photo, result) in found.photos.iter().zip(opened) {
+        match result {
+            Ok((view, warning)) => {
+                views.push(view);
+                resized.extend(warning);
+            }
+            Err(
+                error @ (Error::Io { .. }
+                | Error::Malformed { .. }
+                | Error::Unsupported { .. }
+                | Error::Limit { .. }),
+            ) => {
+                broken.push((photo, error));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    let count = |n: usize| format!("{n} of {total} photos {}", if n == 1 { "is" } else { "are" });
+    let also = |n: usize| if n > 1 { format!(" (and {} more)", n - 1) } else { String::new() };
+    if let Some(first) = resized.first() {
+        found.warnings.push(format!("{first}{}", also(resized.len())));
+    }
+    if let Some((photo, error)) = broken.first() {
+        let broken = format!("{} missing or broken", count(broken.len()));
+        if !options.skip_broken {
+            let reason = format!("{error}; {broken}: repair them, or skip them with `skip_broken`");
+            return Err(Error::malformed(&found.list, format!("photo `{}`", photo.name), reason));
+        }
+        found.warnings.push(format!("{broken} and left out, first {error}"));
+    }
+    if views.is_empty() {
+        return Err(Error::unsupported(&found.list, "no photo is left; a data set needs at least one"));
+    }
+    Ok(views)
+}
+
+/// One view, and a warning when its photo has another size than its camera.
+fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
+    let stored = Pixels::size_of(&found.path, &options.limits)?;
+    check_memory(&found.path, stored, options)?;
+    let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
+    let claimed = found.lens.resolve(stored).map_err(at_fault)?;
+    let warning = check_shape(&claimed, stored).map_err(at_fault)?;
+    let lens = claimed.resized(stored);
+    let undistort =
+        if lens.distortion.is_none() { None } else { Some(Undistort::new(&lens).map_err(at_fault)?) };
+    let pinhole = undistort.map_or(lens, |plan| plan.pinhole());
+    let size = shrunk(pinhole.size, options.max_size);
+    let pinhole = pinhole.resized(size);
+    let camera = Camera {
+        rotation: found.rotation.as_mat3(),
+        translation: (found.translation + found.rotation * origin).as_vec3(),
+        focal: pinhole.focal.as_vec2(),
+        center: pinhole.center.as_vec2(),
+        size,
+    };
+    camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
+    // Opacity is a mask inside the photo.
+    let cut = match (&found.mask, options.masks) {
+        (Some(_), masks) => masks == Masks::Cut,
+        (None, Masks::Off) => false,
+        (None, _) => Pixels::has_alpha(&found.path, &options.limits)?,
+    };
+    let photo = Photo {
+        path: found.path.clone(),
+        mask: found.mask.clone(),
+        size,
+        stored,
+        undistort,
+        background: options.background,
+        masks: options.masks,
+        limits: options.limits,
+        drawn: None,
+        cut,
+        crop: None,
+    };
+    if options.skip_broken {
+        photo.decode()?;
+    }
+    let view = View { name: found.name.clone(), camera, photo, test: found.held_out };
+    Ok((view, warning.map(|w| format!("photo `{}`: {w}", found.name))))
+}
+
+/// Refuses a photo that alone takes more than the memory for photos.
+fn check_memory(path: &Path, stored: UVec2, options: &DatasetOptions) -> Result<()> {
+    let bytes = 4 * u64::from(stored.x) * u64::from(stored.y);
+    if bytes <= options.photo_bytes() {
+        return Ok(());
+    }
+    let (has, wants) = (options.photo_memory_mib, bytes.div_ceil(1 << 20));
+    let reason =
+        format!("takes {wants} MiB to decode, and {has} may be used; give `photo_memory_mib` {wants}");
+    Err(Error::unsupported(path, reason))
+}
+
+/// A camera may have been calibrated on the same photos at another size, but not at another shape.
+fn check_shape(lens: &Lens, stored: UVec2) -> std::result::Result<Option<String>, String> {
+    if lens.size == stored {
+        return Ok(None);
+    }
+    let sizes = format!("the photo is {}x{}, its camera {}x{}", stored.x, stored.y, lens.size.x, lens.size.y);
+    let ratio = stored.as_dvec2() / lens.size.as_dvec2();
+    // Shrinking rounds each side to whole pixels.
+    let rounding = 1.0 / f64::from(stored.min_element()) + 0.005;
+    if (ratio.x / ratio.y - 1.0).abs() > rounding {
+        return Err(format!("{sizes}: give the photos the poses were made from, not rotated or cropped"));
+    }
+    Ok(Some(format!("{sizes}; the camera was scaled")))
+}
+
+/// The size of a photo whose longer side may be at most `max_size`.
+fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
+    let longest = size.max_element();
+    match max_size {
+        Some(limit) if limit < longest => {
+            let ratio = f64::from(limit) / f64::from(longest);
+            (size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE)
+        }
+        _ => size,
+    }
+}
+
+/// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is named.
+fn find_masks(found: &mut Found, options: &DatasetOptions) {
+    if options.masks == Masks::Off {
+        found.photos.iter_mut().for_each(|photo| photo.mask = None);
+        return;
+    }
+    let folder = found.root.join("masks");
+    if !folder.is_dir() {
+        return;
+    }
+    let mut without = 0;
+    for photo in found.photos.iter_mut().filter(|photo| photo.mask.is_none()) {
+        let beside = folder.join(&photo.name);
+        let appended = folder.join(format!("{}.png", photo.name));
+        photo.mask = [beside.with_extension("png"), appended].into_iter().find(|path| path.is_file());
+        without += usize::from(photo.mask.is_none());
+    }
+    if without > 0 {
+        let total = found.photos.len();
+        found.warnings.push(format!("{without} of {total} photos have no picture in {}", folder.display()));
+    }
+}
+
+/// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
+/// points. Also returns the number of points.
+fn origin_of(found: &Found, limits: &Limits) -> Result<(DVec3, usize)> {
+    let centers: Vec<DVec3> =
+        found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
+    let count = centers.len().max(1) as f64;
+    let middle = centers.iter().sum::<DVec3>() / count;
+    let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
+    let mut distances = Vec::new();
+    found.points.each(limits, &mut |point| distances.push(point.position.distance(middle) as f32))?;
+    let count = distances.len();
+    extent = extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from));
+    Ok((far_origin(middle, extent), count))
+}
+
+/// Points with finite positions, relative to the origin; the file has `count` points, finite or not.
+fn keep_points(
+    points: &PointFile,
+    count: usize,
+    origin: DVec3,
+    limits: &Limits,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Point>> {
+    let mut kept: Vec<Point> = Vec::new();
+    limits.reserve(points.name(), &mut kept, count)?;
+    points.each(limits, &mut |FoundPoint { position, rgb, error }| {
+        let position = (position - origin).as_vec3();
+        kept.extend(position.is_finite().then_some(Point { position, rgb, error }));
+    })?;
+    if kept.len() < count {
+        warnings.push(format!("dropped {} points that are not finite", count - kept.len()));
+    }
+    if kept.is_empty() {
+        warnings.push("no points: training starts from a random cloud in front of the cameras".into());
+    }
+    Ok(kept)
+}

@@ -1,0 +1,206 @@
+//! One photo: on disk with its processing steps, or drawn and in memory.
+
+use super::options::{Background, Masks};
+use super::picture_file::{PictureFile, StoredPicture};
+use super::undistort::Undistort;
+use glam::UVec2;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::{Pixels, exif_light};
+use trisplat_scene::limits::Limits;
+
+/// A photo that is decoded on request, or a picture in memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Photo {
+    /// The picture file; empty for a picture in memory.
+    pub path: PathBuf,
+    /// The mask, as large as the photo.
+    pub mask: Option<PathBuf>,
+    /// Width and height as delivered, px.
+    pub size: UVec2,
+    /// Width and height of the file, px.
+    pub stored: UVec2,
+    pub(super) undistort: Option<Undistort>,
+    pub(super) background: Background,
+    pub(super) masks: Masks,
+    /// Limits on its files.
+    pub limits: Limits,
+    pub(super) drawn: Option<Drawn>,
+    /// It shows an object without background, cut out by its alpha or mask.
+    pub(super) cut: bool,
+    /// The selected part of it.
+    pub(super) crop: Option<Crop>,
+}
+
+/// A part of a photo.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Crop {
+    /// Its upper left corner, px of the whole.
+    pub(super) corner: UVec2,
+    /// Width and height of the whole, px.
+    pub(super) whole: UVec2,
+}
+
+/// A picture that needs no decoding.
+#[derive(Debug, Clone)]
+pub(super) enum Drawn {
+    /// In memory.
+    Held(Arc<Pixels>),
+    /// In a temporary file.
+    Stored(Arc<PictureFile>, StoredPicture),
+}
+
+impl PartialEq for Drawn {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Drawn::Held(a), Drawn::Held(b)) => a == b,
+            (Drawn::Stored(a, at), Drawn::Stored(b, other)) => Arc::ptr_eq(a, b) && at == other,
+            _ => false,
+        }
+    }
+}
+
+impl Photo {
+    /// A picture in memory, like a decoded photo.
+    pub fn drawn(pixels: Pixels) -> Self {
+        Self::of(pixels.size, Drawn::Held(Arc::new(pixels)))
+    }
+
+    /// A picture stored in `file`, like a decoded photo. Fails when the disk is full.
+    pub fn stored(pixels: &Pixels, file: &Arc<PictureFile>) -> Result<Self> {
+        let place = file.put(pixels).map_err(|e| Error::io(std::env::temp_dir(), e))?;
+        Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
+    }
+
+    fn of(size: UVec2, drawn: Drawn) -> Self {
+        Self {
+            path: PathBuf::new(),
+            mask: None,
+            size,
+            stored: size,
+            undistort: None,
+            background: Background([0; 3]),
+            masks: Masks::Off,
+            limits: Limits::DEFAULT,
+            drawn: Some(drawn),
+            cut: false,
+            crop: None,
+        }
+    }
+
+    /// The part of `size` px whose upper left corner is at `corner`.
+    pub(super) fn cropped(&self, corner: UVec2, size: UVec2) -> Self {
+        let whole = self.crop.map_or(self.size, |crop| crop.whole);
+        let corner = corner + self.crop.map_or(UVec2::ZERO, |crop| crop.corner);
+        Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
+    }
+
+    /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
+    pub fn is_cut(&self) -> bool {
+        self.cut
+    }
+
+    /// The light that the photo caught, in stops, by its EXIF data; `None` without them, and of drawn pictures.
+    pub fn exposure_stops(&self) -> Option<f64> {
+        if self.is_drawn() { None } else { exif_light::stops_of(&self.path) }
+    }
+
+    /// True for a picture in memory or in a temporary file, false for a photo.
+    pub fn is_drawn(&self) -> bool {
+        self.drawn.is_some()
+    }
+
+    /// True for a photo that `max_size` shrinks.
+    pub fn is_shrunk(&self) -> bool {
+        let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
+        self.crop.map_or(self.size, |crop| crop.whole) != full
+    }
+
+    /// The photo for training: blended with the background, masked, undistorted, shrunk. `alpha` is the
+    /// weight of each pixel in the loss, `None` when all are 1. In a [cut](Photo::is_cut) photo it is the
+    /// share of the pixel that the object covers, and the colours are over black.
+    pub fn decode(&self) -> Result<Pixels> {
+        let whole = match &self.drawn {
+            Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
+            Some(Drawn::Stored(file, place)) => {
+                file.get(*place).map_err(|e| Error::io(std::env::temp_dir(), e))?
+            }
+            None => self.decode_file()?,
+        };
+        Ok(match self.crop {
+            Some(crop) => whole.part(crop.corner, self.size),
+            None => whole,
+        })
+    }
+
+    /// The whole photo, from its file.
+    fn decode_file(&self) -> Result<Pixels> {
+        let (mut pixels, full) = self.load()?;
+        self.check_size(&self.path, full)?;
+        if self.mask.is_some() || !self.cut {
+            pixels = pixels.over(self.background.0);
+        }
+        if let Some(mask) = &self.mask {
+            let (size, weights) = Pixels::load_mask(mask, &self.limits)?;
+            self.check_size(mask, size)?;
+            pixels.alpha = Some(weights);
+        }
+        if self.cut {
+            // Over black, so that shrinking and undistorting mix in no invisible colour.
+            let alpha = pixels.alpha.clone();
+            pixels = Pixels { alpha, ..pixels.over([0; 3]) };
+        }
+        if let Some(undistort) = &self.undistort {
+            pixels = undistort.apply(&pixels);
+        }
+        let size = self.crop.map_or(self.size, |crop| crop.whole);
+        if pixels.size != size {
+            pixels = pixels.downscaled(size);
+        }
+        Ok(pixels)
+    }
+
+    /// The file's picture, decoded smaller if it is shrunk to less than half; and its full size.
+    fn load(&self) -> Result<(Pixels, UVec2)> {
+        // A mask is as large as the whole photo.
+        if self.mask.is_none() && !self.cut && self.is_shrunk() {
+            let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
+            let size = self.crop.map_or(self.size, |crop| crop.whole);
+            let ratio = size.as_dvec2() / whole.as_dvec2();
+            // Averages of at least two by two pixels are those of the whole photo: 41 dB from them at worst, mostly 50.
+            let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
+            return Pixels::load_reduced(&self.path, least, &self.limits);
+        }
+        let pixels = Pixels::load_within(&self.path, &self.limits)?;
+        let size = pixels.size;
+        Ok((pixels, size))
+    }
+
+    /// The picture, if it is in memory.
+    pub(super) fn held(&self) -> Option<Arc<Pixels>> {
+        match &self.drawn {
+            Some(Drawn::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
+            _ => None,
+        }
+    }
+
+    /// True when its pixels are in a temporary file already.
+    pub(super) fn is_stored(&self) -> bool {
+        matches!(self.drawn, Some(Drawn::Stored(..)))
+    }
+
+    /// Most bytes of the decoded photo in memory.
+    pub fn most_bytes(&self) -> u64 {
+        4 * u64::from(self.size.x) * u64::from(self.size.y)
+    }
+
+    fn check_size(&self, path: &Path, size: UVec2) -> Result<()> {
+        if size == self.stored {
+            return Ok(());
+        }
+        let (want, photo) = (self.stored, self.path.display());
+        let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
+        Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
+    }
+}

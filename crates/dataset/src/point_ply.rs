@@ -1,0 +1,118 @@
+//! The point cloud beside a `transforms.json`: a PLY file of coloured points.
+
+use super::found_point::FoundPoint;
+use glam::DVec3;
+use std::path::Path;
+use trisplat_formats::Source;
+use trisplat_formats::ply::{self, Column};
+use trisplat_scene::error::Result;
+use trisplat_scene::limits::Limits;
+
+/// The colour of a point without one.
+const GREY: [u8; 3] = [128; 3];
+
+/// Passes x, y, z and, if they are bytes, red, green, blue of every entry of the element `vertex` to `visit`.
+pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
+    let mut source = Source::open(path, limits)?;
+    let header = ply::header::read(&mut source)?;
+    let table = ply::points(&source, &header, limits)?;
+    let position = [table.column("x")?, table.column("y")?, table.column("z")?];
+    let byte = |name| table.find(name).filter(|column| column.is_byte());
+    let rgb = match ["red", "green", "blue"].map(byte) {
+        [Some(r), Some(g), Some(b)] => Some([r, g, b]),
+        _ => None,
+    };
+    let mut buffer = Vec::new();
+    for first in (0..table.rows()).step_by(table.rows_per_block()) {
+        let count = table.rows_per_block().min(table.rows() - first);
+        for row in table.block(first, count, &mut buffer)?.chunks_exact(table.stride()) {
+            let position = DVec3::from(position.map(|column| column.f64(row)));
+            let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
+            visit(FoundPoint { position, rgb, error: None });
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_bytes(bytes: &[u8]) -> Result<Vec<FoundPoint>> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("points.ply");
+        std::fs::write(&path, bytes).unwrap();
+        let mut points = Vec::new();
+        each_point(&path, &Limits::DEFAULT, &mut |point| points.push(point)).map(|()| points)
+    }
+
+    fn header(format: &str) -> String {
+        format!(
+            "ply\nformat {format} 1.0\ncomment x\nelement vertex 2\nproperty double x\nproperty float y\n\
+             property short z\nproperty uchar red\nproperty uint8 green\nproperty uchar blue\n\
+             element face 0\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+    }
+
+    fn body(big: bool) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for (x, y, z, rgb) in [(1.25f64, -2.5f32, -3i16, [1u8, 2, 255]), (1e6, 0.0, 4, [9, 8, 7])] {
+            let mut push = |b: &[u8]| bytes.extend_from_slice(b);
+            if big {
+                push(&x.to_be_bytes());
+                push(&y.to_be_bytes());
+                push(&z.to_be_bytes());
+            } else {
+                push(&x.to_le_bytes());
+                push(&y.to_le_bytes());
+                push(&z.to_le_bytes());
+            }
+            push(&rgb);
+        }
+        bytes
+    }
+
+    #[test]
+    fn all_three_encodings_say_the_same() {
+        let little = [header("binary_little_endian").into_bytes(), body(false)].concat();
+        let big = [header("binary_big_endian").into_bytes(), body(true)].concat();
+        let ascii = format!("{}1.25 -2.5 -3 1 2 255\n1e6 0 4 9 8 7\n", header("ascii"));
+        for bytes in [little.as_slice(), &big, ascii.as_bytes()] {
+            let points = read_bytes(bytes).unwrap();
+            assert_eq!(points.len(), 2);
+            assert_eq!(points[0].position, DVec3::new(1.25, -2.5, -3.0));
+            assert_eq!(points[0].rgb, [1, 2, 255]);
+            assert_eq!(points[1].position, DVec3::new(1e6, 0.0, 4.0));
+        }
+    }
+
+    #[test]
+    fn points_may_follow_other_elements_and_have_lists_or_no_color() {
+        let text = "ply\nformat ascii 1.0\nelement face 2\nproperty list uchar int vertex_indices\nelement vertex 2\n\
+                    property float x\nproperty list uchar int views\nproperty float y\nproperty float z\n\
+                    property uchar red\nproperty uchar green\nproperty float blue\nend_header\n\
+                    3 0 1 0\n4 0 1 0 1\n1 2 7 8 2 3 9 9 9\n4 0 5 6 9 9 9\n";
+        let points = read_bytes(text.as_bytes()).unwrap();
+        assert_eq!(points.iter().map(|p| p.rgb).collect::<Vec<_>>(), [GREY; 2]);
+        assert_eq!(points[0].position, DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(points[1].position, DVec3::new(4.0, 5.0, 6.0));
+        let whole = text.replace("float blue", "uchar blue").replace("9 9 9", "255.0 0 17");
+        assert_eq!(
+            read_bytes(whole.as_bytes()).unwrap()[1].rgb,
+            [255, 0, 17],
+            "bytes may be written with a point"
+        );
+        let error = read_bytes(text.replace("float z", "float w").as_bytes()).err().unwrap().to_string();
+        assert!(error.contains("element vertex") && error.contains("no property z"), "{error}");
+    }
+
+    #[test]
+    fn every_prefix_fails_cleanly() {
+        let whole = [header("binary_little_endian").into_bytes(), body(false)].concat();
+        for len in 0..whole.len() {
+            assert!(read_bytes(&whole[..len]).is_err(), "{len}");
+        }
+        let greedy = header("ascii").replace("vertex 2", "vertex 18446744073709551615");
+        assert!(read_bytes(greedy.as_bytes()).is_err());
+    }
+}

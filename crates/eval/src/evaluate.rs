@@ -1,0 +1,290 @@
+//! Scores of a scene on photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are given
+//! twice: for the drawing itself, and after the affine map of its colours that fits the photo best.
+
+use super::steps::EvalStep;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::time::Instant;
+use trisplat_dataset::{Photos, ShrunkSize, View};
+use trisplat_scene::error::Result;
+use trisplat_scene::image::{Image, Pixels};
+use trisplat_scene::math::color_fit::ColorMap;
+use trisplat_scene::math::metric;
+use trisplat_scene::report::generator;
+use trisplat_train::eval::Quality;
+
+/// What `trisplat eval --report` writes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat eval report")]
+pub struct EvalReport {
+    /// Program and version.
+    pub generator: String,
+    /// The soup or mesh, as given.
+    pub file: String,
+    /// The data set, as given.
+    pub dataset: String,
+    /// The photos: "test", "train" or "all".
+    pub split: String,
+    /// Samples per pixel along each axis of solid drawings.
+    pub ssaa: u32,
+    /// The size that photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
+    /// The scores at each step from scene to file, in order. A mesh has one: "solid".
+    pub steps: Vec<StepScore>,
+    /// Share of the pixels whose surface at least two other training photos see; mean over the photos. The
+    /// surface is that of the scene at its first step. Absent when it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
+    /// Notes for the user, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// The scores of a scene at one step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct StepScore {
+    /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it. "file": the
+    /// same, written quantised and compressed, and read back.
+    pub name: String,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Size of the file, if one was written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+    /// Means over the photos, each photo counting once.
+    pub mean: Scores,
+    /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
+    /// The mean minus that of the previous step: the loss of this step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change: Option<Scores>,
+    /// Photo by photo, in order of name.
+    pub images: Vec<ImageScore>,
+    /// Seconds spent drawing.
+    pub draw_secs: f64,
+}
+
+/// Scores of a picture against a photo, both in 8 bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Scores {
+    /// Peak signal-to-noise ratio, dB.
+    pub psnr: f64,
+    /// Structural similarity in the convention of 3DGS.
+    pub ssim: f64,
+    /// Mean FLIP error; lower is better.
+    pub flip: f64,
+    /// PSNR after an affine map of the drawing's colours that is fitted to the photo, dB: without the error
+    /// of the photo's exposure and white balance.
+    #[serde(default)]
+    pub psnr_corrected: f64,
+    /// SSIM after the same map.
+    #[serde(default)]
+    pub ssim_corrected: f64,
+}
+
+/// One photo's score.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ImageScore {
+    /// The photo's name.
+    pub name: String,
+    /// Width and height, px.
+    pub size: [u32; 2],
+    /// How close the drawing comes.
+    #[serde(flatten)]
+    pub score: Scores,
+    /// Share of the pixels whose surface at least two training photos see.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<f64>,
+    /// PSNR of only those pixels, dB; absent when there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_covered: Option<f64>,
+}
+
+/// The drawing of a view at one step, and its scores.
+#[derive(Debug)]
+pub struct ScoredPicture {
+    /// Name of the step.
+    pub step: &'static str,
+    /// The drawing.
+    pub picture: Pixels,
+    /// The same before it was rounded, sRGB-encoded, where that is wanted.
+    pub image: Option<Image>,
+    /// FLIP error of every pixel. `[H * W]`
+    pub flip: Vec<f32>,
+    /// How close it comes.
+    pub score: ImageScore,
+}
+
+/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as
+/// soon as they exist. `covered` flags the covered pixels of each view; empty if coverage is off. With
+/// `floats` drawings are there before they are rounded, too. Returns the scores, step by step.
+pub fn evaluate(
+    steps: &mut [EvalStep],
+    views: &[&View],
+    photo_bytes: u64,
+    covered: &[Vec<bool>],
+    floats: bool,
+    mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
+) -> Result<Vec<StepScore>> {
+    for step in &*steps {
+        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
+    }
+    let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
+    photos.prefetch(0..views.len());
+    let mut images: Vec<Vec<ImageScore>> = steps.iter().map(|_| Vec::new()).collect();
+    let mut secs = vec![0.0; steps.len()];
+    for (i, view) in views.iter().enumerate() {
+        let photo = photos.take(i)?;
+        let mut drawn = Vec::with_capacity(steps.len());
+        let cut = view.photo.is_cut() && photo.alpha.is_some();
+        for (step, secs) in steps.iter_mut().zip(&mut secs) {
+            let clock = Instant::now();
+            let mut draw = |background| step.renderer.color_over(&view.camera, background);
+            let mut drawing = match cut {
+                false => measure(step.name, &view.name, &photo, draw(None)),
+                true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
+            };
+            *secs += clock.elapsed().as_secs_f64();
+            drawing.image = floats.then(|| step.renderer.image(&view.camera, cut.then_some([0.0; 3])));
+            if let Some(covered) = covered.get(i) {
+                drawing.measure_covered(&photo, covered);
+            }
+            drawn.push(drawing);
+        }
+        on_view(view, &photo, &drawn)?;
+        images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
+    }
+    let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
+    for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
+        let mean = mean(images.iter().map(|image| &image.score));
+        let change = scores.last().map(|before| mean.minus(&before.mean));
+        let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
+        let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
+        scores.push(StepScore { name, triangles, bytes, mean, psnr_covered, change, images, draw_secs });
+    }
+    Ok(scores)
+}
+
+fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
+    let weights = photo.alpha.as_deref();
+    let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
+    measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
+}
+
+/// The same after correcting the picture's colours with `corrected`.
+fn measure_with(
+    step: &'static str,
+    name: &str,
+    photo: &Pixels,
+    picture: Pixels,
+    corrected: impl FnOnce(&Pixels) -> Vec<[u8; 3]>,
+) -> ScoredPicture {
+    let Quality { psnr, ssim } = Quality::of(&picture, photo);
+    let corrected = Pixels { size: picture.size, rgb: corrected(&picture), alpha: None };
+    let Quality { psnr: psnr_corrected, ssim: ssim_corrected } = Quality::of(&corrected, photo);
+    let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
+    let mean = metric::mean_error(&flip, photo.alpha.as_deref());
+    let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
+    let (name, size) = (name.to_owned(), photo.size.to_array());
+    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
+    ScoredPicture { step, picture, image: None, flip, score }
+}
+
+/// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
+/// that over black. Colours are corrected on the object, not on the background.
+fn measure_cut(
+    step: &'static str,
+    name: &str,
+    photo: &Pixels,
+    mut draw: impl FnMut([f32; 3]) -> Pixels,
+) -> ScoredPicture {
+    let [black, white] = [0, 255].map(|code: u8| draw([f32::from(code) / 255.0; 3]));
+    let straight = straight(&black, &white);
+    let map = ColorMap::fit(&straight.rgb, &photo.undimmed().rgb, photo.alpha.as_deref());
+    let corrected = Pixels { rgb: map.of(&straight.rgb), ..straight };
+    let over = |code: u8, picture: Pixels| {
+        let photo = photo.over_instead_of_black([code; 3]);
+        measure_with(step, name, &photo, picture, |_| corrected.clone().over([code; 3]).rgb)
+    };
+    let (black, white) = (over(0, black), over(255, white));
+    let mean = mean([&black.score.score, &white.score.score].into_iter());
+    let flip = black.flip.iter().zip(&white.flip).map(|(a, b)| (a + b) / 2.0).collect();
+    ScoredPicture { flip, score: ImageScore { score: mean, ..black.score }, ..black }
+}
+
+/// Colours and opacity, from drawings over black and over white.
+fn straight(black: &Pixels, white: &Pixels) -> Pixels {
+    let opacity = |(black, white): (&[u8; 3], &[u8; 3])| {
+        let through: u32 = (0..3).map(|c| u32::from(white[c].saturating_sub(black[c]))).sum();
+        255 - ((through + 1) / 3) as u8
+    };
+    let alpha = black.rgb.iter().zip(&white.rgb).map(opacity).collect();
+    Pixels { alpha: Some(alpha), ..black.clone() }.undimmed()
+}
+
+impl ScoredPicture {
+    /// Adds the scores of the covered pixels; the photo's alpha is the weight of each pixel.
+    fn measure_covered(&mut self, photo: &Pixels, covered: &[bool]) {
+        let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
+        let weights: Vec<u8> =
+            covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();
+        let sum = |weights: &mut dyn Iterator<Item = u8>| weights.map(u64::from).sum::<u64>() as f64;
+        let all = sum(&mut (0..covered.len()).map(weight));
+        let share = sum(&mut weights.iter().copied()) / all.max(1.0);
+        self.score.coverage = Some(share);
+        self.score.psnr_covered =
+            (share > 0.0).then(|| metric::psnr(&self.picture.rgb, &photo.rgb, Some(&weights)));
+    }
+}
+
+/// `None` of none.
+fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// The mean of some scores; zeros without any.
+fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores {
+    let count = scores.len().max(1) as f64;
+    let mean = |of: fn(&Scores) -> f64| scores.clone().map(of).sum::<f64>() / count;
+    Scores {
+        psnr: mean(|s| s.psnr),
+        ssim: mean(|s| s.ssim),
+        flip: mean(|s| s.flip),
+        psnr_corrected: mean(|s| s.psnr_corrected),
+        ssim_corrected: mean(|s| s.ssim_corrected),
+    }
+}
+
+impl Scores {
+    fn minus(&self, before: &Self) -> Self {
+        Self {
+            psnr: self.psnr - before.psnr,
+            ssim: self.ssim - before.ssim,
+            flip: self.flip - before.flip,
+            psnr_corrected: self.psnr_corrected - before.psnr_corrected,
+            ssim_corrected: self.ssim_corrected - before.ssim_corrected,
+        }
+    }
+}
+
+impl EvalReport {
+    /// A report of scores.
+    pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
+        let images = steps.first().map_or(&[][..], |step| &step.images);
+        let coverage = mean_of(images.iter().filter_map(|image| image.coverage));
+        Self {
+            generator: generator(),
+            file: file.display().to_string(),
+            dataset: dataset.display().to_string(),
+            split: split.to_owned(),
+            ssaa,
+            photo_size: None,
+            coverage,
+            steps,
+            warnings: Vec::new(),
+        }
+    }
+}

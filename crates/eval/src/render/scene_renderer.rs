@@ -1,0 +1,352 @@
+//! Draws one scene for many cameras, soft or solid, with any placement of its file.
+
+use glam::{DVec3, UVec2, Vec3};
+use serde::{Deserialize, Serialize};
+use trisplat_dataset::Dataset;
+use trisplat_raster::soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef};
+use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_scene::asset::Placement;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::{Image, Pixels};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::soup::Soup;
+use trisplat_scene::space::Space;
+use trisplat_train::BackendOptions;
+use trisplat_train::eval::SOLID_SAMPLES;
+#[cfg(feature = "gpu")]
+use trisplat_train::gpu::CardScene;
+use trisplat_view::show;
+
+/// The two rasterisers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum RenderMode {
+    /// As it was trained: windows, blended in order of depth. Soups only.
+    Soft,
+    /// Like an engine: every triangle opaque, nearest first.
+    Solid,
+}
+
+/// How scenes are drawn.
+#[derive(Debug, Clone, Copy)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+pub struct RenderOptions {
+    /// The kind of drawing; a mesh is always solid.
+    #[cfg_attr(feature = "cli", arg(id = "as", long = "as", value_enum, value_name = "MODE"))]
+    pub mode: Option<RenderMode>,
+    /// Samples per pixel along each axis of solid drawings: 1, 2 or 4.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = SOLID_SAMPLES, value_parser = samples))]
+    pub ssaa: u32,
+}
+
+/// Soups soft and meshes solid, with the samples of training's evaluation.
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { mode: None, ssaa: SOLID_SAMPLES }
+    }
+}
+
+#[cfg(feature = "cli")]
+fn samples(text: &str) -> std::result::Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "2" => Ok(2),
+        "4" => Ok(4),
+        _ => Err("expected 1, 2 or 4".into()),
+    }
+}
+
+/// Draws one scene for many cameras.
+#[derive(Debug)]
+pub enum SceneRenderer {
+    /// A soup, in training space.
+    Soft(Box<SoftScene>),
+    /// A mesh, in the cameras' world.
+    Solid(Box<SolidScene>),
+}
+
+/// A soup and its renderer.
+#[derive(Debug)]
+pub struct SoftScene {
+    soup: Soup,
+    space: Space,
+    options: SoftOptions,
+    soft: Soft,
+    /// Draws colours in its place.
+    #[cfg(feature = "gpu")]
+    card: Option<CardScene>,
+}
+
+/// A mesh and its renderer.
+#[derive(Debug)]
+pub struct SolidScene {
+    mesh: Mesh,
+    options: SolidRasterOptions,
+    solid: Solid,
+    frame: Frame,
+}
+
+/// Depth of the near plane in units of training space: that of the soft rasteriser.
+const NEAR: f32 = 0.01;
+
+impl SceneRenderer {
+    /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file. Without a data
+    /// set the cameras are in the file's coordinates.
+    pub fn soft(
+        mut soup: Soup,
+        placement: &Placement,
+        dataset: Option<&Dataset>,
+        background: [f32; 3],
+    ) -> Self {
+        let space = match dataset {
+            Some(dataset) => {
+                move_points(soup.vertices.as_flattened_mut(), placement, dataset);
+                space_of(dataset)
+            }
+            None => space_around(soup.vertices.as_flattened()),
+        };
+        space.soup_to_training(&mut soup);
+        let options = SoftOptions { background, near: NEAR, ..SoftOptions::default() };
+        let options = options.with_cap_for(&soup.opacity);
+        Self::Soft(Box::new(SoftScene {
+            soup,
+            space,
+            options,
+            soft: Soft::new(),
+            #[cfg(feature = "gpu")]
+            card: None,
+        }))
+    }
+
+    /// Lets a graphics card draw the colours of a soup from now on, if one is used. Returns the card, and a
+    /// note for the user.
+    ///
+    /// Errors: `gpu` without a matching card, or with one that cannot draw.
+    pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        match self {
+            Self::Soft(scene) => scene.draw_on(place),
+            Self::Solid(_) => Ok((None, Vec::new())),
+        }
+    }
+
+    /// A renderer of a mesh, with `samples` per pixel along each axis; the rest as for [`SceneRenderer::soft`].
+    pub fn solid(
+        mut mesh: Mesh,
+        placement: &Placement,
+        dataset: Option<&Dataset>,
+        background: [f32; 3],
+        samples: u32,
+    ) -> Self {
+        let space = match dataset {
+            Some(dataset) => {
+                move_points(&mut mesh.positions, placement, dataset);
+                space_of(dataset)
+            }
+            None => space_around(&mesh.positions),
+        };
+        let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
+        Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
+    }
+
+    /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
+    pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
+        let Self::Soft(scene) = self else { return Vec::new() };
+        let mut sum = SoftWork::default();
+        for camera in cameras {
+            let camera = scene.space.camera_to_training(camera);
+            let soup = SoupRef::from(&scene.soup);
+            if let Some(work) = scene.soft.work(&soup, &camera, &scene.options) {
+                sum += work;
+            }
+        }
+        sum.labels()
+    }
+
+    /// Checks that a picture of `size` can be drawn and is within `limits`.
+    pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
+        limits.camera("camera", size)?;
+        match self {
+            Self::Soft(_) => Ok(()),
+            Self::Solid(scene) => scene.options.validate(size),
+        }
+    }
+
+    /// What the camera sees.
+    pub fn color(&mut self, camera: &Camera) -> Pixels {
+        match self {
+            Self::Soft(scene) => scene.color(camera),
+            Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
+        }
+    }
+
+    /// What the camera sees before it is rounded to 8 bits, sRGB-encoded, over its own background or another; always drawn by the CPU.
+    pub fn image(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Image {
+        let own = background.map(|background| self.set_background(background));
+        let image = self.own_image(camera);
+        if let Some(own) = own {
+            self.set_background(own);
+        }
+        image
+    }
+
+    fn own_image(&mut self, camera: &Camera) -> Image {
+        match self {
+            Self::Soft(scene) => {
+                let frame = scene.draw(camera, false);
+                Image { size: frame.size, pixels: frame.rgb.clone() }
+            }
+            Self::Solid(scene) => scene.solid.render_image(&scene.mesh, camera, &scene.options),
+        }
+    }
+
+    /// The camera's view over another background, sRGB-encoded; `None`: over its own.
+    pub fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Pixels {
+        let Some(background) = background else { return self.color(camera) };
+        let own = self.set_background(background);
+        let picture = self.color(camera);
+        self.set_background(own);
+        picture
+    }
+
+    /// Draws over `background` from now on; returns the one before.
+    fn set_background(&mut self, background: [f32; 3]) -> [f32; 3] {
+        match self {
+            Self::Soft(scene) => std::mem::replace(&mut scene.options.background, background),
+            Self::Solid(scene) => std::mem::replace(&mut scene.options.background, background),
+        }
+    }
+
+    /// Its distance; see [`show::depth`].
+    pub fn depth(&mut self, camera: &Camera) -> Pixels {
+        show::depth(self.geometry(camera))
+    }
+
+    /// Its normal; see [`show::normal`].
+    pub fn normal(&mut self, camera: &Camera) -> Pixels {
+        show::normal(self.geometry(camera))
+    }
+
+    /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
+    /// everywhere.
+    pub fn contributions(&mut self, camera: &Camera) -> Result<Pixels> {
+        let Self::Soft(scene) = self else {
+            let wants = "color, depth, normal or random-subset: a solid drawing has one layer everywhere";
+            return Err(Error::invalid("show", "contributions", wants));
+        };
+        scene.draw(camera, false);
+        let layers = scene.soft.contributions(&scene.options);
+        Ok(show::contributions(scene.soft.frame(), &layers))
+    }
+
+    /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
+    /// of a soup is where half of the light is stopped. `[H * W]`
+    pub fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
+        match self {
+            Self::Soft(scene) => {
+                let unit = 1.0 / scene.space.scale;
+                scene.draw(camera, true).median_depth.iter().map(|depth| depth * unit).collect()
+            }
+            Self::Solid(scene) => {
+                let options = SolidRasterOptions { samples: 1, ..scene.options };
+                let seen = scene.solid.visibility(&scene.mesh, camera, &options);
+                seen.depth.iter().map(|depth| if depth.is_finite() { *depth } else { 0.0 }).collect()
+            }
+        }
+    }
+
+    fn geometry(&mut self, camera: &Camera) -> &Frame {
+        match self {
+            Self::Soft(scene) => scene.draw(camera, true),
+            Self::Solid(scene) => scene.geometry(camera),
+        }
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+impl SoftScene {
+    fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        place.check().map(|()| (None, Vec::new()))
+    }
+
+    fn color(&mut self, camera: &Camera) -> Pixels {
+        show::color(self.draw(camera, false))
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl SoftScene {
+    fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
+        let (card, warnings) = place.with_card(|gpu| CardScene::new(gpu, &self.soup))?;
+        self.card = card;
+        Ok((self.card.as_ref().map(|card| card.gpu().describe()), warnings))
+    }
+
+    fn color(&mut self, camera: &Camera) -> Pixels {
+        if let Some(card) = &mut self.card {
+            let camera = self.space.camera_to_training(camera);
+            if let Ok(frame) = card.frame(&camera, &self.options) {
+                return show::color(&frame);
+            }
+            // The card is lost or too small for this picture; the CPU draws this picture and all later ones.
+            self.card = None;
+        }
+        show::color(self.draw(camera, false))
+    }
+}
+
+impl SoftScene {
+    fn draw(&mut self, camera: &Camera, geometry: bool) -> &Frame {
+        let camera = self.space.camera_to_training(camera);
+        self.options.geometry = geometry;
+        self.soft.render(&SoupRef::from(&self.soup), &camera, &self.options)
+    }
+}
+
+impl SolidScene {
+    /// Depth and normals at the centres of pixels; no colours.
+    fn geometry(&mut self, camera: &Camera) -> &Frame {
+        let options = SolidRasterOptions { samples: 1, ..self.options };
+        let seen = self.solid.visibility(&self.mesh, camera, &options);
+        let normal = |face: u32| {
+            let [a, b, c] = self.mesh.corners(face as usize);
+            let across = camera.rotation * (b - a).cross(c - a).normalize_or_zero();
+            let towards = camera.rotation * a + camera.translation;
+            (across * -across.dot(towards).signum()).to_array()
+        };
+        self.frame = Frame { size: seen.size, ..Frame::default() };
+        for (face, depth) in seen.face.iter().zip(&seen.depth) {
+            let nothing = *face == NO_FACE;
+            self.frame.transmittance.push(if nothing { 1.0 } else { 0.0 });
+            self.frame.depth.push(if nothing { 0.0 } else { *depth });
+            self.frame.normal.push(if nothing { [0.0; 3] } else { normal(*face) });
+        }
+        &self.frame
+    }
+}
+
+/// From the file's frame to the cameras' world, in f64: the two may have their origins at different points of a
+/// large world.
+fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
+    for point in points {
+        *point = (placement.to_world_f64(*point) - dataset.origin).as_vec3();
+    }
+}
+
+/// The space that a training on this data set uses.
+fn space_of(dataset: &Dataset) -> Space {
+    let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
+    let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
+    Space::new(&cameras, &points)
+}
+
+/// A space centred on the mean of some points, with their mean distance from it as unit.
+fn space_around(points: &[Vec3]) -> Space {
+    let count = points.len().max(1) as f64;
+    let center = points.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count;
+    let spread = points.iter().map(|v| v.as_dvec3().distance(center)).sum::<f64>() / count;
+    let scale = if spread > 0.0 { (1.0 / spread) as f32 } else { 1.0 };
+    Space { center: center.as_vec3(), scale }
+}

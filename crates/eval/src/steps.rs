@@ -1,0 +1,117 @@
+//! The forms of a trained soup from scene to file, each ready for drawing.
+//!
+//! ```text
+//! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
+//! ```
+
+use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use std::path::Path;
+use trisplat_bake::{BakeOptions, bake};
+use trisplat_dataset::Dataset;
+use trisplat_formats::output::{self, Output, OutputOptions};
+use trisplat_formats::target::OutputTarget;
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_scene::asset::{Asset, Provenance};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::Report;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
+
+/// A scene at one step from soup to file.
+#[derive(Debug)]
+pub struct EvalStep {
+    /// "soft", "solid" or "file".
+    pub name: &'static str,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Size of the file, if one was written.
+    pub bytes: Option<u64>,
+    /// Draws it.
+    pub renderer: SceneRenderer,
+}
+
+/// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by default all
+/// three.
+pub fn steps(
+    path: &Path,
+    loaded: Loaded,
+    options: &RenderOptions,
+    dataset: &Dataset,
+    background: [f32; 3],
+) -> Result<Vec<EvalStep>> {
+    let Loaded { scene, provenance, cameras, .. } = loaded;
+    let factory = StepFactory { dataset, background, samples: options.ssaa };
+    let whole =
+        |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
+    match (scene, options.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
+        (Scene::Mesh(mesh), _) => {
+            let provenance = provenance.clone();
+            Ok(vec![factory.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
+        }
+        (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![factory.soft(soup, &provenance)]),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
+            Ok(vec![factory.solid("solid", baked(whole(soup))?, None)])
+        }
+        (Scene::Soup(soup), None) => {
+            let solid = baked(whole(soup.clone()))?;
+            let (file, bytes) = reread(&solid, &SMALLEST)?;
+            Ok(vec![
+                factory.soft(soup, &provenance),
+                factory.solid("solid", solid, None),
+                factory.solid("file", file, Some(bytes)),
+            ])
+        }
+    }
+}
+
+/// The error of a mesh where only a soup can be drawn.
+pub fn no_soup(path: &Path) -> Error {
+    let reason =
+        "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
+    Error::unsupported(path, reason)
+}
+
+/// A soup baked with default options.
+pub fn baked(loaded: Loaded) -> Result<Asset> {
+    bake(loaded, &BakeOptions::DEFAULT)
+}
+
+/// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
+pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
+
+/// The asset after it was written as GLB and read back; and the size of that file.
+pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
+    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let path = folder.path().join("scene.glb");
+    let output = Output::plan(&path, None, options, false)?;
+    let mut report = Report::default();
+    output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
+    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
+    let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
+    let bytes = report.outputs.iter().map(|file| file.bytes).sum();
+    Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
+}
+
+/// Common settings of the renderers of all steps.
+struct StepFactory<'a> {
+    dataset: &'a Dataset,
+    background: [f32; 3],
+    samples: u32,
+}
+
+impl StepFactory<'_> {
+    fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
+        let triangles = soup.len() as u64;
+        let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
+        EvalStep { name: "soft", triangles, bytes: None, renderer }
+    }
+
+    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
+        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
+        let triangles = mesh.face_count() as u64;
+        let renderer =
+            SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
+        EvalStep { name, triangles, bytes, renderer }
+    }
+}

@@ -1,0 +1,177 @@
+//! Checks a file for violations of its format, and for features that engines reject.
+//!
+//! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
+//! finding, with their number and the first few places.
+
+mod findings;
+mod gltf;
+mod tileset;
+mod triangles;
+
+pub use findings::{Finding, Severity};
+
+use super::gltf::container::ContainerFile;
+use super::read::{detect, read_as};
+use super::{Format, ReadOptions, Source, bvh, foreign, html};
+use findings::{Findings, Positions};
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use tileset::CheckedTile;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::scene::{Loaded, Scene};
+
+/// Everything found in one file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat validation")]
+pub struct Checked {
+    /// The file as given.
+    pub path: String,
+    /// Its format.
+    pub format: Format,
+    /// Number of triangles, if the file could be read.
+    pub triangles: Option<u64>,
+    /// Findings in the order of the file.
+    pub findings: Vec<Finding>,
+}
+
+impl Checked {
+    /// Number of findings of this severity.
+    pub fn count(&self, severity: Severity) -> usize {
+        self.findings.iter().filter(|finding| finding.severity == severity).count()
+    }
+}
+
+/// Checks the file at `path`, read with `options`, and the hierarchy beside it; for a tileset, every file
+/// that it names.
+///
+/// # Errors
+/// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
+pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
+    let mut source = Source::open(path, &options.limits)?;
+    let format = detect(&mut source)?;
+    let shown = path.display().to_string();
+    match tileset_json(format, &mut source, &options.limits) {
+        None => {
+            let CheckedTile { triangles, findings, .. } = check_file(path, format, source, options)?;
+            Ok(Checked { path: shown, format, triangles, findings })
+        }
+        Some(json) => {
+            let mut findings = Findings::default();
+            let mut check_file = |tile: &Path| {
+                let mut source = Source::open(tile, &options.limits)?;
+                let format = detect(&mut source)?;
+                check_file(tile, format, source, options)
+            };
+            let triangles = tileset::check(
+                path,
+                &json,
+                (&options.limits, options.allow_outside),
+                &mut check_file,
+                &mut findings,
+            )?;
+            Ok(Checked { path: shown, format: Format::Tileset, triangles, findings: findings.list })
+        }
+    }
+}
+
+/// The text of a file when it is a tileset.
+fn tileset_json(format: Format, source: &mut Source, limits: &Limits) -> Option<Vec<u8>> {
+    let mut again = (format == Format::Gltf).then(|| source.again().ok())??;
+    let json = ContainerFile::read(&mut again, limits).ok()?.json;
+    foreign::is_tileset_json(&json).then_some(json)
+}
+
+/// Checks one file that is not a tileset.
+fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOptions) -> Result<CheckedTile> {
+    // No engine reads a page, and its own viewer reads everything.
+    let for_engines = format != Format::Html;
+    let mut findings = Findings::default();
+    let (inner, mut source) = html::inside(format, source.again()?)?;
+    if matches!(inner, Format::Glb | Format::Gltf) {
+        gltf::check(source.again()?, options, for_engines, &mut findings)?;
+    }
+    let (mut triangles, mut around) = (None, None);
+    // Everything is read, so that everything is checked, whatever `options` select.
+    match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
+        Ok(loaded) => {
+            triangles = Some(loaded.scene.triangle_count() as u64);
+            around = bounds(&loaded);
+            check_loaded(path, inner, &loaded, &options.limits, &mut findings)?;
+        }
+        // The checks of glTF files may have found the same fault.
+        Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
+        Err(error) => findings.take(error)?,
+    }
+    Ok(CheckedTile { triangles, findings: findings.list, bounds: around })
+}
+
+/// Lowest and highest corner of a scene without its backdrop.
+fn bounds(loaded: &Loaded) -> Option<[Vec3; 2]> {
+    let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
+    let corners = (0..count).flat_map(|i| loaded.scene.corners(i)).map(|corner| [corner, corner]);
+    corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
+}
+
+fn check_loaded(
+    path: &Path,
+    format: Format,
+    loaded: &Loaded,
+    limits: &Limits,
+    findings: &mut Findings,
+) -> Result<()> {
+    for warning in &loaded.warnings {
+        findings.warning("file", warning);
+    }
+    match &loaded.scene {
+        Scene::Soup(soup) => triangles::check_soup(soup, findings),
+        Scene::Mesh(mesh) => {
+            triangles::check_mesh(mesh, findings);
+            if matches!(format, Format::Glb | Format::Gltf) {
+                let mut scene = loaded.clone();
+                scene.take_backdrop();
+                if let Scene::Mesh(mesh) = &scene.scene {
+                    check_hierarchy(path, mesh, limits, findings)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The hierarchy beside a scene, if there is one.
+fn check_hierarchy(path: &Path, mesh: &Mesh, limits: &Limits, findings: &mut Findings) -> Result<()> {
+    let beside = path.with_extension("bvh");
+    if path.as_os_str() == "-" || !beside.is_file() {
+        return Ok(());
+    }
+    let place = beside.display().to_string();
+    let (header, tree) = match bvh::read(Source::open(&beside, limits)?) {
+        Ok(read) => read,
+        Err(Error::Malformed { at, reason, .. }) => {
+            findings.error(format!("{place}: {at}"), reason);
+            return Ok(());
+        }
+        Err(error) => return findings.take(error),
+    };
+    // 16-bit positions and reordered corners change the hash, but the hierarchy is still right.
+    let exact = findings.positions == Positions::AsBaked;
+    match bvh::belongs(&beside, &header, mesh) {
+        Err(Error::Unsupported { reason, .. }) if exact => findings.error(place, reason),
+        Err(Error::Unsupported { .. }) if header.faces as usize == mesh.face_count() => findings.add(
+            Severity::Note,
+            place,
+            "holds the hash of the positions before they were quantised or compressed: it cannot be checked",
+        ),
+        Err(error) => findings.take(error)?,
+        Ok(()) => {
+            if let Err(error) = tree.validate_with(mesh) {
+                findings.error(place, error.to_string());
+            }
+        }
+    }
+    Ok(())
+}

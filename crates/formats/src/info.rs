@@ -1,0 +1,386 @@
+//! The content of a file: counts, bounds, distributions, origin.
+
+use super::format::Format;
+use super::gltf::container::ContainerFile;
+use super::gltf::document::{self, Document};
+use super::html;
+use super::read::{detect, read_as};
+use super::read_options::ReadOptions;
+use super::source::Source;
+use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::error::Result;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
+use trisplat_scene::texture::{FaceTexture, StoredPicture};
+
+/// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
+const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f32::MAX];
+/// Upper ends of the bins of opacity.
+const OPACITY_BINS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat info")]
+pub struct Info {
+    /// The file as given.
+    pub path: String,
+    /// Its format.
+    pub format: Format,
+    /// Its size in bytes.
+    pub bytes: u64,
+    /// A soup of soft triangles or a mesh of solid ones.
+    pub kind: SceneKind,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Number of vertices; three per triangle when they are not shared.
+    pub vertices: u64,
+    /// True when triangles share vertices.
+    pub indexed: bool,
+    /// Degree of the spherical harmonics of a soup.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sh_degree: Option<u8>,
+    /// Cameras of the training photos, if the file stores them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cameras: u64,
+    /// Triangles of the shell that closes a trained soup, its backdrop.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shell: u64,
+    /// The box around all triangles.
+    pub bounds: BoundingBox,
+    /// σ of a soup.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<Distribution>,
+    /// Opacity of a soup, or of a mesh that is not opaque.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub opacity: Option<Distribution>,
+    /// Colours, sRGB-encoded.
+    pub colors: ColorStats,
+    /// The texture, if the mesh has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<TextureInfo>,
+    /// Facts about a glTF file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gltf: Option<GltfInfo>,
+    /// The provenance of the scene, if the file states it.
+    pub provenance: Provenance,
+    /// Repairs and omissions of reading.
+    pub warnings: Vec<String>,
+    /// The result that `trisplat bake` would give.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bake: Option<BakeInfo>,
+    /// The loss of a soft scene as solid triangles; absent when it is solid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub softness: Option<Softness>,
+}
+
+/// The two kinds of scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum SceneKind {
+    /// Unconnected triangles with opacity, σ and spherical harmonics.
+    Soup,
+    /// Coloured triangles.
+    Mesh,
+}
+
+/// The loss of a scene when its triangles are just made solid.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Softness {
+    /// Mean PSNR of the solid triangles against the scene's soft pictures, dB. Above some 35 dB they look alike.
+    pub psnr: f64,
+    /// Number of pictures that were compared.
+    pub pictures: u64,
+}
+
+/// A box along the axes, in file units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BoundingBox {
+    /// Lowest corner.
+    pub min: [f32; 3],
+    /// Highest corner.
+    pub max: [f32; 3],
+}
+
+/// How numbers are spread.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Distribution {
+    /// Smallest.
+    pub min: f32,
+    /// Half are below.
+    pub median: f32,
+    /// Mean.
+    pub mean: f64,
+    /// Largest.
+    pub max: f32,
+    /// Histogram, in order.
+    pub bins: Vec<HistogramBin>,
+}
+
+/// One bar of a histogram: low ≤ x < high; the last bin holds its end too.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct HistogramBin {
+    /// Lower end.
+    pub low: f32,
+    /// Upper end; none for the open last bin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f32>,
+    /// Numbers in it.
+    pub count: u64,
+}
+
+/// Colours of all triangles, sRGB-encoded, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ColorStats {
+    /// Mean of each channel.
+    pub mean: [f32; 3],
+    /// Smallest of each channel.
+    pub min: [f32; 3],
+    /// Largest of each channel.
+    pub max: [f32; 3],
+    /// Triangles with a channel outside 0 to 1, which the bake clamps.
+    pub outside: u64,
+}
+
+/// The texture of a mesh.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct TextureInfo {
+    /// Width and height of the largest page, texels.
+    pub size: [u32; 2],
+    /// How many pictures it has.
+    #[serde(default = "one_page", skip_serializing_if = "is_one_page")]
+    pub pages: u32,
+    /// How the file holds it, all pages together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stored: Option<StoredPicture>,
+}
+
+impl TextureInfo {
+    fn of(texture: &FaceTexture) -> Self {
+        let sizes = texture.pages.iter().map(|page| page.size());
+        let size = sizes.max_by_key(|size| size.element_product()).unwrap_or_default();
+        let stored: Option<Vec<&StoredPicture>> = texture.pages.iter().map(|page| page.stored()).collect();
+        let stored = stored.filter(|pages| pages.windows(2).all(|pair| pair[0].format == pair[1].format));
+        let together = |pages: Vec<&StoredPicture>| {
+            let bytes = pages.iter().map(|page| page.bytes).sum();
+            pages.first().map(|first| StoredPicture { bytes, ..(*first).clone() })
+        };
+        Self { size: size.to_array(), pages: texture.pages.len() as u32, stored: stored.and_then(together) }
+    }
+}
+
+fn one_page() -> u32 {
+    1
+}
+
+fn is_one_page(pages: &u32) -> bool {
+    *pages == 1
+}
+
+/// What a glTF document holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct GltfInfo {
+    /// The program that wrote it.
+    pub generator: Option<String>,
+    /// Extensions it uses.
+    pub extensions_used: Vec<String>,
+    /// Extensions a reader must know.
+    pub extensions_required: Vec<String>,
+    /// Number of nodes.
+    pub nodes: u64,
+    /// Number of meshes.
+    pub meshes: u64,
+    /// Number of primitives of all meshes.
+    pub primitives: u64,
+    /// Number of materials.
+    pub materials: u64,
+}
+
+/// The triangles that would pass the bake's first stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BakeInfo {
+    /// Triangles that stay.
+    pub kept: u64,
+    /// Triangles dropped by cause.
+    pub dropped: serde_json::Map<String, serde_json::Value>,
+}
+
+/// The content of the file at `path`, and the parts of the scene that `options` select. The caller fills in
+/// `bake`.
+///
+/// # Errors
+/// Errors of reading.
+pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
+    let mut source = Source::open(path, &options.limits)?;
+    let (format, bytes) = (detect(&mut source)?, source.len);
+    let (inner, mut source) = html::inside(format, source)?;
+    let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
+    let gltf = if is_gltf { Some(gltf_info(source.again()?, &options.limits)?) } else { None };
+    let loaded = read_as(inner, source.again()?, options)?;
+    let mut info = match &loaded.scene {
+        Scene::Soup(soup) => soup_info(soup),
+        Scene::Mesh(mesh) => mesh_info(mesh),
+    };
+    info.path = path.display().to_string();
+    (info.format, info.bytes, info.gltf) = (format, bytes, gltf);
+    info.provenance = loaded.provenance.clone();
+    info.shell = loaded.scene.shell_count() as u64;
+    info.cameras = loaded.cameras.len() as u64;
+    info.warnings.clone_from(&loaded.warnings);
+    Ok((info, loaded))
+}
+
+fn soup_info(soup: &Soup) -> Info {
+    let bounds = BoundingBox::of(soup.vertices.iter().flatten().copied());
+    let colors = ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1);
+    Info {
+        kind: SceneKind::Soup,
+        sh_degree: Some(soup.sh_degree),
+        sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
+        opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
+        ..Info::new(SceneKind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
+    }
+}
+
+fn mesh_info(mesh: &Mesh) -> Info {
+    let used = (0..mesh.face_count()).flat_map(|face| mesh.corners(face));
+    let encoded = |c: [f32; 3]| c.map(srgb_from_linear);
+    let colors = match &mesh.colors {
+        Colors::Face(colors) => ColorStats::of(colors.iter().map(|c| encoded(*c)), 1),
+        Colors::Vertex(_) => {
+            ColorStats::of((0..mesh.face_count()).flat_map(|f| mesh.corner_colors(f)).map(encoded), 3)
+        }
+    };
+    Info {
+        indexed: !mesh.indices.is_empty(),
+        opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
+        texture: mesh.texture.as_ref().map(TextureInfo::of),
+        ..Info::new(SceneKind::Mesh, mesh.face_count(), mesh.vertex_count(), BoundingBox::of(used), colors)
+    }
+}
+
+fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
+    let container = ContainerFile::read(&mut source, limits)?;
+    let document: Document = document::parse(&source.path, &container.json, limits)?;
+    Ok(GltfInfo {
+        nodes: document.nodes.len() as u64,
+        meshes: document.meshes.len() as u64,
+        primitives: document.meshes.iter().map(|mesh| mesh.primitives.len() as u64).sum(),
+        materials: document.materials.len() as u64,
+        generator: document.asset.generator,
+        extensions_used: document.extensions_used,
+        extensions_required: document.extensions_required,
+    })
+}
+
+impl Info {
+    fn new(
+        kind: SceneKind,
+        triangles: usize,
+        vertices: usize,
+        bounds: BoundingBox,
+        colors: ColorStats,
+    ) -> Self {
+        Self {
+            path: String::new(),
+            format: Format::Ply,
+            bytes: 0,
+            kind,
+            triangles: triangles as u64,
+            vertices: vertices as u64,
+            indexed: false,
+            sh_degree: None,
+            cameras: 0,
+            shell: 0,
+            bounds,
+            sigma: None,
+            opacity: None,
+            colors,
+            texture: None,
+            gltf: None,
+            provenance: Provenance::default(),
+            warnings: Vec::new(),
+            bake: None,
+            softness: None,
+        }
+    }
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
+impl BoundingBox {
+    fn of(points: impl Iterator<Item = Vec3>) -> Self {
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (min, max) = points.fold(empty, |(min, max), p| (min.min(p), max.max(p)));
+        Self { min: min.to_array(), max: max.to_array() }
+    }
+}
+
+impl Distribution {
+    /// The distribution of `values` over bins with these upper ends; none for no values.
+    fn of(values: Vec<f32>, ends: &[f32]) -> Option<Self> {
+        if values.is_empty() {
+            return None;
+        }
+        let mut counts = vec![0u64; ends.len()];
+        for value in &values {
+            counts[ends.partition_point(|end| end <= value).min(ends.len() - 1)] += 1;
+        }
+        let low = std::iter::once(0.0).chain(ends.iter().copied());
+        let bins = low.zip(ends).zip(counts).map(|((low, &end), count)| HistogramBin {
+            low,
+            high: (end < f32::MAX).then_some(end),
+            count,
+        });
+        let bins = bins.collect();
+        let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
+        let (min, max) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
+        let median = median(values, f32::total_cmp)?;
+        Some(Self { min, median, mean, max, bins })
+    }
+}
+
+impl ColorStats {
+    /// Over colours, `corners` per triangle.
+    fn of(colors: impl Iterator<Item = [f32; 3]>, corners: u64) -> Self {
+        let (mut sum, mut count, mut outside) = ([0.0f64; 3], 0u64, 0u64);
+        let (mut min, mut max) = ([f32::MAX; 3], [f32::MIN; 3]);
+        for color in colors {
+            for (i, channel) in color.into_iter().enumerate() {
+                sum[i] += f64::from(channel);
+                min[i] = min[i].min(channel);
+                max[i] = max[i].max(channel);
+            }
+            count += 1;
+            outside += u64::from(!color.iter().all(|c| (0.0..=1.0).contains(c)));
+        }
+        let mean = sum.map(|s| (s / count.max(1) as f64) as f32);
+        Self { mean, min, max, outside: outside / corners }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_falls_into_one_bin() {
+        let spread = Distribution::of(vec![1.0, 0.0, 0.1, 0.0999, 0.5], &OPACITY_BINS).expect("numbers");
+        let counts: Vec<u64> = spread.bins.iter().map(|bin| bin.count).collect();
+        assert_eq!(counts, [2, 1, 0, 0, 0, 1, 0, 0, 0, 1]);
+        assert_eq!((spread.min, spread.median, spread.max), (0.0, 0.1, 1.0));
+        assert_eq!(spread.bins[9].high, Some(1.0));
+        let sigma = Distribution::of(vec![1e30, 0.01], &SIGMA_BINS).expect("numbers");
+        assert_eq!((sigma.bins[0].count, sigma.bins[9].count, sigma.bins[9].high), (1, 1, None));
+        assert_eq!(Distribution::of(Vec::new(), &SIGMA_BINS), None);
+    }
+}

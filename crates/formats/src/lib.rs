@@ -1,0 +1,44 @@
+//! Files in and out. The types of a scene do not depend on them.
+//!
+//! In: bytes of scene files. Out: scenes. In: assets. Out: bytes.
+
+mod blocks;
+pub mod bvh;
+mod channel;
+pub mod check;
+mod faces;
+pub mod far;
+mod finish;
+pub mod foreign;
+mod format;
+mod gaussians;
+pub mod gltf;
+pub mod html;
+pub mod info;
+pub mod levels;
+mod lines;
+pub mod obj;
+pub mod off;
+pub mod output;
+mod painted;
+pub mod ply;
+mod provenance;
+pub mod pt;
+mod read;
+mod read_options;
+mod source;
+pub mod target;
+pub mod tiles;
+pub mod tileset;
+pub mod tileset_info;
+mod tileset_json;
+mod write;
+
+pub use faces::MAX_CORNERS;
+pub use finish::finish;
+pub use format::Format;
+pub use output::OutputOptions;
+pub use read::read;
+pub use read_options::ReadOptions;
+pub use source::Source;
+pub use write::{WrittenFiles, write};

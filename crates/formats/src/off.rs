@@ -1,0 +1,224 @@
+//! COFF of the authors' exporter, and OFF with face or vertex colours (read only).
+//!
+//! ```text
+//! COFF
+//! 225171 75057 0
+//! -0.475 -4.081 -0.177            x y z, or x y z r g b [a]
+//! 3 0 1 2 62 51 51 255            number of corners, corners, and perhaps r g b [a]
+//! ```
+//!
+//! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha below 1 at a
+//! face becomes opacity.
+
+use super::channel::Clamped;
+use super::faces::{Faces, check_corners};
+use super::far::{FarPositions, note_origin};
+use super::finish::finish;
+use super::lines::{Lines, clip, number};
+use super::read_options::ReadOptions;
+use super::source::Source;
+use glam::DVec3;
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::scene::{Loaded, Scene};
+
+/// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
+const SHORTEST: (u64, u64) = (6, 8);
+
+/// The mesh in an OFF or COFF file, with the file's indices, linear colours, and polygons cut into triangles.
+///
+/// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
+/// OFF and the variants with normals, texture or four dimensions.
+pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
+    let mut lines = Lines::new(&source)?;
+    let limits = &options.limits;
+    let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
+    let mut mesh = Mesh::default();
+    let (mut of_vertices, mut of_faces) = (FileColors::default(), FileColors::default());
+    let mut positions = FarPositions::default();
+    positions.reserve(limits, source.path.display(), vertices)?;
+    for vertex in 0..vertices {
+        advance(&mut lines, || format!("vertex {vertex} of {vertices}"))?;
+        positions.push(position(&lines, &mut of_vertices).map_err(|reason| lines.error(reason))?);
+    }
+    let (mut indices, mut corners) = (Vec::new(), Vec::new());
+    limits.reserve(source.path.display(), &mut indices, 3 * faces)?;
+    let mut read = Faces::from_triangles(indices);
+    for face in 0..faces {
+        advance(&mut lines, || format!("face {face} of {faces}"))?;
+        read_corners(&lines, vertices, &mut corners, &mut of_faces)
+            .and_then(|()| read.push(&corners))
+            .map_err(|reason| lines.error(format!("face {face} {reason}")))?;
+        limits.triangles(source.path.display(), read.triangles() as u64)?;
+    }
+    let origin;
+    (mesh.positions, origin) = positions.relative();
+    let triangles = read.triangulate(&mesh.positions);
+    let mut warnings = Vec::new();
+    if of_vertices.any && of_faces.any {
+        warnings.push("vertices and faces both have colours: those of the vertices are used".into());
+    }
+    if !of_vertices.any && !of_faces.any {
+        warnings.push("the file has no colours: every triangle is white".into());
+    }
+    if of_vertices.any {
+        mesh.colors = Colors::Vertex(of_vertices.linear(&source, &mut warnings)?.0);
+    } else {
+        let (colors, alpha) = of_faces.linear(&source, &mut warnings)?;
+        mesh.colors = Colors::Face(triangles.repeat(colors));
+        mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
+    }
+    mesh.indices = triangles.indices;
+    let provenance = Provenance::default();
+    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    note_origin(&mut loaded, origin);
+    finish(&source.path, loaded)
+}
+
+/// Parses the head of the file: the numbers of vertices and of faces, checked against its length.
+fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(usize, usize)> {
+    if !lines.advance_to_text()? {
+        return Err(Error::malformed(&source.path, "line 1", "the file is empty"));
+    }
+    let mut words: Vec<String> = lines.words().map(str::to_owned).collect();
+    let keyword = words.remove(0);
+    if keyword != "OFF" && keyword != "COFF" {
+        return Err(if keyword.ends_with("OFF") {
+            Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", clip(&keyword)))
+        } else {
+            lines.error("is not an OFF file: it must start with OFF or COFF")
+        });
+    }
+    if words.first().is_some_and(|word| word == "BINARY") {
+        return Err(Error::unsupported(&source.path, "is binary OFF; save it as text"));
+    }
+    if words.is_empty() {
+        advance(lines, || "the counts of vertices and faces".into())?;
+        words = lines.words().map(str::to_owned).collect();
+    }
+    let count = |at: usize| words.get(at).and_then(|word| word.parse::<u64>().ok());
+    let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
+        return Err(lines.error("expected the counts of vertices and faces, two whole numbers"));
+    };
+    if faces == 0 {
+        return Err(lines.error("promises 0 faces: there are no triangles in the file"));
+    }
+    let shortest = vertices.saturating_mul(SHORTEST.0).saturating_add(faces.saturating_mul(SHORTEST.1));
+    if shortest > source.len + 1 {
+        let len = source.len;
+        return Err(lines.error(format!(
+            "promises {vertices} vertices and {faces} faces, more than fit in the {len} bytes of the file"
+        )));
+    }
+    limits.triangles(source.path.display(), faces)?;
+    limits.vertices(source.path.display(), vertices)?;
+    match (usize::try_from(vertices), usize::try_from(faces)) {
+        (Ok(v), Ok(f)) if u32::try_from(vertices).is_ok() => Ok((v, f)),
+        _ => Err(Error::unsupported(&source.path, "has more vertices than 32-bit numbers reach: split it")),
+    }
+}
+
+fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
+    if lines.advance_to_text()? {
+        return Ok(());
+    }
+    Err(lines.error(format!("the file ends before {}: it was cut short", what())))
+}
+
+fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<DVec3, String> {
+    let mut words = lines.words();
+    let mut axis = || number(words.next().ok_or("expected x y z")?);
+    let position = DVec3::new(axis()?, axis()?, axis()?);
+    colors.push(words)?;
+    Ok(position)
+}
+
+/// Reads a face's corners, and its colour into `colors`.
+fn read_corners(
+    lines: &Lines,
+    vertices: usize,
+    corners: &mut Vec<u32>,
+    colors: &mut FileColors,
+) -> std::result::Result<(), String> {
+    let mut words = lines.words();
+    let count = words.next().unwrap_or_default();
+    let count = count
+        .parse::<i64>()
+        .map_err(|_| format!("starts with {:?}; expected the number of its corners", clip(count)))?;
+    let count = check_corners(count)?;
+    corners.clear();
+    for _ in 0..count {
+        let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
+        let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
+        corners
+            .push(index.ok_or_else(|| {
+                format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
+            })?);
+    }
+    colors.push(words)
+}
+
+/// Colours of the file. Their scale, 0 to 255 or 0 to 1, is known only at the end: `1 1 0` is yellow in a
+/// file of floats and nearly black in one of integers.
+#[derive(Default)]
+struct FileColors {
+    rows: Vec<Option<FileColor>>,
+    any: bool,
+    floats: bool,
+}
+
+struct FileColor {
+    rgb: [f32; 3],
+    alpha: Option<f32>,
+}
+
+impl FileColors {
+    fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+        let (mut row, mut count) = ([0.0; 4], 0);
+        for word in words {
+            let slot = row.get_mut(count).ok_or("has more numbers than r g b a")?;
+            *slot = number(word)?;
+            self.floats |= word.parse::<i64>().is_err();
+            count += 1;
+        }
+        let [r, g, b, a] = row;
+        match count {
+            0 => self.rows.push(None),
+            3 | 4 => self.rows.push(Some(FileColor { rgb: [r, g, b], alpha: (count == 4).then_some(a) })),
+            _ => return Err(format!("has {count} numbers for its colour; expected r g b or r g b a")),
+        }
+        self.any |= count > 0;
+        Ok(())
+    }
+
+    /// Linear colours, white where there was none, and alpha if any value is below 1.
+    fn linear(&self, source: &Source, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+        let mut clamped = Clamped::default();
+        let mut unit = |value: f32| match self.floats {
+            true => clamped.channel(value),
+            false => value / 255.0,
+        };
+        let (mut colors, mut alphas) = (Vec::new(), Vec::new());
+        colors.reserve_exact(self.rows.len());
+        for (at, row) in self.rows.iter().enumerate() {
+            let Some(FileColor { rgb, alpha }) = row else {
+                colors.push([1.0; 3]);
+                continue;
+            };
+            if let Some(bad) = rgb.iter().chain(alpha).find(|x| !self.floats && !(0.0..=255.0).contains(*x)) {
+                let reason = format!("integer colours must lie in 0 to 255; row {at} has {bad}");
+                return Err(Error::malformed(&source.path, "colours", reason));
+            }
+            colors.push(rgb.map(|x| linear_from_srgb(unit(x))));
+            if let Some(alpha) = alpha.map(&mut unit).filter(|alpha| *alpha != 1.0) {
+                alphas.resize(self.rows.len(), 1.0);
+                alphas[at] = alpha;
+            }
+        }
+        clamped.report(&source.path, warnings)?;
+        Ok((colors, alphas))
+    }
+}

@@ -1,0 +1,104 @@
+//! The files beside the scene: backdrop, collision, levels.
+
+use super::{Output, OutputFormat, OutputOptions, is_device};
+use std::path::{Path, PathBuf};
+use trisplat_scene::error::{Error, Result};
+
+/// Name of the node in a file of the collider.
+const COLLISION_NODE: &str = "collision";
+
+/// The kinds of files beside the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Beside {
+    /// Its hierarchy.
+    pub bvh: bool,
+    /// How many levels of detail.
+    pub levels: usize,
+    /// The backdrop in a separate file.
+    pub backdrop: bool,
+    /// What to collide with.
+    pub collision: bool,
+    /// The picture of its texture, if the format does not hold it.
+    pub texture: bool,
+}
+
+impl Output {
+    /// The files of a scene and all files beside it; `format` decides if the name of `path` does not.
+    /// Standard output can take only one file.
+    ///
+    /// Errors: a name without a known ending; an output that cannot have files beside it.
+    pub fn of_scene(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+        beside: &Beside,
+    ) -> Result<Self> {
+        let mut output =
+            Self::plan(path, format, options, beside.bvh)?.with_levels(beside.levels, options)?;
+        if beside.backdrop {
+            output = output.with_backdrop_file(options)?;
+        }
+        if beside.collision {
+            output = output.with_collision(options)?;
+        }
+        if beside.texture && output.format == OutputFormat::Obj {
+            output.take_picture(options);
+        }
+        Ok(output)
+    }
+
+    /// Adds the picture of a texture to the scene, its backdrop and its levels: OUT.jpg.
+    fn take_picture(&mut self, options: &OutputOptions) {
+        self.picture = Some(self.main.with_extension(options.texture_format.ending()));
+        self.backdrop.iter_mut().for_each(|backdrop| backdrop.take_picture(options));
+        self.levels.iter_mut().for_each(|level| level.take_picture(options));
+    }
+
+    /// The same with the backdrop in a separate file: OUT.backdrop.glb.
+    pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
+        let path = self.beside("backdrop", "`backdrop` file writes one")?;
+        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
+        Ok(self)
+    }
+
+    /// The same with the collider in a separate file, OUT.collision.glb, unless the target has a node for it.
+    pub fn with_collision(mut self, options: &OutputOptions) -> Result<Self> {
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
+        if gltf && options.target.has_collision_node() {
+            return Ok(self);
+        }
+        let path = self.beside("collision", "`collision` writes one")?;
+        let file = Self::plan(&path, Some(self.format), options, false)?;
+        self.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
+        Ok(self)
+    }
+
+    /// The same with `levels` levels of detail beside it: OUT.lod1.glb and so on, and for glTF a tileset of all and the file that the
+    /// target's engine needs.
+    pub fn with_levels(mut self, levels: usize, options: &OutputOptions) -> Result<Self> {
+        if levels == 0 {
+            return Ok(self);
+        }
+        let level = |i: usize| {
+            let path = self.beside(&format!("lod{i}"), "`lod` writes more files")?;
+            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
+        };
+        self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
+        let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
+        self.tileset = gltf.then(|| self.main.with_extension("tileset.json"));
+        let kind = options.target.levels().filter(|_| gltf);
+        self.engine_levels = kind.map(|kind| (self.main.with_extension(kind.ending()), kind));
+        Ok(self)
+    }
+
+    /// OUT.PART.glb; `what` names the content in the error for outputs that cannot have files beside them.
+    fn beside(&self, part: &str, what: &str) -> Result<PathBuf> {
+        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
+        if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
+            let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
+            return Err(Error::invalid("output", self.main.display(), wants));
+        }
+        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
+        Ok(self.main.with_extension(format!("{part}.{ending}")))
+    }
+}

@@ -1,0 +1,255 @@
+//! The header of a PLY file: elements, their properties, and comments.
+
+use crate::lines::clip;
+use crate::source::Source;
+use std::io::{BufRead, BufReader, Read};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input::BYTE_ORDER_MARK;
+
+/// More than any real header; a longer one is not of a PLY file, or is broken.
+const LONGEST: u64 = 1 << 20;
+
+/// Elements in a file, or properties in an element.
+const MOST: usize = 1024;
+
+/// How the body is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// The eight number types of PLY.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    fn parse(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Scalar::I8,
+            "uchar" | "uint8" => Scalar::U8,
+            "short" | "int16" => Scalar::I16,
+            "ushort" | "uint16" => Scalar::U16,
+            "int" | "int32" => Scalar::I32,
+            "uint" | "uint32" => Scalar::U32,
+            "float" | "float32" => Scalar::F32,
+            "double" | "float64" => Scalar::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes in a binary file.
+    pub(super) fn size(self) -> usize {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+
+    pub(super) fn is_integer(self) -> bool {
+        !matches!(self, Scalar::F32 | Scalar::F64)
+    }
+}
+
+/// One number, or a count followed by that many numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PropertyType {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: PropertyType,
+}
+
+impl Property {
+    /// True for the list of a face's corners, under either of its two usual names.
+    pub(super) fn is_corner_list(&self) -> bool {
+        self.name == "vertex_indices" || self.name == "vertex_index"
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Element {
+    pub(super) name: String,
+    /// Rows according to the header; not trusted before the file's length is checked.
+    pub(super) rows: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    pub(super) fn has(&self, property: &str) -> bool {
+        self.properties.iter().any(|p| p.name == property)
+    }
+}
+
+/// The header of a PLY file: its encoding, elements and comments.
+#[derive(Debug)]
+pub struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    pub(super) comments: Vec<String>,
+    /// Byte at which the body starts.
+    pub(super) body: u64,
+}
+
+impl Header {
+    pub(super) fn element(&self, name: &str) -> Option<&Element> {
+        self.elements.iter().find(|e| e.name == name)
+    }
+}
+
+/// Reads up to and including `end_header`.
+pub fn read(source: &mut Source) -> Result<Header> {
+    let path = source.path.clone();
+    let io = |e| Error::io(&path, e);
+    source.rewind().map_err(io)?;
+    let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(LONGEST);
+    let mut draft = HeaderDraft::default();
+    let (mut line, mut number) = (Vec::new(), 0);
+    loop {
+        line.clear();
+        reader.read_until(b'\n', &mut line).map_err(io)?;
+        number += 1;
+        let at = format!("header line {number}");
+        if line.last() != Some(&b'\n') {
+            return Err(Error::malformed(&path, at, draft.why_cut_short(reader.limit() == 0, &line)));
+        }
+        let mark = if number == 1 { BYTE_ORDER_MARK } else { &[] };
+        let text = String::from_utf8_lossy(line.strip_prefix(mark).unwrap_or(&line));
+        if draft.take_line(text.trim()).map_err(|reason| Error::malformed(&path, at, reason))? {
+            break;
+        }
+    }
+    let body = LONGEST - reader.limit();
+    let encoding = draft.encoding.ok_or_else(|| {
+        Error::malformed(&path, "header", "has no format line; expected `format binary_little_endian 1.0`")
+    })?;
+    Ok(Header { encoding, elements: draft.elements, comments: draft.comments, body })
+}
+
+/// A header during reading.
+#[derive(Default)]
+struct HeaderDraft {
+    magic: bool,
+    encoding: Option<Encoding>,
+    elements: Vec<Element>,
+    comments: Vec<String>,
+}
+
+impl HeaderDraft {
+    fn why_cut_short(&self, too_long: bool, line: &[u8]) -> String {
+        if !self.magic && line.is_empty() {
+            "the file is empty".into()
+        } else if !self.magic && !line.starts_with(b"ply") {
+            "is not a PLY file: it must start with the line `ply`".into()
+        } else if too_long {
+            "no end_header within the first 1 MiB; not a PLY file, or a broken one".into()
+        } else {
+            "the file ends before end_header; it was cut short".into()
+        }
+    }
+
+    /// Parses one line; true when it was `end_header`.
+    fn take_line(&mut self, line: &str) -> std::result::Result<bool, String> {
+        if !self.magic {
+            self.magic = line == "ply";
+            return if self.magic {
+                Ok(false)
+            } else {
+                Err("is not a PLY file: it must start with the line `ply`".into())
+            };
+        }
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        match word {
+            "end_header" => return Ok(true),
+            "comment" => self.comments.push(rest.trim().to_owned()),
+            "obj_info" | "" => {}
+            "format" => self.encoding = Some(parse_format(rest)?),
+            "element" => {
+                let element = parse_element(rest)?;
+                if self.elements.iter().any(|e| e.name == element.name) {
+                    return Err(format!("element {} is declared twice", clip(&element.name)));
+                }
+                if self.elements.len() == MOST {
+                    return Err(format!("more than {MOST} elements"));
+                }
+                self.elements.push(element);
+            }
+            "property" => {
+                let property = parse_property(rest)?;
+                let element = self.elements.last_mut().ok_or("a property before the first element")?;
+                if element.has(&property.name) {
+                    return Err(format!("property {} is declared twice", clip(&property.name)));
+                }
+                if element.properties.len() == MOST {
+                    return Err(format!("more than {MOST} properties in one element"));
+                }
+                element.properties.push(property);
+            }
+            _ => return Err(format!("cannot make sense of {:?}; is end_header missing?", clip(line))),
+        }
+        Ok(false)
+    }
+}
+
+fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
+    match rest.split_whitespace().collect::<Vec<_>>()[..] {
+        ["ascii", "1.0"] => Ok(Encoding::Ascii),
+        ["binary_little_endian", "1.0"] => Ok(Encoding::Little),
+        ["binary_big_endian", "1.0"] => Ok(Encoding::Big),
+        _ => Err(format!(
+            "unknown format {:?}; expected ascii, binary_little_endian or binary_big_endian, version 1.0",
+            clip(rest)
+        )),
+    }
+}
+
+fn parse_element(rest: &str) -> std::result::Result<Element, String> {
+    let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
+        return Err(format!("expected `element NAME COUNT`, not {:?}", clip(rest)));
+    };
+    let rows = rows
+        .parse::<u64>()
+        .map_err(|_| format!("element {} counts {:?}; expected a whole number", clip(name), clip(rows)))?;
+    Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
+}
+
+fn parse_property(rest: &str) -> std::result::Result<Property, String> {
+    let scalar = |name: &str| {
+        Scalar::parse(name).ok_or_else(|| {
+            format!(
+                "unknown type {:?}; expected char, uchar, short, ushort, int, uint, float or double",
+                clip(name)
+            )
+        })
+    };
+    match rest.split_whitespace().collect::<Vec<_>>()[..] {
+        ["list", count, item, name] => {
+            let (count, item) = (scalar(count)?, scalar(item)?);
+            if !count.is_integer() {
+                return Err(format!("the list {} counts in floats; expected an integer type", clip(name)));
+            }
+            Ok(Property { name: name.to_owned(), kind: PropertyType::List { count, item } })
+        }
+        [kind, name] => Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) }),
+        _ => Err(format!(
+            "expected `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}",
+            clip(rest)
+        )),
+    }
+}

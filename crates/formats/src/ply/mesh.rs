@@ -1,0 +1,236 @@
+//! Triangle mesh PLY with vertex or face colours, read and written.
+
+use super::column::Column;
+use super::corners::{read_faces, read_positions};
+use super::encode;
+use super::header::Scalar;
+use super::table::Table;
+use super::tables::Tables;
+use crate::blocks::write_blocks;
+use crate::channel::Clamped;
+use crate::provenance::to_comment;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::io::{self, Write};
+use std::path::Path;
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8};
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// The mesh, relative to `origin`; guesses and repairs are added to `warnings`.
+pub(super) fn read(
+    path: &Path,
+    tables: &Tables,
+    origin: DVec3,
+    limits: &Limits,
+    warnings: &mut Vec<String>,
+) -> Result<Mesh> {
+    let Tables { vertices, faces, .. } = tables;
+    for axis in ["x", "y", "z"] {
+        vertices.column(axis)?;
+    }
+    let channels = (Channels::of(path, vertices)?, Channels::of(path, faces)?);
+    let read = read_faces(faces, vertices.rows(), path, limits)?;
+    let mut positions = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
+    read_positions(vertices, origin, &mut positions)?;
+    let triangles = read.triangulate(&positions);
+    let mut mesh = Mesh { positions, ..Mesh::default() };
+    match channels {
+        (Some(of_vertices), of_faces) => {
+            if of_faces.is_some() {
+                warnings.push("vertices and faces both have colours: those of the vertices are used".into());
+            }
+            let (colors, alpha) = of_vertices.read(path, vertices, warnings)?;
+            mesh.colors = Colors::Vertex(colors);
+            mesh.indices = triangles.into_indices(mesh.positions.len());
+            if !alpha.is_empty() {
+                let least = |face| least(mesh.face(face).map(|v| alpha[v as usize]));
+                mesh.opacity = (0..mesh.face_count()).into_par_iter().map(least).collect();
+            }
+        }
+        (None, Some(of_faces)) => {
+            let (colors, alpha) = of_faces.read(path, faces, warnings)?;
+            mesh.colors = Colors::Face(triangles.repeat(colors));
+            mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
+            mesh.indices = triangles.into_indices(mesh.positions.len());
+        }
+        (None, None) => {
+            warnings.push("the file has no colours: every triangle is white".into());
+            mesh.indices = triangles.into_indices(mesh.positions.len());
+            mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+        }
+    }
+    Ok(mesh)
+}
+
+/// The smallest of three; NaN when one is NaN.
+fn least(alpha: [f32; 3]) -> f32 {
+    if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].min(alpha[1]).min(alpha[2]) }
+}
+
+/// The places of red, green, blue and perhaps alpha in a row.
+struct Channels {
+    rgb: [Column; 3],
+    alpha: Option<Column>,
+}
+
+impl Channels {
+    fn of(path: &Path, table: &Table) -> Result<Option<Self>> {
+        let named = |names: [&str; 4]| {
+            let [r, g, b, a] = names.map(|name| table.find(name));
+            Some(Self { rgb: [r?, g?, b?], alpha: a })
+        };
+        let channels = named(["red", "green", "blue", "alpha"])
+            .or_else(|| named(["r", "g", "b", "a"]))
+            .or_else(|| named(["diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"]));
+        let Some(channels) = channels else { return Ok(None) };
+        let known = |c: &Column| matches!(c.scalar, Scalar::U8 | Scalar::U16 | Scalar::F32 | Scalar::F64);
+        if channels.rgb.iter().chain(&channels.alpha).all(known) {
+            return Ok(Some(channels));
+        }
+        let reason = "has colours of a signed or 32-bit integer type; \
+                      write them as uchar (0 to 255), ushort (0 to 65535) or float (0 to 1)";
+        Err(Error::unsupported(path, reason))
+    }
+
+    /// Linear colours, and alpha if any value is below 1. `[rows]`, `[rows]` or `[]`
+    fn read(
+        &self,
+        path: &Path,
+        table: &Table,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+        let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows()], vec![0.0; table.rows()]);
+        let per_block = table.rows_per_block();
+        let blocks: Vec<Result<Clamped>> =
+            (colors.par_chunks_mut(per_block), alpha.par_chunks_mut(per_block))
+                .into_par_iter()
+                .enumerate()
+                .map_init(Vec::new, |buffer, (block, (colors, alpha))| {
+                    let rows = table.block(block * per_block, colors.len(), buffer)?;
+                    Ok(self.decode(rows, table.stride(), colors, alpha))
+                })
+                .collect();
+        let mut clamped = Clamped::default();
+        for block in blocks {
+            clamped.merge(block?);
+        }
+        clamped.report(path, warnings)?;
+        if alpha.iter().all(|a| *a == 1.0) {
+            alpha = Vec::new();
+        }
+        Ok((colors, alpha))
+    }
+
+    fn decode(&self, rows: &[u8], stride: usize, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Clamped {
+        let codes = linear_of_srgb8();
+        let mut clamped = Clamped::default();
+        for ((row, color), alpha) in rows.chunks_exact(stride).zip(colors).zip(alpha) {
+            *color = self.rgb.map(|column| match column.scalar {
+                Scalar::U8 => codes[row[column.offset] as usize],
+                _ => linear_from_srgb(channel(column, row, &mut clamped)),
+            });
+            *alpha = self.alpha.map_or(1.0, |column| channel(column, row, &mut clamped));
+        }
+        clamped
+    }
+}
+
+/// A channel of the file in [0, 1], still encoded; NaN when it is not finite.
+fn channel(column: Column, row: &[u8], clamped: &mut Clamped) -> f32 {
+    match column.scalar {
+        Scalar::U8 => column.f32(row) / 255.0,
+        Scalar::U16 => column.f32(row) / 65535.0,
+        _ => clamped.channel(column.f32(row)),
+    }
+}
+
+/// Writes a mesh PLY: binary little-endian, sRGB colours and alpha in 8 bits.
+///
+/// By default the colours are at the vertices, which every reader understands; with colour or opacity per
+/// face, each triangle gets three vertices of its own. With `face_colors` they are at the faces, vertices
+/// stay shared, and a face with different corner colours gets their linear mean. The faces of a backdrop are
+/// the last; `backdrop` in the comment counts them. Errors are those of `out`, and `InvalidInput` above
+/// 2,147,483,647 vertices.
+pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::Result<()> {
+    let mesh = &asset.mesh;
+    let own = mesh.indices.is_empty()
+        || !face_colors && (matches!(mesh.colors, Colors::Face(_)) || !mesh.opacity.is_empty());
+    let vertices = if own { 3 * mesh.face_count() } else { mesh.vertex_count() };
+    if vertices > i32::MAX as usize {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many vertices for a PLY file"));
+    }
+    let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
+    encode::push_comment(&mut header, &to_comment(&asset.provenance));
+    let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+    header += &format!("element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n");
+    header += if mesh.normals.is_empty() { "" } else { NORMAL };
+    header += if face_colors { "" } else { channels };
+    header += &format!("element face {}\nproperty list uchar int vertex_indices\n", mesh.face_count());
+    header += if face_colors { channels } else { "" };
+    header += "end_header\n";
+    out.write_all(header.as_bytes())?;
+    write_vertices(out, mesh, own, face_colors)?;
+    write_blocks(out, mesh.face_count(), |face, block| {
+        let corners = if own { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
+        encode::push_corners(block, corners);
+        if face_colors {
+            block.extend_from_slice(&rgba(mean(mesh.corner_colors(face)), opacity(mesh, face)));
+        }
+    })
+}
+
+const NORMAL: &str = "property float nx\nproperty float ny\nproperty float nz\n";
+
+fn write_vertices(out: &mut dyn Write, mesh: &Mesh, own: bool, face_colors: bool) -> io::Result<()> {
+    let lit = !mesh.normals.is_empty();
+    let normals = if own { Vec::new() } else { mesh.vertex_normals() };
+    match &mesh.colors {
+        Colors::Vertex(colors) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
+            push_vector(block, mesh.positions[v]);
+            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
+            if !face_colors {
+                block.extend_from_slice(&rgba(colors[v], 1.0));
+            }
+        }),
+        Colors::Face(_) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
+            push_vector(block, mesh.positions[v]);
+            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
+        }),
+        _ => write_blocks(out, mesh.face_count(), |face, block| {
+            let (colors, opacity) = (mesh.corner_colors(face), opacity(mesh, face));
+            for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
+                push_vector(block, corner);
+                if lit {
+                    push_vector(block, mesh.normals[face]);
+                }
+                if !face_colors {
+                    block.extend_from_slice(&rgba(color, opacity));
+                }
+            }
+        }),
+    }
+}
+
+fn push_vector(block: &mut Vec<u8>, vector: Vec3) {
+    for axis in vector.to_array() {
+        block.extend_from_slice(&axis.to_le_bytes());
+    }
+}
+
+fn opacity(mesh: &Mesh, face: usize) -> f32 {
+    mesh.opacity.get(face).copied().unwrap_or(1.0)
+}
+
+/// The mean of the corners, exact when they are equal.
+fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    if a == b && b == c { a } else { [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0) }
+}
+
+fn rgba(linear: [f32; 3], opacity: f32) -> [u8; 4] {
+    let [r, g, b] = linear.map(srgb8_from_linear);
+    [r, g, b, (255.0 * opacity).round() as u8]
+}

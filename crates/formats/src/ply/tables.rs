@@ -1,0 +1,80 @@
+//! The elements of a PLY that are read, and the places of their rows.
+
+use super::header::{Element, Header};
+use super::table::Table;
+use super::transcode::Wanted;
+use super::views;
+use crate::source::Source;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+
+/// The two elements of every triangle PLY, and the optional cameras of a soup.
+pub(super) struct Tables<'a> {
+    pub(super) vertices: Table<'a>,
+    pub(super) faces: Table<'a>,
+    pub(super) views: Option<Table<'a>>,
+}
+
+/// Finds the rows of `vertex`, `face` and `view`, checking that the file is as long as they need. `faces`
+/// says which faces are permitted.
+pub(super) fn locate<'a>(
+    source: &'a Source,
+    header: &'a Header,
+    faces: Wanted,
+    limits: &Limits,
+) -> Result<Tables<'a>> {
+    check_rows(source, header, limits)?;
+    let cameras = views::element(header);
+    let wanted = |element: &Element| match element.name.as_str() {
+        "vertex" => Wanted::Triangles,
+        "face" => faces,
+        _ if cameras == Some(element) => Wanted::Triangles,
+        _ => Wanted::Nothing,
+    };
+    let missing = |name: &str| Error::malformed(&source.path, "header", format!("has no element {name}"));
+    let [vertices, faces, views] = open(source, header, wanted, ["vertex", "face", views::NAME])?;
+    Ok(Tables {
+        vertices: vertices.ok_or_else(|| missing("vertex"))?,
+        faces: faces.ok_or_else(|| missing("face"))?,
+        views,
+    })
+}
+
+/// Refuses more rows than a scene may have, before any is read.
+fn check_rows(source: &Source, header: &Header, limits: &Limits) -> Result<()> {
+    let place = |element: &Element| format!("{}: element {}", source.path.display(), element.name);
+    header.element("face").map_or(Ok(()), |face| limits.triangles(place(face), face.rows))?;
+    header.element("vertex").map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))
+}
+
+/// Only the rows of `vertex`: a cloud of points.
+pub fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
+    check_rows(source, header, limits)?;
+    let wanted =
+        |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
+    let [vertices] = open(source, header, wanted, ["vertex"])?;
+    vertices.ok_or_else(|| Error::malformed(&source.path, "header", "has no element vertex"))
+}
+
+/// Walks the elements of a file up to the last needed one; returns those of `names` that exist.
+fn open<'a, const N: usize>(
+    source: &'a Source,
+    header: &'a Header,
+    wanted: impl Fn(&Element) -> Wanted,
+    names: [&str; N],
+) -> Result<[Option<Table<'a>>; N]> {
+    let mut tables = [const { None }; N];
+    let mut at = header.body;
+    let last = header.elements.iter().rposition(|e| wanted(e) != Wanted::Nothing).map_or(0, |last| last + 1);
+    for element in &header.elements[..last] {
+        let used = wanted(element);
+        let (table, end) = Table::open(source, header.encoding, element, at, used)?;
+        at = end;
+        if used != Wanted::Nothing
+            && let Some(slot) = names.iter().position(|name| *name == element.name)
+        {
+            tables[slot] = Some(table);
+        }
+    }
+    Ok(tables)
+}

@@ -1,0 +1,98 @@
+//! Reads a file of any format.
+
+use super::format::Format;
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::{gaussians, gltf, html, obj, off, ply, pt};
+use std::path::Path;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::guard::guarded;
+use trisplat_scene::scene::Loaded;
+
+/// The accepted formats, for messages.
+const ACCEPTED: &str =
+    "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
+
+/// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
+pub(super) fn detect(source: &mut Source) -> Result<Format> {
+    let (head, named) = (source.head()?, source.named());
+    if let Some(kind) = gaussians::recognise(&head, &source.path) {
+        return Err(gaussians::refusal(&source.path, kind));
+    }
+    if let Some(format) = Format::detect(&head, &named) {
+        return Ok(format);
+    }
+    let seen = match (head.is_empty(), Format::by_extension(&named)) {
+        (true, _) => "is empty".to_owned(),
+        (false, Some(named)) => {
+            format!("is named like {} but begins with {}", named.name(), preview(&head))
+        }
+        (false, None) => format!("begins with {}, which no reader recognises", preview(&head)),
+    };
+    Err(Error::unsupported(&source.path, format!("{seen}; give {ACCEPTED}")))
+}
+
+/// The scene in the file at `path`, whatever its format; "-" is standard input.
+///
+/// ```
+/// use trisplat::formats::{self, ReadOptions};
+///
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("square.obj");
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+/// let loaded = formats::read(&path, &ReadOptions::default())?;
+/// assert_eq!(loaded.scene.triangle_count(), 2); // polygons come as triangles
+/// assert_eq!(loaded.warnings, ["the file has no colours: every triangle is white"]);
+/// # Ok::<(), trisplat::error::Error>(())
+/// ```
+///
+/// # Errors
+/// Errors of the format's reader, or an unknown format.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+    let mut source = Source::open(path, &options.limits)?;
+    let format = detect(&mut source)?;
+    read_as(format, source, options)
+}
+
+/// The scene in an open file of that format.
+pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<Loaded> {
+    let (format, source) = html::inside(format, source)?;
+    let path = source.path.clone();
+    guarded(&path, || match format {
+        Format::Ply => ply::read(source, options),
+        Format::Pt => pt::read(source, options),
+        Format::Off => off::read(source, options),
+        Format::Obj => obj::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html | Format::Tileset => gltf::read(source, options),
+    })
+}
+
+/// The first bytes for a message: as text if possible, else in hex.
+fn preview(head: &[u8]) -> String {
+    let head = &head[..head.len().min(16)];
+    match std::str::from_utf8(head) {
+        Ok(text) if !text.contains(|c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r') => {
+            format!("{text:?}")
+        }
+        _ => {
+            let hex: Vec<String> = head.iter().take(8).map(|b| format!("{b:02x}")).collect();
+            format!("bytes {}", hex.join(" "))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_file_names_what_was_seen_and_what_is_accepted() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("scene.glb");
+        for (content, seen) in [(&b""[..], "is empty"), (b"\0\x01rubbish", "named like binary glTF")] {
+            std::fs::write(&path, content).expect("writable");
+            let message = read(&path, &ReadOptions::with_degree(0)).expect_err("unknown").to_string();
+            assert!(message.contains(seen) && message.contains(".gltf"), "{message}");
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Reads textures and buffers back into main memory.
+
+use super::device::Gpu;
+use bytemuck::{AnyBitPattern, NoUninit};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use trisplat_scene::error::{Error, Result};
+use wgpu::{
+    Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
+};
+use wgpu::{SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture};
+
+/// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
+pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
+    let Extent3d { width, height, .. } = texture.size();
+    let pitch = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let size = u64::from(pitch) * u64::from(height);
+    let buffer = gpu.device.create_buffer(&BufferDescriptor {
+        label: Some("readback"),
+        size,
+        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
+    let to = TexelCopyBufferInfo { buffer: &buffer, layout };
+    encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
+    gpu.queue.submit([encoder.finish()]);
+    let bytes = bytes(gpu, &buffer)?;
+    let row = |y: usize| &bytes[y * pitch as usize..][..4 * width as usize];
+    Ok((0..height as usize)
+        .flat_map(|y| bytemuck::cast_slice::<u8, [u8; 4]>(row(y)).iter().copied())
+        .collect())
+}
+
+/// The first `count` elements of a buffer that can be copied from, when all work is done.
+pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+    let size = (count * size_of::<T>()) as u64;
+    if size == 0 {
+        return Ok(Vec::new());
+    }
+    let mut readback = Readback::new(gpu, size.next_multiple_of(4));
+    gpu.check()?;
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    readback.record(&mut encoder, buffer);
+    readback.submitted(gpu.queue.submit([encoder.finish()]));
+    let mut elements = readback.take(gpu, true)?.unwrap_or_default();
+    elements.truncate(count);
+    Ok(elements)
+}
+
+/// The contents of a mappable buffer when all work is done.
+fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
+    let (sender, receiver) = channel();
+    buffer.slice(..).map_async(MapMode::Read, move |result| {
+        // The receiver no longer exists if the wait below has failed.
+        let _ = sender.send(result);
+    });
+    gpu.wait(None)?;
+    receiver.recv().map_err(|e| unreadable(gpu, &e))?.map_err(|e| unreadable(gpu, &e))?;
+    let view = buffer.slice(..).get_mapped_range().map_err(|e| unreadable(gpu, &e))?;
+    Ok(view.to_vec())
+}
+
+fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {
+    Error::Gpu(format!("{}: cannot read back: {why}", gpu.info.name))
+}
+
+/// Reads the beginning of a buffer at one point of the recorded work, while later work continues. It is
+/// reused: recorded, submitted, taken.
+#[derive(Debug)]
+pub struct Readback {
+    staging: Buffer,
+    mapped: Option<(SubmissionIndex, Receiver<std::result::Result<(), BufferAsyncError>>)>,
+}
+
+impl Readback {
+    /// Of `bytes`, a multiple of four.
+    pub fn new(gpu: &Gpu, bytes: u64) -> Self {
+        let staging = gpu.device.create_buffer(&BufferDescriptor {
+            label: Some("readback"),
+            size: bytes,
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        Self { staging, mapped: None }
+    }
+
+    /// Records the copy, after the work that writes `buffer`.
+    pub fn record(&self, encoder: &mut CommandEncoder, buffer: &Buffer) {
+        encoder.copy_buffer_to_buffer(buffer, 0, &self.staging, 0, self.staging.size());
+    }
+
+    /// The copy was submitted.
+    pub fn submitted(&mut self, submission: SubmissionIndex) {
+        let (sender, receiver) = channel();
+        self.staging.slice(..).map_async(MapMode::Read, move |result| {
+            // An abandoned readback needs no wait.
+            let _ = sender.send(result);
+        });
+        self.mapped = Some((submission, receiver));
+    }
+
+    /// The bytes read; `None` while the card has not reached the copy. `wait` waits for it.
+    ///
+    /// Errors: those of the card.
+    pub fn take<T: AnyBitPattern + NoUninit>(&mut self, gpu: &Gpu, wait: bool) -> Result<Option<Vec<T>>> {
+        let Some((submission, receiver)) = &self.mapped else { return Ok(None) };
+        if wait {
+            gpu.wait(Some(submission.clone()))?;
+        } else {
+            // It fails when the wait fails, with a poorer message.
+            let _ = gpu.device.poll(PollType::Poll);
+            gpu.check()?;
+        }
+        match receiver.try_recv() {
+            Ok(mapped) => mapped.map_err(|e| unreadable(gpu, &e))?,
+            Err(TryRecvError::Empty) if !wait => return Ok(None),
+            Err(e) => return Err(unreadable(gpu, &e)),
+        }
+        let view = self.staging.slice(..).get_mapped_range().map_err(|e| unreadable(gpu, &e))?;
+        let numbers = bytemuck::pod_collect_to_vec(&view);
+        drop(view);
+        self.staging.unmap();
+        self.mapped = None;
+        Ok(Some(numbers))
+    }
+}

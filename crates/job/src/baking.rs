@@ -1,0 +1,233 @@
+//! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages, report.
+
+use super::fitted::fitted;
+use super::harden::{self, HardenOptions, Hardened};
+use super::observer::BakeJobObserver;
+use super::unhardened::Unhardened;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use trisplat_bake::merge::merge;
+use trisplat_bake::teacher::TeacherWhen;
+use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats as formats;
+use trisplat_formats::output::{self, Output, OutputFiles};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::Report;
+use trisplat_scene::scene::Loaded;
+
+/// An input of a bake.
+#[derive(Debug, Clone)]
+pub enum BakeInput {
+    /// A file, read when the job runs; "-" is standard input.
+    File(PathBuf),
+    /// A scene in memory.
+    Scene(Box<Loaded>),
+}
+
+impl BakeInput {
+    /// A scene in memory.
+    pub fn scene(scene: impl Into<Loaded>) -> Self {
+        Self::Scene(Box::new(scene.into()))
+    }
+}
+
+/// A bake job. [`BakeJob::new`] fills in the defaults; set any field before running it.
+///
+/// ```
+/// use trisplat::bake::BakePreset;
+/// use trisplat::formats::target::OutputTarget;
+/// use trisplat::job::BakeInput;
+/// use trisplat::{BakeJob, BakeOptions};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// let mut options = BakeOptions::preset(BakePreset::Fast);
+/// options.output.target = OutputTarget::Godot;
+/// let scene = BakeInput::File("samples/soups/studio.ply".into());
+/// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
+/// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct BakeJob {
+    /// Inputs; several are merged.
+    pub inputs: Vec<BakeInput>,
+    /// The options of the stages.
+    pub options: BakeOptions,
+    /// Photos of the scene, if there are any.
+    pub photos: Option<Dataset>,
+    /// Options for reading photos and input files.
+    pub dataset_options: DatasetOptions,
+    /// Trains a soft scene solid before the bake.
+    pub harden: Option<HardenOptions>,
+    /// Limit on the bytes of all files together.
+    pub max_bytes: Option<u64>,
+    /// Start of the report's clock; `None`: the moment the job runs.
+    pub began: Option<Instant>,
+}
+
+/// The scene to bake, and the photos or pictures that the bake may use.
+struct Scenes {
+    scenes: Vec<Loaded>,
+    views: Option<Views>,
+    /// The scene before hardening, for comparison.
+    unhardened: Option<Unhardened>,
+}
+
+/// A baked scene and its report.
+#[derive(Debug, Clone)]
+pub struct BakeDone {
+    /// The asset that an engine draws.
+    pub asset: Asset,
+    /// Inputs, options, stages, files and warnings.
+    pub report: Report,
+}
+
+impl BakeJob {
+    /// A bake of `inputs` without photos.
+    pub fn new(inputs: impl IntoIterator<Item = BakeInput>, options: BakeOptions) -> Self {
+        Self {
+            inputs: inputs.into_iter().collect(),
+            options,
+            photos: None,
+            dataset_options: DatasetOptions::default(),
+            harden: None,
+            max_bytes: None,
+            began: None,
+        }
+    }
+
+    /// Bakes without writing files.
+    ///
+    /// Errors: unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
+    pub fn run(self, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+        match self.max_bytes {
+            Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
+            None => self.run_to(None, observer),
+        }
+    }
+
+    /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing files are replaced.
+    ///
+    /// Errors: those of [`BakeJob::run`], of the format and of the operating system.
+    pub fn save(mut self, path: &Path, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+        let output = self.options.plan_output(path, None)?;
+        let files = output.start()?;
+        self.write(&output, files, observer)
+    }
+
+    /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already started.
+    ///
+    /// Errors: as for [`BakeJob::save`].
+    pub fn write(
+        self,
+        output: &Output,
+        files: OutputFiles,
+        observer: &mut dyn BakeJobObserver,
+    ) -> Result<BakeDone> {
+        self.run_to(Some((output, files)), observer)
+    }
+
+    fn run_to(
+        self,
+        to: Option<(&Output, OutputFiles)>,
+        observer: &mut dyn BakeJobObserver,
+    ) -> Result<BakeDone> {
+        let began = self.began.unwrap_or_else(Instant::now);
+        let mut report = Report::new("bake");
+        report.inputs = self.names();
+        report.warnings.extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
+        let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
+        observer.prepared(&report.stages);
+        let (mut options, has_photos) = (self.options, self.photos.is_some());
+        let mut asset = match (self.max_bytes, &to) {
+            (Some(limit), Some((output, _))) => {
+                let found = fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
+                drop(scenes);
+                (options, report) = (found.options, found.report);
+                found.asset
+            }
+            _ => {
+                let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
+                bake.run(scenes)?
+            }
+        };
+        report.options = serde_json::to_value(&options).unwrap_or_default();
+        if let Some(unhardened) = unhardened {
+            let photos = views.as_mut().filter(|_| has_photos);
+            asset = unhardened.better(asset, photos, &options, &mut report)?;
+        }
+        if let Some((output, files)) = to {
+            output::write(&asset, output, files, &options.output, &mut report, observer)?;
+        }
+        report.seconds = began.elapsed().as_secs_f64();
+        Ok(BakeDone { asset, report })
+    }
+
+    /// The input files and the data set.
+    fn names(&self) -> Vec<String> {
+        let files = self.inputs.iter().filter_map(|input| match input {
+            BakeInput::File(path) => Some(path),
+            BakeInput::Scene(_) => None,
+        });
+        let photos = self.photos.iter().map(|photos| &photos.path);
+        files.chain(photos).map(|path| path.display().to_string()).collect()
+    }
+
+    /// The scene to bake: the inputs, hardened if asked. Hardening is a stage of `report`.
+    fn scenes(&self, report: &mut Report, observer: &mut dyn BakeJobObserver) -> Result<Scenes> {
+        let how = &self.dataset_options;
+        let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
+        let inputs = self.read()?;
+        let Some(hardening) = &self.harden else {
+            return Ok(Scenes { scenes: inputs, views, unhardened: None });
+        };
+        hardening.validate()?;
+        let soft = merge(inputs)?;
+        let mut unhardened = None;
+        let hardened = match harden::needless(&soft) {
+            Some(why) => Hardened::needless(soft, why),
+            None => {
+                let most = self.options.prune.max_triangles;
+                let training = hardening.training(soft.scene.triangle_count(), most);
+                let photos = self.photos.as_ref();
+                // `max_bytes` holds for the hardened scene only.
+                if self.max_bytes.is_none() {
+                    unhardened = Some(Unhardened::new(&soft, photos, how));
+                }
+                harden::harden((self.path(), soft), photos, how, &training, observer)?
+            }
+        };
+        report.stages.push(hardened.stage);
+        Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures), unhardened })
+    }
+
+    /// The first file, for messages.
+    fn path(&self) -> &Path {
+        match self.inputs.first() {
+            Some(BakeInput::File(path)) => path,
+            _ => Path::new("scene"),
+        }
+    }
+
+    /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
+    fn read(&self) -> Result<Vec<Loaded>> {
+        let is_stream = |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
+        if self.inputs.iter().filter(is_stream).count() > 1 {
+            return Err(Error::invalid("inputs", "- -", "standard input once"));
+        }
+        let options = self.dataset_options.read_options(self.sh_degree());
+        let read = |input: &BakeInput| match input {
+            BakeInput::File(path) => formats::read(path, &options),
+            BakeInput::Scene(scene) => Ok(Loaded::clone(scene)),
+        };
+        self.inputs.iter().map(read).collect()
+    }
+
+    /// The SH degree to read: only the teacher draws more than degree 0.
+    fn sh_degree(&self) -> u8 {
+        let teaches = self.photos.is_none() && self.options.teacher.teacher == TeacherWhen::Auto;
+        if teaches || self.harden.is_some() { 3 } else { 0 }
+    }
+}

@@ -1,0 +1,93 @@
+//! Choices for a training with a budget, before it begins.
+
+use std::time::Instant;
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
+use trisplat_scene::budget::{Budget, Spending};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::layered::{Layered, Origin};
+use trisplat_scene::scene::Loaded;
+use trisplat_train::TrainOptions;
+use trisplat_train::budget::{Enough, Pace, Paced, PlanInput, calibrate, plan};
+
+/// Refuses options that a budget chooses, whichever layer sets them.
+pub fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
+    let Some(budget) = budget else { return Ok(()) };
+    let TrainOptions { steps, milestones, .. } = &options.options;
+    for (key, value) in [("steps", steps.to_string()), ("milestones", format!("{milestones:?}"))] {
+        let layer = match options.origin(key) {
+            Origin::Preset => continue,
+            Origin::File => " of `config`",
+            Origin::Setting => " of `sets`",
+            Origin::Given => "",
+        };
+        let wants = format!("to be left out{layer}: `{}` chooses the steps", budget.option());
+        return Err(Error::invalid(key, value, wants));
+    }
+    Ok(())
+}
+
+/// A training adapted to its budget.
+pub(super) struct Budgeted {
+    /// The photos in the chosen size.
+    pub(super) dataset: Dataset,
+    /// The options with all choices.
+    pub(super) options: TrainOptions,
+    /// The pace of the run.
+    pub(super) paced: Option<Paced>,
+}
+
+/// Measures the machine and chooses steps, triangles and the size of photos. The run on `dataset` began at `began` and starts
+/// from the scene `from`, if any. It gets at most `enough`.
+/// `how`, the options that `dataset` was read with, receives the size.
+///
+/// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
+pub(super) fn budgeted(
+    dataset: Dataset,
+    options: Layered<TrainOptions>,
+    from: Option<&Loaded>,
+    budget: Option<Budget>,
+    enough: Enough,
+    began: Instant,
+    how: &mut DatasetOptions,
+) -> Result<Budgeted> {
+    let triangles_given = options.is_given("max_triangles");
+    let Some(budget) = budget else {
+        let options = with_fewer_steps(options.options, enough.steps, triangles_given);
+        return Ok(Budgeted { dataset, options, paced: None });
+    };
+    let options = options.options;
+    let spending = Spending::of_process(budget.clock, began);
+    let (background, secs) = (how.background.to_f32(), budget.seconds.0);
+    let calibration = calibrate(&dataset, from, &options, background, &spending, secs)?;
+    let input = PlanInput {
+        triangles_given,
+        size_given: how.max_size.is_some() || dataset.kind == DatasetKind::Drawn,
+        from_scene: from.is_some(),
+        enough,
+        ..PlanInput::new(&dataset, &options, budget, spending.seconds(), calibration)
+    };
+    let plan = plan(&input)?;
+    let pace = Pace::new(&input, &plan, spending.seconds());
+    let options = plan.apply(&options);
+    let dataset = match plan.max_size {
+        Some(_) => {
+            how.max_size = plan.max_size;
+            // Only a few photos were decoded so far.
+            Dataset::load(&dataset.path, how)?
+        }
+        None => dataset,
+    };
+    Ok(Budgeted { dataset, options, paced: Some(Paced { pace, spending }) })
+}
+
+/// `options` with at most `most` steps, and proportionally fewer triangles unless they are given.
+pub(super) fn with_fewer_steps(
+    options: TrainOptions,
+    most: Option<u64>,
+    triangles_given: bool,
+) -> TrainOptions {
+    let Some(steps) = most.filter(|most| *most < options.steps) else { return options };
+    let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
+    let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };
+    TrainOptions { steps: steps.max(1), max_triangles, ..options }
+}

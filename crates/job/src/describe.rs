@@ -1,0 +1,35 @@
+//! Describes a file: its contents, its softness, and the triangles that a bake would keep.
+
+use std::path::Path;
+use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
+use trisplat_bake::solid::SolidOptions;
+use trisplat_bake::teacher::softness;
+use trisplat_formats::ReadOptions;
+use trisplat_formats::info::{BakeInfo, Info, info};
+use trisplat_scene::error::Result;
+use trisplat_scene::report::{self, Outcome};
+use trisplat_scene::scene::Loaded;
+
+/// Describes the scene at `path`. A soft scene is drawn on a few small pictures to measure its softness.
+///
+/// Errors: those of reading.
+pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
+    let (mut info, loaded) = info(path, options)?;
+    info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
+    info.bake = would_bake(loaded);
+    Ok(info)
+}
+
+/// Triangles that the default bake would keep; `None` when its first stage fails.
+fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
+    let mut scene = loaded.scene;
+    let mut details = PruneDetails::default();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
+        Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+            let mut dropped = report::to_json(&details);
+            dropped.retain(|_, count| count.as_u64() != Some(0));
+            Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
+        }
+        Err(_) => None,
+    }
+}

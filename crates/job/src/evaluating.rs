@@ -1,0 +1,146 @@
+//! An evaluation job, from options to report: photos, forms of the scene, coverage, scores.
+
+use std::path::PathBuf;
+use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
+use trisplat_eval::coverage;
+use trisplat_eval::evaluate::{self, EvalReport, ScoredPicture};
+use trisplat_eval::render::scene_renderer::RenderOptions;
+use trisplat_eval::steps::{self, EvalStep};
+use trisplat_formats as formats;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_train::BackendOptions;
+
+/// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
+///
+/// ```
+/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat::{Dataset, DatasetOptions, EvalJob};
+/// # use glam::Vec3;
+/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let file = folder.path().join("scene.glb");
+/// trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+///
+/// let report = EvalJob::new(file).run(&dataset)?;
+/// assert_eq!(report.steps[0].images.len(), dataset.test().count());
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct EvalJob {
+    /// Trained soup or mesh.
+    pub file: PathBuf,
+    /// Renderer and its options.
+    pub render: RenderOptions,
+    /// The photos to compare with.
+    pub split: Split,
+    /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo.
+    pub coverage: bool,
+    /// Also return drawings as floats, before rounding to 8 bits.
+    pub floats: bool,
+    /// Backend for soft drawings.
+    pub backend: BackendOptions,
+    /// Options that the data set was read with.
+    pub dataset_options: DatasetOptions,
+}
+
+/// An evaluation with its scene in memory.
+#[derive(Debug)]
+pub struct ReadyEval<'a> {
+    job: EvalJob,
+    dataset: &'a Dataset,
+    views: Vec<&'a View>,
+    steps: Vec<EvalStep>,
+    warnings: Vec<String>,
+}
+
+impl EvalJob {
+    /// Evaluates on held-out photos, with coverage, for data sets read with [`DatasetOptions::default`].
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            render: RenderOptions::default(),
+            split: Split::default(),
+            coverage: true,
+            floats: false,
+            backend: BackendOptions::default(),
+            dataset_options: DatasetOptions::default(),
+        }
+    }
+
+    /// Reads, draws and measures the scene.
+    ///
+    /// Errors: those of [`EvalJob::prepare`] and of [`ReadyEval::run`].
+    pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
+        let mut ready = self.prepare(dataset)?;
+        ready.draw_on(|_, _| {})?;
+        ready.run(|_, _| Ok(()))
+    }
+
+    /// Reads the scene and prepares the forms to evaluate.
+    ///
+    /// Errors: a split without photos; an unreadable file; a mesh with a soft renderer.
+    pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
+        let views = self.split.some_of(dataset)?;
+        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
+        let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
+        if views.iter().any(|view| view.photo.mask.is_some()) {
+            warnings.push("masked pixels were left out of the scores".into());
+        }
+        let background = self.dataset_options.background.to_f32();
+        let steps = steps::steps(&self.file, loaded, &self.render, dataset, background)?;
+        Ok(ReadyEval { job: self, dataset, views, steps, warnings })
+    }
+}
+
+impl<'a> ReadyEval<'a> {
+    /// The photos, sorted by name.
+    pub fn views(&self) -> &[&'a View] {
+        &self.views
+    }
+
+    /// Names of the forms that the scene is drawn in.
+    pub fn steps(&self) -> Vec<&'static str> {
+        self.steps.iter().map(|step| step.name).collect()
+    }
+
+    /// Moves soft drawing to a graphics card if the backend says so; `chosen` gets each form's card and warnings.
+    ///
+    /// Errors: a card that was asked for and is not there.
+    pub fn draw_on(&mut self, mut chosen: impl FnMut(Option<&str>, &[String])) -> Result<()> {
+        for step in &mut self.steps {
+            let (card, warnings) = step.renderer.draw_on(&self.job.backend)?;
+            chosen(card.as_deref(), &warnings);
+        }
+        Ok(())
+    }
+
+    /// Draws and measures every photo; `on_view` gets each photo and its drawings at once.
+    ///
+    /// Errors: photos that cannot be decoded; those of `on_view`.
+    pub fn run(
+        mut self,
+        mut on_view: impl FnMut(&Pixels, &[ScoredPicture]) -> Result<()>,
+    ) -> Result<EvalReport> {
+        let photo_bytes = self.job.dataset_options.photo_bytes();
+        let covered = match self.steps.first_mut().filter(|_| self.job.coverage) {
+            Some(step) => {
+                let training: Vec<&View> = self.dataset.train().collect();
+                let depth = |camera: &_| step.renderer.surface_depth(camera);
+                coverage::covered(&self.views, &training, photo_bytes, depth)
+            }
+            None => Vec::new(),
+        };
+        let (steps, views) = (&mut self.steps, &self.views);
+        let on_view = |_: &View, photo: &Pixels, drawn: &[ScoredPicture]| on_view(photo, drawn);
+        let scores = evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, on_view)?;
+        let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
+        let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);
+        let photo_size = ShrunkSize::of(self.views.iter().copied());
+        Ok(EvalReport { warnings: self.warnings, photo_size, ..report })
+    }
+}

@@ -1,0 +1,125 @@
+//! Hardening: a soft scene is trained solid before its bake.
+
+use super::observer::BakeJobObserver;
+use std::path::Path;
+use std::time::Instant;
+use trisplat_bake::Views;
+use trisplat_bake::teacher::{is_solid, pictures};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{Counts, StageDetails, StageReport};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_teacher as teacher;
+use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
+
+/// Most triangles of a hardened scene, unless the soft one has more.
+const LEAST_BUDGET: u64 = 60_000;
+/// Largest share of steps on soft pictures when there are photos too.
+pub const MOST_PICTURES: f64 = 0.9;
+/// Most triangles of a hardened scene, as a multiple of the soft scene's.
+const GROWTH: f64 = 1.25;
+
+/// Options for hardening a soft scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HardenOptions {
+    /// Steps, 1 or more.
+    pub harden_steps: u64,
+}
+
+impl Default for HardenOptions {
+    fn default() -> Self {
+        Self { harden_steps: 2000 }
+    }
+}
+
+impl HardenOptions {
+    /// Options with this number of steps.
+    pub fn of_steps(harden_steps: u64) -> Self {
+        Self { harden_steps }
+    }
+
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        if self.harden_steps == 0 {
+            return Err(Error::invalid("harden_steps", 0, "1 or more"));
+        }
+        Ok(())
+    }
+
+    /// Training options for a scene of `triangles`; the file may have `max_triangles`.
+    pub fn training(&self, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
+        let grown = (triangles as f64 * GROWTH) as u64;
+        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown)).max(triangles as u64);
+        let preset = TrainOptions::from_scene(TrainPreset::Solid);
+        TrainOptions { steps: self.harden_steps, max_triangles: most, ..preset }
+    }
+}
+
+/// A hardened scene.
+pub(super) struct Hardened {
+    /// The solid scene.
+    pub(super) scene: Loaded,
+    /// Soft pictures of the original scene, when there are no photos.
+    pub(super) pictures: Option<Views>,
+    /// Report stage of the training.
+    pub(super) stage: StageReport,
+}
+
+impl Hardened {
+    /// `scene` unchanged, and the reason.
+    pub(super) fn needless(scene: Loaded, why: &str) -> Self {
+        let triangles = scene.scene.triangle_count() as u64;
+        let counts = Counts { triangles, vertices: 3 * triangles };
+        let stage = StageReport {
+            before: counts,
+            after: counts,
+            ..StageReport::unneeded(TrainDetails::STAGE, why.to_owned())
+        };
+        Self { scene, pictures: None, stage }
+    }
+}
+
+/// Why `scene` need not be hardened, if it is solid.
+pub fn needless(scene: &Loaded) -> Option<&'static str> {
+    match &scene.scene {
+        Scene::Mesh(_) => Some("the input is a mesh: its triangles are solid"),
+        Scene::Soup(soup) => is_solid(soup).then_some("the scene is solid already"),
+    }
+}
+
+/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft pictures.
+///
+/// Errors: no cameras to draw from, undecodable photos, a stopped run.
+pub(super) fn harden(
+    (path, soft): (&Path, Loaded),
+    photos: Option<&Dataset>,
+    how: &DatasetOptions,
+    options: &TrainOptions,
+    observer: &mut dyn BakeJobObserver,
+) -> Result<Hardened> {
+    let clock = Instant::now();
+    let drawing = options.drawing(how.background.to_f32());
+    let mut drew = |done, all| observer.drew(done, all);
+    let (drawn, mut own) = (&mut drew, None);
+    let made = match photos {
+        Some(_) => None,
+        None => {
+            let made = teacher::dataset(path, &soft, &drawing, how.photo_bytes(), drawn)?;
+            own = Some(pictures(&soft, made.views.iter().map(|view| view.camera).collect()));
+            Some(made)
+        }
+    };
+    let Some(dataset) = made.as_ref().or(photos) else {
+        unreachable!("pictures are drawn where there are no photos");
+    };
+    let run = TrainRun::new(dataset, options).with_dataset_options(how);
+    let run = TrainRun { from: Some(soft), ..run }.start()?;
+    let triangles = run.triangles();
+    let trained = run.finish(&mut *observer.hardening_begins(options)?)?;
+    if trained.stopped {
+        let value = format!("stopped after {} of {} steps", trained.steps, options.steps);
+        return Err(Error::invalid("harden", value, "all of its steps; nothing was written"));
+    }
+    let stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
+    Ok(Hardened { scene: trained.into(), pictures: own, stage })
+}

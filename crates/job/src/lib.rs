@@ -1,0 +1,33 @@
+//! Turns options into a run: the decisions between options and work, for every user of the library.
+//!
+//! ```text
+//! options in layers ──► plan ──► preparation ──► run ──► report
+//!  preset < file < given   teacher, budget   its teacher, pictures
+//! ```
+//!
+//! In: a request and options in layers. Out: a finished run with its report.
+
+mod baking;
+pub mod budget;
+mod describe;
+mod evaluating;
+mod fitted;
+pub mod harden;
+mod making;
+mod meshing;
+mod observer;
+pub mod rendering;
+pub mod teacher;
+mod tracked;
+mod training;
+mod unhardened;
+pub mod watched;
+
+pub use baking::{BakeDone, BakeInput, BakeJob};
+pub use describe::describe;
+pub use evaluating::{EvalJob, ReadyEval};
+pub use making::{MakeDone, MakeJob};
+pub use meshing::MeshJob;
+pub use observer::{BakeJobObserver, MakeJobObserver, TrainBegins, TrainJobObserver};
+pub use rendering::{ReadyRender, RenderJob};
+pub use training::{ReadyTrain, TrainDone, TrainJob, TrainNotes, TrainStart, reading, train};

@@ -1,0 +1,240 @@
+//! From photos, a video or a data set to files for an engine: capture, training, bake. Finished parts are not repeated.
+
+use super::baking::{BakeInput, BakeJob};
+use super::observer::MakeJobObserver;
+use super::teacher::teacher_files;
+use super::training::{TrainJob, reading};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use trisplat_bake::BakeOptions;
+use trisplat_capture::{Capture, CaptureOptions, VerdictDetails};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::output;
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::budget::{Budget, Seconds};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::process::cpu_secs;
+use trisplat_scene::report::{Report, StageReport};
+use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
+
+/// Share of the budget for training; the bake needs less than the rest.
+const TRAINING: f64 = 0.85;
+/// Steps between checkpoints: a killed run loses at most these.
+const CHECKPOINT_EVERY: u64 = 500;
+/// Why a finished part is skipped.
+const DONE: &str = "done before";
+
+/// A job that does everything: capture, training, bake. [`MakeJob::new`] fills in the defaults; set any field before running it.
+#[derive(Debug, Clone)]
+pub struct MakeJob {
+    /// Photos, videos or folders of them; or one data set with poses.
+    pub inputs: Vec<PathBuf>,
+    /// The file to write.
+    pub output: PathBuf,
+    /// The page to write beside it.
+    pub page: Option<PathBuf>,
+    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene.
+    pub work: PathBuf,
+    /// Capture options: frames and poses.
+    pub capture: CaptureOptions,
+    /// Replace a working folder that was made from other inputs.
+    pub force: bool,
+    /// Options for reading the data set.
+    pub dataset_options: DatasetOptions,
+    /// Training options.
+    pub train: TrainOptions,
+    /// Training backend.
+    pub backend: BackendOptions,
+    /// Bake options.
+    pub bake: BakeOptions,
+    /// CPU time for training and bake together.
+    pub budget: Seconds,
+}
+
+/// The result of a [`MakeJob`].
+#[derive(Debug, Clone)]
+pub struct MakeDone {
+    /// All stages, files and warnings.
+    pub report: Report,
+    /// The data set that was trained on.
+    pub dataset: PathBuf,
+    /// Quality of the capture; `None` for a given data set.
+    pub verdict: Option<VerdictDetails>,
+    /// Whether it was stopped; the same job continues from there.
+    pub stopped: bool,
+}
+
+/// A finished training.
+#[derive(Debug, Serialize, Deserialize)]
+struct StoredTraining {
+    /// Its inputs and options, as text.
+    key: String,
+    stages: Vec<StageReport>,
+    warnings: Vec<String>,
+}
+
+impl MakeJob {
+    /// A job that makes `output` from `inputs` within ten minutes of CPU time.
+    pub fn new(inputs: impl IntoIterator<Item = PathBuf>, output: PathBuf) -> Self {
+        Self {
+            inputs: inputs.into_iter().collect(),
+            page: None,
+            work: output.with_extension("make"),
+            output,
+            capture: CaptureOptions::default(),
+            force: false,
+            dataset_options: DatasetOptions::default(),
+            train: TrainOptions::default(),
+            backend: BackendOptions::default(),
+            bake: BakeOptions::default(),
+            budget: Seconds(600.0),
+        }
+    }
+
+    /// Runs every unfinished part, to the end or until an observer stops it. Existing files are replaced.
+    ///
+    /// Errors: those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
+    pub fn run(mut self, observer: &mut dyn MakeJobObserver) -> Result<MakeDone> {
+        let clock = Instant::now();
+        std::fs::create_dir_all(&self.work).map_err(|e| Error::io(&self.work, e))?;
+        let mut report = Report::new("make");
+        let (dataset, verdict) = match &self.inputs[..] {
+            [posed] if Dataset::is_posed(posed) => {
+                report.inputs.push(posed.display().to_string());
+                add(StageReport::unneeded("capture", "the photos have poses".into()), &mut report, observer);
+                (posed.clone(), None)
+            }
+            _ => {
+                let folder = self.work.join("photos");
+                let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
+                (job.options, job.force) = (self.capture.clone(), self.force);
+                let verdict = job.run(&mut report, &mut *observer.captures())?;
+                (folder, Some(verdict))
+            }
+        };
+        let mut done = MakeDone { report, dataset, verdict: None, stopped: false };
+        if let Some(verdict) = verdict {
+            done.stopped = verdict.is_none();
+            done.verdict = verdict;
+        }
+        if !done.stopped {
+            done.stopped = !self.train(&done.dataset, &mut done.report, observer)?;
+        }
+        if !done.stopped {
+            self.bake(&done.dataset, &mut done.report, observer)?;
+        }
+        done.report.seconds = clock.elapsed().as_secs_f64();
+        Ok(done)
+    }
+
+    /// Trains unless a finished training exists. Returns false when stopped.
+    fn train(&self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<bool> {
+        let [scene, point, notes] =
+            ["scene.ply", "scene.checkpoint", "training.json"].map(|n| self.work.join(n));
+        let key = self.training_key(path)?;
+        let before: Option<StoredTraining> =
+            input::read_text(&notes, &Limits::DEFAULT).ok().and_then(|text| serde_json::from_str(&text).ok());
+        let before = before.filter(|before| before.key == key);
+        if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
+            for stage in &before.stages {
+                // The finished run's own figures.
+                let stage = StageReport { unneeded: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
+                add(stage, report, observer);
+            }
+            report.warnings.extend(before.warnings.iter().cloned());
+            return Ok(true);
+        }
+        // A checkpoint made from other photos or options is ignored, and so is a damaged one.
+        let resume = before.and_then(|_| checkpoint::read(&point).ok());
+        save(&notes, &StoredTraining { key: key.clone(), stages: vec![], warnings: vec![] })?;
+        let how = reading(&self.dataset_options, resume.as_ref());
+        let mut job = TrainJob::new(Dataset::load(path, &how)?, self.train.clone());
+        job.dataset_options = how;
+        job.backend = self.backend.clone();
+        let teacher = self.work.join("scene.teacher.ply");
+        job.teacher_file = Some(teacher.clone());
+        job.began = Some(Instant::now());
+        match &resume {
+            Some(point) => {
+                job.options =
+                    trisplat_scene::layered::Layered::over(&point.meta.options, point.meta.options.clone())
+            }
+            None => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + TRAINING * self.budget.0))),
+        }
+        job.resume = resume;
+        job.outputs = RunOptions {
+            checkpoint: Some(point),
+            checkpoint_every: CHECKPOINT_EVERY,
+            ..RunOptions::default()
+        };
+        let trained = job.run(&mut *observer.trains(&teacher_files(&teacher))?)?;
+        if trained.trained.stopped {
+            return Ok(false);
+        }
+        trained.trained.save(&scene)?;
+        let (stages, warnings) = (trained.report.stages, trained.report.warnings);
+        save(&notes, &StoredTraining { key, stages: stages.clone(), warnings: warnings.clone() })?;
+        for stage in stages {
+            add(stage, report, observer);
+        }
+        report.warnings.extend(warnings);
+        Ok(true)
+    }
+
+    /// Everything that a training depends on: photos, poses and options.
+    fn training_key(&self, path: &Path) -> Result<String> {
+        let meta = |path: &Path| {
+            let meta = std::fs::metadata(path).ok();
+            format!("{:?}", meta.map(|meta| (meta.len(), meta.modified().ok())))
+        };
+        let files =
+            ["sparse/0/images.bin", "sparse/0/images.txt", "transforms.json", "transforms_train.json"];
+        let files: Vec<String> = files.iter().map(|name| meta(&path.join(name))).collect();
+        let options = (&self.dataset_options, &self.train, self.budget);
+        let options =
+            serde_json::to_string(&options).map_err(|e| Error::invalid("options", e, "finite numbers"))?;
+        let full = std::fs::canonicalize(path).map_err(|e| Error::io(path, e))?;
+        let list = if path.is_file() { meta(path) } else { files.join(" ") };
+        Ok(format!("{} {list} {options}", full.display()))
+    }
+
+    /// Bakes, and writes the file and the page.
+    fn bake(&mut self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<()> {
+        let mut job = BakeJob::new([BakeInput::File(self.work.join("scene.ply"))], self.bake.clone());
+        job.photos = Some(Dataset::load(path, &self.dataset_options)?);
+        job.dataset_options = self.dataset_options.clone();
+        let mut watching = observer.bakes();
+        let done = job.save(&self.output, &mut *watching)?;
+        report.options = done.report.options.clone();
+        report.stages.extend(done.report.stages);
+        report.outputs.extend(done.report.outputs);
+        for warning in done.report.warnings {
+            if !report.warnings.contains(&warning) {
+                report.warnings.push(warning);
+            }
+        }
+        if let Some(page) = &self.page {
+            let mut options = BakeOptions::default();
+            let planned = options.plan_output(page, None)?;
+            let files = planned.start()?;
+            output::write(&done.asset, &planned, files, &options.output, report, &mut ())?;
+        }
+        Ok(())
+    }
+}
+
+fn add(stage: StageReport, report: &mut Report, observer: &mut dyn MakeJobObserver) {
+    observer.finished(&stage);
+    report.stages.push(stage);
+}
+
+fn save(path: &Path, value: &StoredTraining) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
+    let text = serde_json::to_string_pretty(value).unwrap_or_default();
+    writeln!(file, "{text}").map_err(|e| Error::io(path, e))?;
+    file.commit().map(drop)
+}

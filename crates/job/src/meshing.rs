@@ -1,0 +1,75 @@
+//! A surface job: from a scene, or from photos alone, to one connected surface.
+
+use super::observer::TrainJobObserver;
+use super::training::TrainJob;
+use trisplat_bake::Views;
+use trisplat_bake::mesh::{MeshOptions, mesh};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::asset::Asset;
+use trisplat_scene::budget::{Budget, Seconds};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::process::cpu_secs;
+use trisplat_scene::report::{Observer, Report};
+use trisplat_scene::scene::Loaded;
+use trisplat_train::TrainOptions;
+
+/// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene
+/// (docs/benchmarks/texture.md).
+const TRAINING: Seconds = Seconds(30.0);
+
+/// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before the run.
+#[derive(Debug, Clone)]
+pub struct MeshJob {
+    /// The scene; without it, one is trained on the photos first.
+    pub scene: Option<Loaded>,
+    /// Photos, whose cameras decide what the surface is, and which textures show.
+    pub photos: Option<Dataset>,
+    /// Options that they were read with. Their limits bound the memory of the distance field.
+    pub dataset_options: DatasetOptions,
+    /// Options of the stages.
+    pub options: MeshOptions,
+    /// CPU time of that training.
+    pub budget: Seconds,
+}
+
+impl MeshJob {
+    /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
+    pub fn new(scene: Option<Loaded>, photos: Option<Dataset>, options: MeshOptions) -> Self {
+        Self { scene, photos, dataset_options: DatasetOptions::default(), options, budget: TRAINING }
+    }
+
+    /// Makes the surface. `trains` observes the training, if there is one, and `stages` the rest; `report` gets the stages of both. `None`
+    /// when `trains` stopped the training.
+    ///
+    /// Errors: neither scene nor photos; a texture without photos; those of [`TrainJob::run`] and [`mesh`](mesh()).
+    pub fn run(
+        self,
+        report: &mut Report,
+        trains: &mut dyn TrainJobObserver,
+        stages: &mut dyn Observer,
+    ) -> Result<Option<Asset>> {
+        self.options.validate()?;
+        self.options.check_photos(self.photos.is_some())?;
+        let scene = match (self.scene, &self.photos) {
+            (Some(scene), _) => scene,
+            (None, Some(photos)) => {
+                let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
+                job.dataset_options = self.dataset_options.clone();
+                job.budget = Some(Budget::cpu(Seconds(cpu_secs() + self.budget.0)));
+                let done = job.run(trains)?;
+                report.stages.extend(done.report.stages);
+                // Those of the photos are known.
+                let is_new = |warning: &String| !photos.warnings.contains(warning);
+                report.warnings.extend(done.report.warnings.into_iter().filter(is_new));
+                if done.trained.stopped {
+                    return Ok(None);
+                }
+                done.trained.into()
+            }
+            (None, None) => return Err(Error::invalid("scene", "not given", "a scene, or photos of one")),
+        };
+        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, &self.dataset_options));
+        let limits = &self.dataset_options.limits;
+        mesh(scene, views.as_mut(), &self.options, limits, report, stages).map(Some)
+    }
+}

@@ -1,0 +1,274 @@
+//! A render job: cameras, renderer, pictures.
+
+use glam::{DVec3, UVec2, Vec3};
+use std::path::PathBuf;
+use trisplat_dataset::{Dataset, DatasetOptions, Split};
+use trisplat_eval::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use trisplat_eval::steps;
+use trisplat_formats as formats;
+use trisplat_raster::framing::Surroundings;
+use trisplat_raster::framing::surroundings::up_of;
+use trisplat_scene::asset::{Placement, Provenance, UpAxis};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::placed;
+use trisplat_scene::rng::Rng;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_train::BackendOptions;
+use trisplat_view::orbit;
+
+/// Default share of triangles in a random subset.
+pub const SHARE: f64 = 0.1;
+/// Width of an orbit's pictures without a data set, px.
+pub const WIDTH: u32 = 960;
+
+/// A render job. [`RenderJob::new`] fills in the defaults; set any field before running it.
+///
+/// ```
+/// use trisplat::RenderJob;
+/// # use glam::Vec3;
+/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let file = folder.path().join("scene.glb");
+/// # trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+///
+/// let mut job = RenderJob::new(file);
+/// (job.orbit, job.width) = (Some(3), 64);
+/// let mut ready = job.prepare(None)?;
+/// let picture = ready.draw(0)?;
+/// assert_eq!((ready.cameras().len(), picture.size.to_array()), (3, [64, 48]));
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct RenderJob {
+    /// Trained soup or mesh.
+    pub file: PathBuf,
+    /// Renderer and its options.
+    pub render: RenderOptions,
+    /// The photos whose cameras are used, with a data set and without an orbit.
+    pub split: Split,
+    /// Number of pictures on a circle around the subject.
+    pub orbit: Option<u32>,
+    /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
+    pub width: u32,
+    /// Quantity to draw.
+    pub show: PictureKind,
+    /// Share of triangles in a random subset, 0 to 1.
+    pub share: f64,
+    /// Seed of the random subset.
+    pub seed: u64,
+    /// Backend for soft pictures.
+    pub backend: BackendOptions,
+    /// Options that the data set was read with.
+    pub dataset_options: DatasetOptions,
+}
+
+/// A render job with its scene in memory and its cameras chosen.
+#[derive(Debug)]
+pub struct ReadyRender {
+    job: RenderJob,
+    cameras: Vec<(String, Camera)>,
+    renderer: SceneRenderer,
+}
+
+impl RenderJob {
+    /// Draws from the held-out photos' cameras, for data sets read with [`DatasetOptions::default`].
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        Self {
+            file: file.into(),
+            render: RenderOptions::default(),
+            split: Split::default(),
+            orbit: None,
+            width: WIDTH,
+            show: PictureKind::default(),
+            share: SHARE,
+            seed: 0,
+            backend: BackendOptions::default(),
+            dataset_options: DatasetOptions::default(),
+        }
+    }
+
+    /// Refuses kinds of pictures without float values.
+    ///
+    /// Errors: normals and layer counts.
+    pub fn check_values(&self) -> Result<()> {
+        match self.show {
+            PictureKind::Normal | PictureKind::Contributions => {
+                Err(Error::invalid("floats", "given", "`show` color, depth or random-subset"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Reads the scene and chooses the cameras.
+    ///
+    /// Errors: a share outside 0 to 1; an unreadable file; no cameras; pictures that are too large.
+    pub fn prepare(self, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+        if !(0.0..=1.0).contains(&self.share) {
+            return Err(Error::invalid("share", self.share, "a number from 0 to 1"));
+        }
+        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
+        let loaded = solid_if_asked(&self, loaded)?;
+        let cameras = match (dataset, self.orbit) {
+            (_, Some(count)) => orbit_cameras(&self, &loaded, dataset, count)?,
+            (Some(dataset), None) => {
+                self.split.some_of(dataset)?.iter().map(|v| (v.name.clone(), v.camera)).collect()
+            }
+            (None, None) => {
+                let wants = "cameras to draw from: `orbit` 24 for a circle around the scene, or `dataset` for those of its photos";
+                return Err(Error::invalid("cameras", "none", wants));
+            }
+        };
+        let Loaded { scene, provenance, .. } = loaded;
+        let renderer = renderer(&self, scene, &provenance.placement, dataset);
+        let limits = &self.dataset_options.limits;
+        cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
+        Ok(ReadyRender { job: self, cameras, renderer })
+    }
+}
+
+impl ReadyRender {
+    /// Names and cameras of the pictures, in drawing order.
+    pub fn cameras(&self) -> &[(String, Camera)] {
+        &self.cameras
+    }
+
+    /// Moves drawing to a graphics card if the backend says so. Returns the card and warnings.
+    ///
+    /// Errors: a card that was asked for and is not there.
+    pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
+        match self.job.show {
+            PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
+            _ => Ok((None, Vec::new())),
+        }
+    }
+
+    /// A picture as floats, before rounding to 8 bits, and its array shape: sRGB-encoded colours `[H, W, 3]`, or depths z in
+    /// units of the cameras' world `[H, W]`, 0 for empty pixels. The CPU draws it.
+    ///
+    /// Errors: normals and layer counts.
+    pub fn values(&mut self, camera: usize) -> Result<(Vec<u32>, Vec<f32>)> {
+        self.job.check_values()?;
+        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        let [width, height] = camera.size.to_array();
+        Ok(match self.job.show {
+            PictureKind::Depth => (vec![height, width], renderer.surface_depth(camera)),
+            _ => (vec![height, width, 3], renderer.image(camera, None).pixels.into_flattened()),
+        })
+    }
+
+    /// Draws one picture.
+    ///
+    /// Errors: layer counts of a solid drawing.
+    pub fn draw(&mut self, camera: usize) -> Result<Pixels> {
+        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        match self.job.show {
+            PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
+            PictureKind::Depth => Ok(renderer.depth(camera)),
+            PictureKind::Normal => Ok(renderer.normal(camera)),
+            PictureKind::Contributions => renderer.contributions(camera),
+        }
+    }
+}
+
+/// The quantity that a picture shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum PictureKind {
+    /// Colour.
+    #[default]
+    Color,
+    /// Expected depth, near bright.
+    Depth,
+    /// Normals in camera space.
+    Normal,
+    /// Number of layers per pixel.
+    Contributions,
+    /// Colour of some triangles only, so that their shapes can be seen.
+    RandomSubset,
+}
+
+/// Reads the scene; bakes a soup for a solid renderer.
+fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
+    match (&loaded.scene, job.render.mode) {
+        (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&job.file)),
+        (Scene::Soup(_), Some(RenderMode::Solid)) => {
+            let asset = steps::baked(loaded)?;
+            Ok(Loaded {
+                scene: Scene::Mesh(asset.mesh),
+                provenance: asset.provenance,
+                warnings: Vec::new(),
+                cameras: Vec::new(),
+            })
+        }
+        _ => Ok(loaded),
+    }
+}
+
+/// The renderer of the scene or of its random subset.
+fn renderer(
+    job: &RenderJob,
+    scene: Scene,
+    placement: &Placement,
+    dataset: Option<&Dataset>,
+) -> SceneRenderer {
+    let background = job.dataset_options.background.to_f32();
+    let rng = Rng::new(job.seed, "random subset", 0);
+    let kept = |i: usize| rng.uniform_f64(i as u64) < job.share;
+    let subset = job.show == PictureKind::RandomSubset;
+    match scene {
+        Scene::Soup(mut soup) => {
+            if subset {
+                soup.retain(kept);
+            }
+            SceneRenderer::soft(soup, placement, dataset, background)
+        }
+        Scene::Mesh(mut mesh) => {
+            if subset {
+                mesh.retain(kept);
+            }
+            SceneRenderer::solid(mesh, placement, dataset, background, job.render.ssaa)
+        }
+    }
+}
+
+/// A circle of cameras around the subject, in the data set's world, or in the file's frame without one.
+fn orbit_cameras(
+    job: &RenderJob,
+    loaded: &Loaded,
+    dataset: Option<&Dataset>,
+    count: u32,
+) -> Result<Vec<(String, Camera)>> {
+    let Provenance { placement, up, viewpoint, .. } = &loaded.provenance;
+    let origin = dataset.map_or(DVec3::ZERO, |dataset| dataset.origin);
+    let cameras: Vec<Camera> = match dataset {
+        Some(dataset) => {
+            dataset.views.iter().map(|v| placed::to_file(&v.camera, placement, origin)).collect()
+        }
+        None => loaded.cameras.clone(),
+    };
+    let size = match (dataset, cameras.first()) {
+        (Some(_), Some(camera)) => camera.size,
+        _ => UVec2::new(job.width, (job.width * 3 / 4).max(1)),
+    };
+    // A file that names its up axis knows it better than the photos do.
+    let axis = up.unwrap_or_default().vector().as_vec3();
+    let up = if *up == Some(UpAxis::Y) { axis } else { up_of(&cameras, axis) };
+    let surroundings = Surroundings::of(&loaded.scene, &loaded.provenance);
+    let said = viewpoint.filter(|_| dataset.is_none());
+    let viewpoint = said.or_else(|| surroundings.viewpoint(&cameras, up));
+    let viewpoint = viewpoint.ok_or_else(|| {
+        Error::invalid("orbit", job.file.display(), "a scene with triangles that have an extent")
+    })?;
+    let target = DVec3::from(viewpoint.target).as_vec3();
+    let room = |way: Vec3| surroundings.room_towards(target, way);
+    let orbit =
+        orbit::around_viewpoint(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
+            Some(_) => placed::to_world(&camera, placement, origin),
+            None => camera,
+        });
+    Ok(orbit.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
+}

@@ -1,0 +1,493 @@
+//! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and trains it.
+
+use super::budget::{Budgeted, budgeted, with_fewer_steps};
+use super::harden;
+use super::observer::TrainJobObserver;
+use super::watched;
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+use trisplat_bake::teacher::TeacherDetails;
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats as formats;
+use trisplat_scene::budget::{Budget, Seconds, Spending};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::layered::{Layered, Layers};
+use trisplat_scene::report::{StageDetails, StageReport};
+use trisplat_scene::scene::Loaded;
+use trisplat_teacher as teacher;
+use trisplat_train::budget::{Enough, Paced};
+use trisplat_train::device::OpenRun;
+use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
+
+/// Steps and triangles of a teacher, as a share of the run's.
+const STEPS_SHARE: f64 = 0.55;
+const TRIANGLES_SHARE: f64 = 0.67;
+/// Time of one teacher, and of all teachers at most, as a share of the budget.
+const BUDGET_SHARE: f64 = 0.4;
+const ALL_TEACHERS_SHARE: f64 = 0.55;
+/// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
+/// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
+const FEW_PHOTOS: f64 = 20.0;
+const MANY_PHOTOS: f64 = 28.0;
+/// Share of the steps on the teacher's pictures: with few photos, and at least if requested with many.
+const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
+/// The least weight that is worth the teacher's training.
+const LEAST_WEIGHT: f64 = 0.1;
+/// Most teachers of a run. The mean picture of several is closer to the photos than the picture of one.
+const MOST_TEACHERS: usize = 3;
+/// Steps per training photo after which a teacher, and its run, only memorise these photos: the shortest and
+/// longest that watched photos choose. Divided by the teacher's weight.
+const TEACHER_STEPS_PER_PHOTO: [f64; 2] = [40.0, 85.0];
+const STEPS_PER_PHOTO: [f64; 2] = [100.0, 180.0];
+
+/// Source of the teacher.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TeacherSource {
+    /// Train one for this run.
+    Auto,
+    /// None.
+    Off,
+    /// Read from a file.
+    File(PathBuf),
+}
+
+impl FromStr for TeacherSource {
+    type Err = Infallible;
+
+    /// `auto`, `off`, or the name of a file.
+    fn from_str(text: &str) -> std::result::Result<Self, Infallible> {
+        Ok(match text {
+            "auto" => Self::Auto,
+            "off" => Self::Off,
+            path => Self::File(path.into()),
+        })
+    }
+}
+
+/// What becomes of the teacher of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TeacherPlan {
+    /// No teacher, with the reason.
+    Without(String),
+    /// Read from a file.
+    Read(PathBuf),
+    /// It is trained first.
+    Train,
+}
+
+/// A training without a request for or against a teacher.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UndecidedRun {
+    /// Photos to train on.
+    pub photos: usize,
+    /// Result of the watched photos; `None` without them.
+    pub watched: Option<WatchedGain>,
+    /// The preset of its options.
+    pub preset: TrainPreset,
+    /// Whether it starts from photos and their points instead of a scene.
+    pub starts_from_photos: bool,
+    /// CPU seconds after which it is stopped; 0: never.
+    pub max_cpu_secs: f64,
+}
+
+impl UndecidedRun {
+    /// The reason for having no teacher; `None`: a teacher is trained first.
+    pub fn needs_none(&self) -> Option<String> {
+        if !self.starts_from_photos || self.preset != TrainPreset::Solid {
+            return Some("by default only solid scenes that start from photos have one".into());
+        }
+        if self.max_cpu_secs > 0.0 {
+            return Some("by default a run that `max_cpu_secs` may end early has none".into());
+        }
+        match self.photos {
+            0 | 1 => Some("there is nothing between so few photos".into()),
+            count if self.weight() < LEAST_WEIGHT => Some(match self.watched {
+                Some(WatchedGain { decibels, .. }) => {
+                    format!("more steps gain {decibels:.1} dB on watched photos without one")
+                }
+                None => format!("{count} photos are enough without one"),
+            }),
+            _ => None,
+        }
+    }
+
+    /// Whether to watch photos, because their number alone does not decide.
+    pub(super) fn is_unsure(&self) -> bool {
+        let without = Self { watched: None, ..*self };
+        let possible = Self { photos: 2, ..without }.needs_none().is_none();
+        possible && without.weight() < 1.0 && self.photos <= watched::MOST_PHOTOS
+    }
+
+    /// Weight of the teacher: the larger of the weights by number of photos and by watched photos.
+    pub(super) fn weight(&self) -> f64 {
+        weight(self.photos).max(self.watched.map_or(0.0, |watched| watched.teacher_weight))
+    }
+}
+
+/// Result of watched photos for a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WatchedGain {
+    /// Gain of more steps on them, dB.
+    pub decibels: f64,
+    /// Weight of a teacher, 0 to 1.
+    pub teacher_weight: f64,
+}
+
+/// Default weight of a teacher for this number of training photos: 1 with few, 0 with many.
+fn weight(photos: usize) -> f64 {
+    ((MANY_PHOTOS - photos as f64) / (MANY_PHOTOS - FEW_PHOTOS)).clamp(0.0, 1.0)
+}
+
+/// Limits of a run on `photos` with a teacher of this `weight`; `length` is the teacher's training time as a share of the longest.
+pub(super) fn enough(photos: usize, weight: f64, length: f64) -> Enough {
+    let (steps, triangles_per_step) = worth(STEPS_PER_PHOTO, photos, weight, length);
+    Enough { steps: Some(steps), triangles_per_step, ..Enough::default() }
+}
+
+/// Most steps and triangles per step: shorter runs keep the number of triangles.
+fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u64, f64) {
+    let per_photo = short + length * (long - short);
+    // A float that is too large becomes the largest integer.
+    let steps = (per_photo * photos as f64 / weight) as u64;
+    (steps, Enough::default().triangles_per_step * long / per_photo)
+}
+
+/// Limits of a teacher.
+fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
+    let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
+    // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
+    Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
+}
+
+/// Default share of the steps on pictures of a teacher of this weight; at least a minimum if `asked` for.
+pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
+    let [few, least] = PICTURE_SHARES;
+    let by_weight = few * weight;
+    if asked { by_weight.max(least) } else { by_weight }
+}
+
+/// Budget for the first teacher of this `weight` after `spent` seconds of the run's budget.
+fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
+    Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
+}
+
+/// Training options of a teacher of this `weight`. A budget chooses its triangles unless the run's are given.
+///
+/// Errors: none if options are in range.
+fn teacher_options(
+    run: &Layered<TrainOptions>,
+    has_budget: bool,
+    weight: f64,
+) -> Result<Layered<TrainOptions>> {
+    let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
+    let mut given = serde_json::json!({
+        "preset": TrainPreset::Outdoor,
+        "steps": share(run.options.steps, STEPS_SHARE * weight),
+        "seed": run.options.seed,
+        "poses": run.options.poses,
+    });
+    if !has_budget || run.is_given("max_triangles") {
+        given["max_triangles"] = share(run.options.max_triangles, TRIANGLES_SHARE).into();
+    }
+    Layers::default().given(given).resolve(TrainOptions::preset)
+}
+
+impl TeacherPlan {
+    /// The plan of a run with a requested teacher. A resumed run reads its own teacher at `kept`.
+    pub fn asked(source: &TeacherSource, resumes: bool, kept: Option<&Path>) -> Self {
+        match (source, kept.filter(|_| resumes)) {
+            (TeacherSource::Off, _) => Self::Without("`teacher` off".into()),
+            (TeacherSource::File(path), _) => Self::Read(path.clone()),
+            (TeacherSource::Auto, Some(kept)) => Self::Read(kept.to_owned()),
+            (TeacherSource::Auto, None) => Self::Train,
+        }
+    }
+
+    /// The plan of a new run without a request.
+    pub fn by_default(run: &UndecidedRun) -> Self {
+        run.needs_none().map_or(Self::Train, Self::Without)
+    }
+
+    /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it began with one, kept at `kept` if
+    /// that is known.
+    pub fn resumed(checkpoint: &Checkpoint, photos: usize, kept: Option<&Path>) -> Self {
+        // A run counts pictures of its teacher as photos.
+        let was_taught = checkpoint.meta.identity.photos.len() > photos;
+        match kept {
+            _ if !was_taught => Self::Without("the resumed run has none".into()),
+            None => Self::Train,
+            Some(path) if path.exists() => Self::Read(path.to_owned()),
+            Some(path) => {
+                Self::Without(format!("the teacher of the resumed run is not at {}", path.display()))
+            }
+        }
+    }
+
+    /// The file that is read.
+    pub fn input(&self) -> Option<&Path> {
+        match self {
+            Self::Read(path) => Some(path),
+            _ => None,
+        }
+    }
+}
+
+/// Extension of teacher files.
+pub const TEACHER_FILE: &str = "teacher.ply";
+
+/// Names of a run's teacher files, beginning with `first`: `a.teacher.ply`, `a.teacher-2.ply`, `a.teacher-3.ply`.
+pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
+    let name = |i: usize| {
+        let stem = first.file_stem().unwrap_or_default().to_string_lossy();
+        first
+            .with_file_name(format!("{stem}-{i}.{}", first.extension().unwrap_or_default().to_string_lossy()))
+    };
+    std::iter::once(first.to_owned()).chain((2..=MOST_TEACHERS).map(name)).collect()
+}
+
+/// The trained teachers of a run.
+pub(super) struct Teachers {
+    /// Their scenes.
+    pub(super) scenes: Vec<Loaded>,
+    /// Report stage of their training.
+    pub(super) stage: StageReport,
+}
+
+/// The run that needs teachers.
+pub(super) struct TaughtRun<'a> {
+    /// The photos and the options that they were read with.
+    pub(super) photos: &'a Dataset,
+    pub(super) how: &'a DatasetOptions,
+    pub(super) options: &'a Layered<TrainOptions>,
+    pub(super) budget: Option<Budget>,
+    pub(super) began: Instant,
+    pub(super) backend: &'a BackendOptions,
+    /// CPU seconds after which it is stopped; 0: never.
+    pub(super) max_cpu_secs: f64,
+    /// Whether the teacher was requested.
+    pub(super) asked: bool,
+    /// Weight of the teacher, 0 to 1.
+    pub(super) weight: f64,
+    /// Training time of the teacher, from 0 (shortest) to 1 (longest).
+    pub(super) length: f64,
+}
+
+impl TaughtRun<'_> {
+    /// Trains one teacher, and more of them if the first leaves time.
+    ///
+    /// Errors: those of a training; a stopped training; a budget that is too small.
+    pub(super) fn train_teachers(&self, observer: &mut dyn TrainJobObserver) -> Result<Teachers> {
+        let (clock, mut how) = (Instant::now(), self.how.clone());
+        let (photos, weight) = (self.photos.train().count(), self.weight);
+        let spent = |budget: Budget| Spending::of_process(budget.clock, self.began).seconds();
+        let budget = self.budget.map(|budget| teacher_budget(budget, weight, spent(budget)));
+        let mut options = teacher_options(self.options, budget.is_some(), weight)?;
+        let mut enough = enough_for_teacher(photos, weight, self.length);
+        // Steps given for the run also hold for its teacher.
+        enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
+        if budget.is_none() {
+            let triangles_given = self.options.is_given("max_triangles");
+            options.options = with_fewer_steps(options.options, enough.steps, triangles_given);
+        }
+        let Budgeted { dataset, options, paced } =
+            budgeted(self.photos.clone(), options, None, budget, enough, self.began, &mut how)?;
+        let began_secs = paced.as_ref().map(|paced| paced.spending.seconds());
+        let (trained, stage) = self.train_teacher(0, (&dataset, &how), &options, paced, observer)?;
+        let more = match (&trained.paced, began_secs, budget) {
+            (Some(paced), Some(began), Some(budget)) => {
+                let share = ALL_TEACHERS_SHARE / BUDGET_SHARE;
+                let fit = share * (budget.seconds.0 - began) / (paced.spending.seconds() - began);
+                (fit as usize).clamp(1, MOST_TEACHERS) - 1
+            }
+            _ => 0,
+        };
+        let like = trained.options.clone();
+        let mut scenes = vec![trained.into()];
+        for which in 1..=more {
+            let options = TrainOptions { seed: like.seed.wrapping_add(which as u64), ..like.clone() };
+            let (trained, _) = self.train_teacher(which, (&dataset, &how), &options, None, observer)?;
+            scenes.push(trained.into());
+        }
+        let stage = StageReport { seconds: clock.elapsed().as_secs_f64(), ..stage };
+        Ok(Teachers { scenes, stage })
+    }
+
+    /// Trains teacher `which` on `photos`, with the options that they were read with.
+    fn train_teacher(
+        &self,
+        which: usize,
+        (photos, how): (&Dataset, &DatasetOptions),
+        options: &TrainOptions,
+        paced: Option<Paced>,
+        observer: &mut dyn TrainJobObserver,
+    ) -> Result<(Trained, StageReport)> {
+        let clock = Instant::now();
+        let outputs = RunOptions { max_cpu_secs: self.max_cpu_secs, ..RunOptions::default() };
+        let run = TrainRun::new(photos, options).with_dataset_options(how);
+        let run = TrainRun { outputs, paced, ..run };
+        // The run reports the card, so the teacher does not.
+        let OpenRun { run, .. } = run.start_at(self.backend)?;
+        let triangles = run.triangles();
+        let trained = {
+            let mut steps = observer.teacher_begins(options, self.asked)?;
+            run.finish(&mut *steps)?
+        };
+        if trained.stopped {
+            let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
+            return Err(Error::invalid("teacher", value, "all of its steps; nothing was written"));
+        }
+        observer.keep_teacher(which, &trained)?;
+        let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
+        TeacherDetails::STAGE.clone_into(&mut stage.name);
+        Ok((trained, stage))
+    }
+}
+
+/// `photos` and mean pictures of the soft `scenes`, which get `share` of the steps of a run with `options`.
+///
+/// Errors: no room on the disk.
+pub(super) fn with_pictures(
+    photos: &Dataset,
+    scenes: &[Loaded],
+    share: f64,
+    options: &TrainOptions,
+    how: &DatasetOptions,
+    observer: &mut dyn TrainJobObserver,
+) -> Result<Dataset> {
+    let drawing = options.drawing(how.background.to_f32());
+    let mut drew = |done, all| observer.drew(done, all);
+    teacher::beside(photos, scenes, &drawing, share, how.photo_bytes(), &mut drew)
+}
+
+/// The soft scene of a file, and further teachers beside it if a run named it.
+///
+/// Errors: a file that cannot be read, a scene that is solid.
+pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<Loaded>> {
+    let mut scenes = vec![soft_scene(path, how)?];
+    // Files beside any other name may be unrelated.
+    if path.to_string_lossy().ends_with(TEACHER_FILE) {
+        for file in teacher_files(path).iter().skip(1).filter(|file| file.exists()) {
+            scenes.push(soft_scene(file, how)?);
+        }
+    }
+    Ok(scenes)
+}
+
+/// The soft scene of a file.
+///
+/// Errors: a file that cannot be read, a scene that is solid.
+fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
+    let scene = formats::read(path, &how.read_options(3))?;
+    match harden::needless(&scene) {
+        Some(_) => {
+            let wants = "a soft scene, as `trisplat train --preset outdoor` makes it";
+            Err(Error::invalid("teacher", path.display(), wants))
+        }
+        None => Ok(scene),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FEW: UndecidedRun = UndecidedRun {
+        photos: 8,
+        watched: None,
+        preset: TrainPreset::Solid,
+        starts_from_photos: true,
+        max_cpu_secs: 0.0,
+    };
+
+    #[test]
+    fn solid_scenes_of_few_photos_have_a_teacher() {
+        assert_eq!(FEW.needs_none(), None);
+        for (run, why) in [
+            (UndecidedRun { photos: 1, ..FEW }, "nothing between"),
+            (UndecidedRun { photos: 100, ..FEW }, "100 photos are enough"),
+            (UndecidedRun { preset: TrainPreset::Outdoor, ..FEW }, "only solid scenes"),
+            (UndecidedRun { starts_from_photos: false, ..FEW }, "only solid scenes"),
+            (UndecidedRun { max_cpu_secs: 5.0, ..FEW }, "max_cpu_secs"),
+        ] {
+            assert!(run.needs_none().is_some_and(|reason| reason.contains(why)), "{run:?}");
+        }
+    }
+
+    #[test]
+    fn a_teacher_counts_less_the_more_photos_there_are_without_a_step() {
+        assert_eq!([2, 20, 24, 28, 200].map(weight), [1.0, 1.0, 0.5, 0.0, 0.0]);
+        for photos in 2..100 {
+            assert!((weight(photos) - weight(photos + 1)).abs() <= 0.125 + 1e-9, "{photos}");
+            let shares = [photos, photos + 1].map(|photos| picture_share(weight(photos), false));
+            assert!((shares[0] - shares[1]).abs() < 0.09, "{photos}: {shares:?}");
+        }
+        assert_eq!(picture_share(weight(100), true), 0.5);
+        assert!(UndecidedRun { photos: 27, ..FEW }.needs_none().is_none());
+    }
+
+    #[test]
+    fn watched_photos_may_ask_for_a_teacher_that_the_number_of_photos_does_not() {
+        let many = UndecidedRun { photos: 37, ..FEW };
+        let watched = |decibels, teacher_weight| UndecidedRun {
+            watched: Some(WatchedGain { decibels, teacher_weight }),
+            ..many
+        };
+        assert!(many.needs_none().is_some() && many.is_unsure());
+        assert_eq!((watched(-0.5, 1.0).needs_none(), watched(-0.5, 1.0).weight()), (None, 1.0));
+        let why = watched(1.5, 0.0).needs_none();
+        assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
+        // Watched photos never remove a teacher.
+        assert_eq!(UndecidedRun { photos: 21, ..watched(1.5, 0.0) }.weight(), weight(21));
+        for sure in [
+            FEW,
+            UndecidedRun { photos: 101, ..FEW },
+            UndecidedRun { preset: TrainPreset::Outdoor, ..many },
+            UndecidedRun { starts_from_photos: false, ..many },
+        ] {
+            assert!(!sure.is_unsure(), "{sure:?}");
+        }
+    }
+
+    #[test]
+    fn few_photos_have_an_end_and_many_have_none() {
+        let most = |photos| enough(photos, weight(photos), 1.0).steps.unwrap();
+        assert_eq!([10, 20, 24].map(most), [1800, 3600, 8640]);
+        assert_eq!(most(28), u64::MAX);
+        assert!((2..28).all(|photos| most(photos) < most(photos + 1)));
+    }
+
+    #[test]
+    fn fewer_steps_are_made_with_as_many_triangles() {
+        for (enough, steps) in
+            [(enough_for_teacher as fn(_, _, _) -> Enough, [800, 1700]), (enough, [2000, 3600])]
+        {
+            let [short, long] = [0.0, 1.0].map(|length| enough(20, 1.0, length));
+            assert_eq!([short, long].map(|enough| enough.steps), steps.map(Some));
+            assert_eq!(long.triangles_per_step, Enough::default().triangles_per_step);
+            let triangles = |enough: Enough| enough.triangles_per_step * enough.steps.unwrap() as f64;
+            assert!((triangles(short) - triangles(long)).abs() < 1e-6);
+            assert_eq!(enough(20, 0.5, 1.0).steps, Some(2 * steps[1]));
+        }
+        // A teacher without time for its steps on full photos gets smaller photos.
+        assert_eq!(enough_for_teacher(20, 1.0, 1.0).steps_of_full_photos, 1700);
+    }
+
+    #[test]
+    fn a_teacher_is_smaller_than_what_it_teaches() -> Result<()> {
+        let steps = serde_json::json!({ "steps": 1000, "seed": 7 });
+        let run = Layers::default().given(steps).resolve(TrainOptions::preset)?;
+        let teacher = teacher_options(&run, false, 1.0)?.options;
+        let preset = TrainOptions::preset(TrainPreset::Outdoor);
+        assert_eq!((teacher.steps, teacher.max_triangles, teacher.seed), (550, 100_500, 7));
+        assert_eq!(
+            teacher_options(&run, true, 1.0)?.options,
+            TrainOptions { max_triangles: preset.max_triangles, ..teacher }
+        );
+        let given = Layers::default().given(serde_json::json!({ "max_triangles": 1000 }));
+        let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true, 1.0)?;
+        assert!(teacher.is_given("max_triangles") && teacher.options.max_triangles == 670);
+        Ok(())
+    }
+}

@@ -1,0 +1,437 @@
+//! A training job, from options to the trained scene: plan, preparation, run, report.
+
+use super::budget::{self, Budgeted};
+use super::observer::{TrainBegins, TrainJobObserver};
+use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
+use super::tracked;
+use super::watched::{self, Watched, Watching};
+use std::path::PathBuf;
+use std::time::Instant;
+use trisplat_bake::teacher::TeacherDetails;
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
+use trisplat_scene::budget::Budget;
+use trisplat_scene::error::Result;
+use trisplat_scene::layered::Layered;
+use trisplat_scene::report::{Report, StageDetails, StageReport};
+use trisplat_scene::scene::Loaded;
+use trisplat_train::budget::{Enough, Paced};
+use trisplat_train::device::OpenRun;
+use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
+
+/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does: a solid scene of few photos has a teacher.
+/// [`TrainJob`] has everything that can be asked for beside the options.
+///
+/// Errors: options out of range, no training photos, photos that cannot be decoded.
+///
+/// ```no_run
+/// use std::path::Path;
+/// use trisplat::{Dataset, DatasetOptions, TrainOptions, train};
+///
+/// let dataset = Dataset::load(Path::new("photos"), &DatasetOptions::default())?;
+/// let trained = train(&dataset, &TrainOptions::default())?;
+/// trained.save(Path::new("scene.ply"))?;
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
+    Ok(TrainJob::new(dataset.clone(), options.clone()).run(&mut ())?.trained)
+}
+
+/// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
+///
+/// ```
+/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat::job::teacher::TeacherSource;
+/// use trisplat::{Dataset, DatasetOptions, TrainJob, TrainOptions};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
+///
+/// let mut job = TrainJob::new(dataset, options);
+/// job.teacher = Some(TeacherSource::Off);
+/// let done = job.run(&mut ())?;
+/// assert_eq!(done.trained.steps, 20);
+/// assert_eq!(done.report.stages[1].unneeded.as_deref(), Some("`teacher` off"));
+/// # Ok::<(), trisplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct TrainJob {
+    /// The photos; held-out ones evaluate the scene. A scene that teaches itself: [`teacher::dataset`](trisplat_teacher::dataset()).
+    pub dataset: Dataset,
+    /// Options that they were read with.
+    pub dataset_options: DatasetOptions,
+    /// Training options and the layer of each; a resumed run has the options of its checkpoint.
+    pub options: Layered<TrainOptions>,
+    /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
+    pub from: Option<Loaded>,
+    /// The requested teacher; `None`: the number of photos and short trainings decide.
+    pub teacher: Option<TeacherSource>,
+    /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: depends on the number of photos.
+    pub teacher_share: Option<f64>,
+    /// The file in which a resumed run finds its teacher; without it, the teacher is trained again.
+    pub teacher_file: Option<PathBuf>,
+    /// Time budget. It chooses steps, triangles and the size of photos.
+    pub budget: Option<Budget>,
+    /// What became of the photos' poses before the run; `None` before [`TrainJob::follow_tracks`].
+    pub poses: Option<StageReport>,
+    /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
+    pub watched: Option<Watched>,
+    /// Wall-clock time of the short trainings.
+    pub watch_secs: f64,
+    /// Start of the budget's clock; `None`: the moment the job runs.
+    pub began: Option<Instant>,
+    /// Training backend.
+    pub backend: BackendOptions,
+    /// Files that the run writes on the way.
+    pub outputs: RunOptions,
+    /// Checkpoint to resume from.
+    pub resume: Option<Checkpoint>,
+    /// Resume although photos, cameras, points or background differ from the checkpoint's.
+    pub force_resume: bool,
+}
+
+/// A trained scene and its report.
+#[derive(Debug, Clone)]
+pub struct TrainDone {
+    /// The scene.
+    pub trained: Trained,
+    /// Options, stages and warnings. It names no files.
+    pub report: Report,
+}
+
+/// A training with its photos, options and teacher ready.
+#[derive(Debug)]
+pub struct ReadyTrain {
+    /// Training pictures: photos in the chosen size, and pictures of the teacher.
+    pub dataset: Dataset,
+    /// The photos alone, if there are pictures of a teacher.
+    pub photos: Option<Dataset>,
+    /// What becomes of the teacher.
+    pub teacher: TeacherPlan,
+    /// Share of the steps on the teacher's pictures; `None` without a teacher.
+    pub teacher_share: Option<f64>,
+    /// Stages so far: the short trainings, and the teacher's training or the reason for having none.
+    stages: Vec<StageReport>,
+    /// Warnings so far.
+    pub warnings: Vec<String>,
+    /// The run.
+    pub start: TrainStart,
+    /// Whether watched photos decided about this run.
+    watched: bool,
+    began: Instant,
+}
+
+/// The start of a ready training.
+#[derive(Debug)]
+pub struct TrainStart {
+    dataset_options: DatasetOptions,
+    options: TrainOptions,
+    paced: Option<Paced>,
+    from: Option<Loaded>,
+    backend: BackendOptions,
+    outputs: RunOptions,
+    resume: Option<Checkpoint>,
+    force_resume: bool,
+    began: Instant,
+}
+
+impl TrainJob {
+    /// A new run without files on the way, on photos read with [`DatasetOptions::default`]. Options that differ
+    /// from those of their preset count as given.
+    pub fn new(dataset: Dataset, options: TrainOptions) -> Self {
+        let preset = TrainOptions::preset(options.preset);
+        Self {
+            dataset,
+            dataset_options: DatasetOptions::default(),
+            options: Layered::over(&preset, options),
+            from: None,
+            teacher: None,
+            teacher_share: None,
+            teacher_file: None,
+            budget: None,
+            poses: None,
+            watched: None,
+            watch_secs: 0.0,
+            began: None,
+            backend: BackendOptions::default(),
+            outputs: RunOptions::default(),
+            resume: None,
+            force_resume: false,
+        }
+    }
+
+    /// Plans, prepares and runs the training, to the end or until `observer` stops it.
+    ///
+    /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
+    pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
+        let ready = self.prepare(observer)?;
+        let (notes, plan, start) = (ready.notes(), ready.budget_summary(), ready.start);
+        let OpenRun { run, card, warnings } = start.open(&ready.dataset)?;
+        let triangles = run.triangles();
+        let (steps, done) = (run.options().steps, run.steps());
+        observer.training_begins(&TrainBegins { steps, done, plan, card })?;
+        let trained = run.finish(observer)?;
+        let report = notes.report(&trained, triangles, warnings);
+        Ok(TrainDone { trained, report })
+    }
+
+    /// Moves photos to where the tracks of a COLMAP model see them, if they stand elsewhere. [`TrainJob::watch`] calls this unless
+    /// it was called before.
+    pub fn follow_tracks(&mut self) {
+        if self.poses.is_none() {
+            let poses = match &self.resume {
+                Some(checkpoint) => checkpoint.meta.options.poses,
+                None => self.options.options.poses,
+            };
+            self.poses = Some(tracked::follow_tracks(&mut self.dataset, &self.dataset_options, poses));
+        }
+    }
+
+    /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
+    /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
+    ///
+    /// Errors: options that the budget chooses, undecodable photos, a stopped training.
+    pub fn watch(&mut self, observer: &mut dyn TrainJobObserver) -> Result<()> {
+        if self.resume.is_none() {
+            budget::check(self.budget, &self.options)?;
+        }
+        self.follow_tracks();
+        let unsure = self.teacher.is_none() && self.undecided().is_unsure();
+        // Small photos kept in memory lose the crop of the full ones.
+        let cut = self.dataset.train().any(|view| view.photo.is_cut());
+        let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
+        let fits_both = self.has_time_to_watch(2);
+        if !self.has_time_to_watch(1) || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
+            return Ok(());
+        }
+        let how = self.dataset_options.clone();
+        let watching = Watching::new(&self.dataset, &how, self.options.options.seed)?;
+        let mut watched = watching.nothing_yet();
+        if unsure {
+            watched.solid = Some(watching.solid(observer)?);
+            self.watched = Some(watched.clone());
+        }
+        if self.teacher_plan() == TeacherPlan::Train && (fits_both || !unsure) {
+            watched.soft = Some(watching.soft(observer)?);
+        }
+        observer.watched(&watched.summary());
+        self.watch_secs = watching.seconds();
+        self.watched = Some(watched);
+        Ok(())
+    }
+
+    /// Whether there are photos to watch, and time for `pairs` of short trainings.
+    fn has_time_to_watch(&self, pairs: usize) -> bool {
+        match self.budget {
+            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count(), pairs),
+            // Short trainings do not obey the run's limit.
+            None if self.outputs.max_cpu_secs > 0.0 => false,
+            None => watched::fits_beside(&self.options.options, &self.dataset, pairs),
+        }
+    }
+
+    /// What becomes of the teacher.
+    pub fn teacher_plan(&self) -> TeacherPlan {
+        let (photos, kept) = (self.dataset.train().count(), self.teacher_file.as_deref());
+        match (&self.teacher, &self.resume) {
+            (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
+            (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
+            (None, None) => TeacherPlan::by_default(&self.undecided()),
+        }
+    }
+
+    /// The run without the request for or against a teacher.
+    fn undecided(&self) -> UndecidedRun {
+        let photos = self.dataset.train().count();
+        let gain = |watched: &Watched| {
+            let steps_per_photo = self.steps() / photos.max(1) as f64;
+            let (decibels, teacher_weight) =
+                (watched.solid_gain()?, watched.teacher_weight(steps_per_photo)?);
+            Some(WatchedGain { decibels, teacher_weight })
+        };
+        UndecidedRun {
+            photos,
+            watched: self.watched.as_ref().and_then(gain),
+            preset: self.options.options.preset,
+            starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
+            max_cpu_secs: self.outputs.max_cpu_secs,
+        }
+    }
+
+    /// Approximate number of steps: from the options, or from the time in the budget.
+    fn steps(&self) -> f64 {
+        match self.budget {
+            Some(budget) => watched::STEPS_PER_SEC * budget.seconds.0,
+            None => self.options.options.steps as f64,
+        }
+    }
+
+    /// Training time of the teacher, as a share of the longest.
+    fn teacher_length(&self) -> f64 {
+        self.watched.as_ref().and_then(Watched::teacher_length).unwrap_or(1.0)
+    }
+
+    /// Weight of the teacher: 1 if requested.
+    fn teacher_weight(&self) -> f64 {
+        if self.teacher.is_some() { 1.0 } else { self.undecided().weight() }
+    }
+
+    /// Prepares the training pictures: photos in the size that the budget allows, and pictures of the teacher.
+    ///
+    /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training, which must
+    /// not be stopped; a budget that is too small.
+    pub fn prepare(mut self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
+        let began = self.began.unwrap_or_else(Instant::now);
+        self.watch(observer)?;
+        let (plan, weight, by_default) =
+            (self.teacher_plan(), self.teacher_weight(), self.undecided().weight());
+        let mut enough = Enough::default();
+        let (teacher, stage) = match &plan {
+            TeacherPlan::Without(why) => {
+                (None, Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone())))
+            }
+            TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
+            TeacherPlan::Train => {
+                if !self.options.is_given("steps") {
+                    enough = teacher::enough(self.dataset.train().count(), weight, self.teacher_length());
+                }
+                let teachers = self.taught(began, weight).train_teachers(observer)?;
+                (Some(teachers.scenes), Some(teachers.stage))
+            }
+        };
+        let mut how = self.dataset_options;
+        let Budgeted { dataset, options, paced } = budget::budgeted(
+            self.dataset,
+            self.options,
+            self.from.as_ref(),
+            self.budget,
+            enough,
+            began,
+            &mut how,
+        )?;
+        let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
+        let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
+        let (dataset, photos, teacher_share) = match teacher {
+            Some(scenes) => {
+                let asked = self.teacher.is_some();
+                let by_default = || teacher::picture_share(by_default, asked);
+                // A resumed run keeps its number of pictures.
+                let begun = self.resume.as_ref().map(|checkpoint| {
+                    1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
+                });
+                let share = self.teacher_share.or(begun).unwrap_or_else(by_default);
+                let beside = teacher::with_pictures(&dataset, &scenes, share, &options, &how, observer)?;
+                warnings.extend(scenes.into_iter().flat_map(|scene| scene.warnings));
+                (beside, Some(dataset), Some(share))
+            }
+            None => (dataset, None, None),
+        };
+        let start = TrainStart {
+            dataset_options: how,
+            options,
+            paced,
+            from: self.from,
+            backend: self.backend,
+            outputs: self.outputs,
+            resume: self.resume,
+            force_resume: self.force_resume,
+            began,
+        };
+        let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
+        let stages = self.poses.into_iter().chain(watched).chain(stage).collect();
+        let watched = self.watched.is_some();
+        Ok(ReadyTrain {
+            dataset,
+            photos,
+            teacher: plan,
+            teacher_share,
+            stages,
+            warnings,
+            start,
+            watched,
+            began,
+        })
+    }
+
+    /// The run as its teacher needs it.
+    fn taught(&self, began: Instant, weight: f64) -> TaughtRun<'_> {
+        TaughtRun {
+            photos: &self.dataset,
+            how: &self.dataset_options,
+            options: &self.options,
+            budget: self.budget,
+            began,
+            backend: &self.backend,
+            max_cpu_secs: self.outputs.max_cpu_secs,
+            asked: self.teacher.is_some(),
+            weight,
+            length: self.teacher_length(),
+        }
+    }
+}
+
+impl ReadyTrain {
+    /// Description of the budget's plan for people; `None` without a budget.
+    pub fn budget_summary(&self) -> Option<String> {
+        let pace = &self.start.paced.as_ref()?.pace;
+        let why = if self.watched { "watched photos" } else { "photos are few" };
+        let end =
+            if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
+        Some(pace.summary() + &end)
+    }
+
+    /// The report of the preparation.
+    pub fn notes(&self) -> TrainNotes {
+        TrainNotes { stages: self.stages.clone(), warnings: self.warnings.clone(), began: self.began }
+    }
+}
+
+/// Facts for the report of a training, besides its figures.
+#[derive(Debug, Clone)]
+pub struct TrainNotes {
+    stages: Vec<StageReport>,
+    warnings: Vec<String>,
+    began: Instant,
+}
+
+impl TrainNotes {
+    /// The report of a run from `triangles` to `trained`; `warnings` are those of its start.
+    pub fn report(self, trained: &Trained, triangles: usize, warnings: Vec<String>) -> Report {
+        let seconds = self.began.elapsed().as_secs_f64();
+        let mut report = Report::new("train");
+        report.options = serde_json::to_value(&trained.options).unwrap_or_default();
+        report.stages.extend(self.stages);
+        report.stages.push(trained.stage(triangles, seconds));
+        report.warnings = [self.warnings, warnings].concat();
+        Report { seconds, ..report }
+    }
+}
+
+impl TrainStart {
+    /// Sets up the run on the prepared photos and pictures.
+    ///
+    /// Errors: those of [`TrainRun::start_at`].
+    pub fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
+        let run = TrainRun::new(dataset, &self.options).with_dataset_options(&self.dataset_options);
+        let run = TrainRun {
+            outputs: self.outputs,
+            from: self.from,
+            resume: self.resume,
+            paced: self.paced,
+            began: Some(self.began),
+            force_resume: self.force_resume,
+            ..run
+        };
+        let mut open = run.start_at(&self.backend)?;
+        open.warnings
+            .extend(open.run.differences().iter().map(|difference| format!("resumed although {difference}")));
+        Ok(open)
+    }
+}
+
+/// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.
+pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
+    let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
+    DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
+}

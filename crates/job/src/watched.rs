@@ -1,0 +1,320 @@
+//! Short trainings that leave some photos out: do more steps improve views beyond the training photos? The left-out photos are drawn
+//! at the end.
+//!
+//! Two scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
+//! decibel or more; if it memorises photos, they gain little or lose. Solid scenes decide about a teacher, soft
+//! ones about its training time. See docs/benchmarks/few-photos.md.
+
+use super::observer::TrainJobObserver;
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::{Counts, StageDetails, StageReport, to_json};
+use trisplat_train::budget::{CostModel, Workload, part_secs};
+use trisplat_train::{TrainOptions, TrainPreset, TrainRun, Trained};
+
+/// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
+const LONGEST_PX: u32 = 96;
+const TRIANGLES: u64 = 1500;
+/// Fewest pixels of a photo per triangle.
+const PIXELS_PER_TRIANGLE: u64 = 4;
+/// One photo in this many is watched, at least the second number.
+const ONE_IN: usize = 6;
+const FEWEST_WATCHED: usize = 3;
+/// With fewer photos, none can be spared.
+const FEWEST_PHOTOS: usize = 8;
+/// Most photos for which photos are watched: with more, memorising starts much later.
+pub(super) const MOST_PHOTOS: usize = 100;
+/// Least budget per photo, seconds, for a pair of trainings, which take about a quarter of a second per photo.
+const LEAST_SECS_PER_PHOTO: f64 = 2.0;
+/// Least budget, seconds: in shorter runs all steps pay.
+const LEAST_SECS: f64 = 50.0;
+/// Largest share of a pair of trainings in a run without a budget.
+const MOST_SHARE: f64 = 0.1;
+/// Steps per photo of the two solid scenes, and of the two soft ones.
+const SOLID_STEPS: [u64; 2] = [25, 75];
+const SOFT_STEPS: [u64; 2] = [40, 120];
+/// Gains of solid scenes, dB, for which a teacher has weight 1 and 0.
+const SOLID_GAINS: [f64; 2] = [0.6, 1.1];
+/// Steps per photo of a run without a teacher. From the second on, gains count as they are; at the first, `HURRY` dB are added, because
+/// the teacher's own training takes time from the run.
+const RUN_STEPS_PER_PHOTO: [f64; 2] = [80.0, 150.0];
+const HURRY: f64 = 1.0;
+/// Approximate number of steps per second of a budget.
+pub(super) const STEPS_PER_SEC: f64 = 30.0;
+/// Gains of soft scenes, dB, for the shortest and the longest training of a teacher.
+const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
+
+/// What short trainings say of photos that they left out.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Watched {
+    /// The photos that were left out.
+    pub photos: Vec<String>,
+    /// How close two solid trainings came to them; null where it was clear that there is a teacher.
+    pub solid: Option<[WatchedTraining; 2]>,
+    /// How close two soft trainings came to them; null where there is no teacher.
+    pub soft: Option<[WatchedTraining; 2]>,
+}
+
+/// How close a short training came to the photos that it left out.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct WatchedTraining {
+    /// Its steps.
+    pub steps: u64,
+    /// Mean PSNR, dB.
+    pub psnr: f64,
+}
+
+impl StageDetails for Watched {
+    const STAGE: &str = "watched";
+}
+
+/// Gain of more steps, dB; `None` if not measured.
+fn gain(pair: Option<[WatchedTraining; 2]>) -> Option<f64> {
+    pair.map(|[few, many]| many.psnr - few.psnr).filter(|gain| gain.is_finite())
+}
+
+/// 0 with the first of `gains` or less, 1 with the second or more.
+fn rise(gain: f64, [little, much]: [f64; 2]) -> f64 {
+    ((gain - little) / (much - little)).clamp(0.0, 1.0)
+}
+
+impl Watched {
+    /// Gain of more steps in solid scenes, dB; `None` if not measured.
+    pub fn solid_gain(&self) -> Option<f64> {
+        gain(self.solid)
+    }
+
+    /// Weight of a teacher, 0 to 1, of a run that has time for this many steps per photo without one: 1 where more steps of a solid scene
+    /// gain nothing, and the run has them.
+    pub fn teacher_weight(&self, steps_per_photo: f64) -> Option<f64> {
+        let hurry = HURRY * (1.0 - rise(steps_per_photo, RUN_STEPS_PER_PHOTO));
+        self.solid_gain().map(|gain| 1.0 - rise(gain + hurry, SOLID_GAINS))
+    }
+
+    /// Training time of a teacher, from 0 (shortest) to 1 (longest).
+    pub fn teacher_length(&self) -> Option<f64> {
+        gain(self.soft).map(|gain| rise(gain, SOFT_GAINS))
+    }
+
+    /// A sentence with the results.
+    pub fn summary(&self) -> String {
+        let said = |what: &str, pair: Option<[WatchedTraining; 2]>| {
+            let ([few, many], gain) = (pair?, gain(pair)?);
+            Some(format!("{gain:+.2} dB from {} to {} {what} steps", few.steps, many.steps))
+        };
+        let gains = [said("solid", self.solid), said("soft", self.soft)];
+        let gains: Vec<String> = gains.into_iter().flatten().collect();
+        format!("{} watched photos: {}", self.photos.len(), gains.join(", "))
+    }
+
+    /// The trainings as a stage of a report that took `seconds`.
+    pub(super) fn stage(&self, seconds: f64) -> StageReport {
+        let (before, after) = (Counts::default(), Counts::default());
+        let (name, details) = (Self::STAGE.into(), to_json(self));
+        StageReport { name, seconds, before, after, unneeded: None, details }
+    }
+}
+
+/// Whether some of `photos` can be spared, and `secs` of a budget suffice for `pairs` of trainings.
+pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
+    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * (pairs * photos) as f64);
+    (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
+}
+
+/// Whether training photo `i` of `count` is left out: one in six, at least three, spread evenly.
+fn is_left_out(i: usize, count: usize) -> bool {
+    let watched = (count / ONE_IN).max(FEWEST_WATCHED);
+    (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i)
+}
+
+/// The training photos of `photos`, some of them marked as held out: choices based on these never use the real held-out photos.
+///
+/// Errors: fewer than eight.
+pub fn left_out(photos: &Dataset) -> Result<Dataset> {
+    let count = photos.train().count();
+    if count < FEWEST_PHOTOS {
+        let wants = format!("{FEWEST_PHOTOS} photos or more, as some are left out of training");
+        return Err(Error::invalid("dataset", format!("{count} photos to train on"), wants));
+    }
+    let views = photos.train().enumerate();
+    let views = views.map(|(i, view)| View { test: is_left_out(i, count), ..view.clone() }).collect();
+    Ok(Dataset { views, ..photos.clone() })
+}
+
+/// Whether some of `photos` can be spared, and `pairs` of trainings take little time compared with a run of `options` without a budget.
+/// A cost model decides instead of a clock, so equal runs decide alike.
+pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize) -> bool {
+    let count = photos.train().count();
+    let secs = |options: &TrainOptions, photo: UVec2| -> f64 {
+        let first = options.max_triangles.min(photos.points.len() as u64);
+        part_secs(&CostModel::FITTED, &Workload::at_start(photo, first), options).iter().sum()
+    };
+    let camera = photos.train().map(|view| &view.camera).max_by_key(|camera| camera.size.element_product());
+    camera.is_some_and(|camera| {
+        let small = camera.within(LONGEST_PX).size;
+        // Soft trainings have more steps than solid ones.
+        let steps = SOFT_STEPS.iter().sum::<u64>() * count as u64;
+        let pair =
+            TrainOptions { steps, max_triangles: TRIANGLES, ..TrainOptions::preset(TrainPreset::Outdoor) };
+        let share = secs(&pair, small) / secs(options, camera.size);
+        (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&count) && share * pairs as f64 <= MOST_SHARE
+    })
+}
+
+/// Short trainings on the photos of a run.
+pub(super) struct Watching<'a> {
+    /// The training photos, small and in memory; watched ones are marked as held out.
+    photos: Dataset,
+    how: &'a DatasetOptions,
+    seed: u64,
+    began: Instant,
+}
+
+impl<'a> Watching<'a> {
+    /// Short trainings on `photos`, read with `how`.
+    ///
+    /// Errors: photos that cannot be decoded.
+    pub(super) fn new(photos: &Dataset, how: &'a DatasetOptions, seed: u64) -> Result<Self> {
+        let began = Instant::now();
+        let count = photos.train().count();
+        let view = |(i, view): (usize, &View)| {
+            let camera = view.camera.within(LONGEST_PX);
+            let photo = Photo::drawn(view.photo.decode()?.downscaled(camera.size));
+            Ok(View { camera, photo, test: is_left_out(i, count), ..view.clone() })
+        };
+        let views = photos.train().enumerate().map(view).collect::<Result<_>>()?;
+        Ok(Self { photos: Dataset { views, ..photos.clone() }, how, seed, began })
+    }
+
+    /// A result without trainings.
+    pub(super) fn nothing_yet(&self) -> Watched {
+        let photos = self.photos.test().map(|view| view.name.clone()).collect();
+        Watched { photos, solid: None, soft: None }
+    }
+
+    /// Seconds since this began.
+    pub(super) fn seconds(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Two solid scenes.
+    ///
+    /// Errors: a training that was stopped.
+    pub(super) fn solid(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+        self.trainings(TrainPreset::Solid, SOLID_STEPS, observer)
+    }
+
+    /// Two soft scenes.
+    ///
+    /// Errors: a training that was stopped.
+    pub(super) fn soft(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+        self.trainings(TrainPreset::Outdoor, SOFT_STEPS, observer)
+    }
+
+    fn trainings(
+        &self,
+        preset: TrainPreset,
+        steps_per_photo: [u64; 2],
+        observer: &mut dyn TrainJobObserver,
+    ) -> Result<[WatchedTraining; 2]> {
+        let mut training = |steps_per_photo: u64| {
+            let steps = steps_per_photo * self.photos.views.len() as u64;
+            let pixels =
+                self.photos.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
+            let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
+            let preset = TrainOptions::preset(preset);
+            let options = TrainOptions { steps, max_triangles, seed: self.seed, ..preset };
+            let trained = self.train(&options, observer)?;
+            let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
+            Ok(WatchedTraining { steps, psnr })
+        };
+        let [few, many] = steps_per_photo;
+        Ok([training(few)?, training(many)?])
+    }
+
+    fn train(&self, options: &TrainOptions, observer: &mut dyn TrainJobObserver) -> Result<Trained> {
+        let run = TrainRun::new(&self.photos, options).with_dataset_options(self.how);
+        let mut steps = observer.watching_begins(options)?;
+        // A graphics card gains nothing on small photos.
+        let trained = run.run(&mut *steps)?;
+        match trained.stopped {
+            true => {
+                let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
+                Err(Error::invalid("watched photos", value, "all steps; nothing was written"))
+            }
+            false => Ok(trained),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_dataset::synthetic::{self, SyntheticOptions};
+
+    fn pair(gain: f64) -> Option<[WatchedTraining; 2]> {
+        Some([(40, 20.0), (120, 20.0 + gain)].map(|(steps, psnr)| WatchedTraining { steps, psnr }))
+    }
+
+    #[test]
+    fn a_teacher_counts_where_more_steps_gain_little() {
+        let within = |gain, steps| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight(steps);
+        let weight = |gain| within(gain, 200.0);
+        assert_eq!([-1.0, 0.5, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
+        assert!(weight(0.85).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
+        assert_eq!((weight(f64::NAN), Watched::default().teacher_weight(200.0)), (None, None));
+        // It counts less the fewer steps there are, and only where more of them lose.
+        assert_eq!([40.0, 80.0, 150.0].map(|steps| within(0.2, steps)), [0.0, 0.0, 1.0].map(Some));
+        assert_eq!(within(-0.5, 40.0), Some(1.0));
+    }
+
+    #[test]
+    fn a_teacher_trains_longer_where_more_steps_gain_more() {
+        let length = |gain| Watched { soft: pair(gain), ..Watched::default() }.teacher_length();
+        assert_eq!([-1.0, 0.7, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
+        assert!(length(0.3).is_some_and(|length| (length - 0.5).abs() < 1e-9));
+    }
+
+    #[test]
+    fn the_summary_says_what_was_measured() {
+        let photos = ["a", "b", "c"].map(String::from).to_vec();
+        let watched = Watched { photos, solid: pair(-0.25), soft: pair(1.0) };
+        let said =
+            "3 watched photos: -0.25 dB from 40 to 120 solid steps, +1.00 dB from 40 to 120 soft steps";
+        assert_eq!(watched.summary(), said);
+    }
+
+    #[test]
+    fn photos_are_watched_where_some_can_be_spared_and_there_is_time() {
+        assert!(
+            [(50.0, 8), (74.0, 37), (200.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos, 1))
+        );
+        assert!(
+            ![(49.0, 8), (500.0, 7), (73.0, 37), (1e6, 101)]
+                .into_iter()
+                .any(|(secs, photos)| fits(secs, photos, 1))
+        );
+        assert!(fits(84.0, 21, 2) && !fits(83.0, 21, 2));
+    }
+
+    #[test]
+    fn photos_are_watched_beside_a_run_that_takes_ten_times_as_long() -> Result<()> {
+        let folder = tempfile::tempdir().unwrap();
+        let options = SyntheticOptions { views: 24, width: 24, points: 50, ..SyntheticOptions::default() };
+        synthetic::write(folder.path(), &options)?;
+        let photos = Dataset::load(folder.path(), &DatasetOptions::default())?;
+        let run = |steps| TrainOptions { steps, max_triangles: 20_000, ..TrainOptions::default() };
+        let most = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos, 1));
+        assert!(most.is_some_and(|thousands| thousands > 1));
+        // Both questions take twice the time.
+        let both = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos, 2));
+        assert!(both > most);
+        let few = Dataset { views: photos.views[..7].to_vec(), ..photos };
+        assert!(!fits_beside(&run(1_000_000), &few, 1));
+        Ok(())
+    }
+}

@@ -1,0 +1,255 @@
+//! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the subject best:
+//! whole, large, level, unobstructed, from somewhat above.
+
+use super::candidates::{self, Candidate, half_tangent};
+use super::orbit_range::orbit_range;
+use super::sight::{Sight, Survey};
+use super::subject::{MOST_POINTS, Subject};
+use glam::{UVec2, Vec2, Vec3};
+use trisplat_scene::camera::{Camera, Viewpoint};
+
+/// Share of the picture that a subject should fill at least.
+const LARGE: f32 = 0.25;
+/// Sine of the best elevation, 20 degrees, and the difference from it that halves the score.
+const BEST_ELEVATION: f32 = 0.342;
+const ELEVATION_SPREAD: f32 = 0.5;
+/// Sines of the elevations of viewpoints around the subject; the first is tried in all directions.
+const ELEVATIONS: [f32; 3] = [0.342, 0.643, 0.087];
+/// Distances around the subject, relative to the one that shows it whole; nearer ones for enclosed subjects.
+const NEARER: [f32; 3] = [1.0, 0.6, 0.35];
+/// A nearer place must score this much higher.
+const NEARER_GAIN: f32 = 1.5;
+/// Largest distance as a share of that at which the scene is closed.
+const ROOM: f32 = 0.9;
+
+/// What was chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chosen {
+    /// Where to look from.
+    pub viewpoint: Viewpoint,
+    /// The number of the photo taken there, if any.
+    pub photo: Option<usize>,
+    /// Share of the picture that shows the subject.
+    pub filled: f64,
+}
+
+/// Known facts about a scene.
+#[derive(Clone, Copy)]
+pub struct Scenery<'a> {
+    /// Corners of a triangle, by its number.
+    pub corners: &'a dyn Fn(usize) -> [Vec3; 3],
+    /// Number of triangles, without the far shell.
+    pub count: usize,
+    /// The known cameras of its photos.
+    pub cameras: &'a [Camera],
+    /// The direction that points up.
+    pub up: Vec3,
+    /// Distance from a place at which the scene is closed; infinite when it is open.
+    pub room: &'a dyn Fn(Vec3) -> f32,
+}
+
+/// The first viewpoint of a scene; `None` without extent.
+pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
+    let middle = |face: usize| {
+        let [a, b, c] = (scenery.corners)(face);
+        (a + b + c) / 3.0
+    };
+    // The subject uses no more of them.
+    let step = scenery.count.div_ceil(MOST_POINTS).max(1);
+    let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();
+    // The middle of a single triangle has no extent, its corners have.
+    let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
+    let subject = Subject::of(&middles, scenery.cameras).or_else(|| Subject::around(&corners()))?;
+    let mut survey = Survey::new(scenery.corners, scenery.count, subject);
+    let mut judge = |candidate: Candidate| {
+        let sight = survey.look(&candidate.camera);
+        Judged { candidate, sight, worth: worth(&candidate.camera, &sight, scenery.up) }
+    };
+    let of_photos = candidates::of_photos(scenery.cameras, subject, scenery.up);
+    let best = match best(of_photos.into_iter().map(&mut judge)) {
+        Some(photo) if photo.worth > 0.0 => photo,
+        _ => around(subject, scenery, &mut judge)?,
+    };
+    let Judged { candidate, sight, .. } = best;
+    let viewpoint = looking(&candidate.camera, subject, scenery.up);
+    let viewpoint = Viewpoint { orbit: orbit_range(&viewpoint, scenery.cameras), ..viewpoint };
+    Some(Chosen { viewpoint, photo: candidate.photo, filled: f64::from(sight.filled) })
+}
+
+/// A candidate and its view.
+struct Judged {
+    candidate: Candidate,
+    sight: Sight,
+    worth: f32,
+}
+
+/// The best place around the subject.
+fn around(
+    subject: Subject,
+    scenery: &Scenery<'_>,
+    judge: &mut impl FnMut(Candidate) -> Judged,
+) -> Option<Judged> {
+    let room = ROOM * (scenery.room)(subject.center);
+    let ring = |sine, nearer| candidates::ring(subject, scenery.up, sine, nearer, room);
+    let mut chosen: Option<(usize, Judged)> = None;
+    for nearer in NEARER {
+        let judged: Vec<Judged> = ring(ELEVATIONS[0], nearer).into_iter().map(&mut *judge).collect();
+        let found =
+            judged.into_iter().enumerate().reduce(|a, b| if b.1.worth > a.1.worth { b } else { a })?;
+        if chosen.as_ref().is_none_or(|(_, before)| found.1.worth > NEARER_GAIN * before.worth) {
+            let higher = ELEVATIONS[1..].iter().map(|sine| judge(ring(*sine, nearer)[found.0]));
+            let best = higher.fold(found.1, |a, b| if b.worth > a.worth { b } else { a });
+            chosen = Some((found.0, best));
+        }
+    }
+    chosen.map(|(_, judged)| judged)
+}
+
+/// The first of the best.
+fn best(judged: impl Iterator<Item = Judged>) -> Option<Judged> {
+    judged.reduce(|a, b| if b.worth > a.worth { b } else { a })
+}
+
+/// Score of a camera's view of the subject, 0 or more.
+fn worth(camera: &Camera, sight: &Sight, up: Vec3) -> f32 {
+    let sine = -camera.rotation.row(2).dot(up);
+    let off = (sine - BEST_ELEVATION) / ELEVATION_SPREAD;
+    let elevation = 1.0 / (1.0 + off * off);
+    let large = (sight.filled / LARGE).min(1.0);
+    let clear = (1.0 - sight.blocked).powi(2);
+    sight.seen * sight.framed * sight.framed * large * clear * elevation
+}
+
+/// The viewpoint of a camera. It orbits the subject, or a point ahead if it looks elsewhere.
+fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
+    let (eye, forward) = (camera.position(), camera.rotation.row(2));
+    let depth = (subject.center - eye).dot(forward);
+    let target = eye + forward * if depth > 0.0 { depth } else { subject.radius };
+    let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
+    let [wide, high] =
+        [camera.size.x as f32 / (2.0 * camera.focal.x), camera.size.y as f32 / (2.0 * camera.focal.y)];
+    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one.
+    let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
+    let fov = 2.0 * libm::atan(f64::from(high.max(needed.min(wide))));
+    Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)), orbit: None }
+}
+
+/// The camera of a viewpoint for a picture of `size`, which shows the subject even if narrow.
+pub fn camera_for(viewpoint: &Viewpoint, size: UVec2) -> Camera {
+    let camera = viewpoint.camera(size);
+    let Some(radius) = viewpoint.radius else { return camera };
+    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
+    let half_width = size.x as f32 / (2.0 * camera.focal.x);
+    // The view in a picture with a photo's proportions suffices.
+    let usual = size.y as f32 / (2.0 * camera.focal.y) * USUAL_ASPECT;
+    let shrink = half_width / half_width.max(needed.min(usual));
+    Camera { focal: camera.focal * shrink, ..camera }
+}
+
+/// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
+/// viewpoint's lens.
+pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
+    let camera = viewpoint.camera(size);
+    let Some(radius) = viewpoint.radius else { return camera };
+    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
+    let most = size.min_element() as f32 / (2.0 * needed);
+    Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
+}
+
+/// Widest lens for a narrow picture: the sine of half its angle.
+const MOST_SINE: f32 = 0.85;
+/// Ratio of a photo's width to its height.
+const USUAL_ASPECT: f32 = 4.0 / 3.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Mat3;
+
+    const LENS: Camera = Camera {
+        rotation: Mat3::IDENTITY,
+        translation: Vec3::ZERO,
+        focal: Vec2::splat(100.0),
+        center: Vec2::splat(60.0),
+        size: UVec2::splat(120),
+    };
+
+    /// A ball of small triangles, radius 1.
+    fn ball() -> Vec<[Vec3; 3]> {
+        let (corners, faces) = trisplat_scene::math::octasphere::octasphere(4);
+        faces.iter().map(|face| face.map(|i| corners[i as usize])).collect()
+    }
+
+    fn of(triangles: &[[Vec3; 3]], cameras: &[Camera]) -> Chosen {
+        let corners = |face: usize| triangles[face];
+        let (count, room) = (triangles.len(), |_: Vec3| f32::INFINITY);
+        viewpoint(&Scenery { corners: &corners, count, cameras, up: Vec3::Y, room: &room })
+            .expect("it has extent")
+    }
+
+    #[test]
+    fn one_triangle_is_seen() {
+        let chosen = of(&[[Vec3::ZERO, Vec3::X, Vec3::Y]], &[]);
+        let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
+        assert!(camera.frames(Vec3::new(0.4, 0.4, 0.0)) && chosen.filled > 0.1, "{chosen:?}");
+    }
+
+    #[test]
+    fn the_first_view_is_the_photo_that_shows_the_subject_best() {
+        let away = |angle: f32, distance: f32, height: f32| {
+            let eye = Vec3::new(distance * angle.cos(), height, distance * angle.sin());
+            LENS.looking(eye, Vec3::ZERO, Vec3::Y)
+        };
+        // Past it, from far away, tilted by a quarter turn, from right above, and last the best.
+        let past = LENS.looking(Vec3::new(3.0, 1.0, 0.0), Vec3::new(2.0, 0.5, 4.0), Vec3::Y);
+        let tilted = LENS.looking(Vec3::new(0.0, 0.2, 9.0), Vec3::ZERO, Vec3::X);
+        let cameras = [past, away(1.0, 14.0, 4.0), tilted, away(2.0, 0.3, 4.0), away(3.0, 3.3, 1.2)];
+        let chosen = of(&ball(), &cameras);
+        assert_eq!(chosen.photo, Some(4), "{chosen:?}");
+        let camera = chosen.viewpoint.camera(UVec2::new(120, 120));
+        assert!(camera.position().distance(cameras[4].position()) < 1e-4);
+        assert!((camera.rotation * Vec3::Y).x.abs() < 1e-4, "level");
+        assert!(chosen.viewpoint.radius.is_some_and(|r| (0.5..1.5).contains(&r)), "{chosen:?}");
+    }
+
+    #[test]
+    fn what_stands_in_the_way_of_one_photo_does_not_in_that_of_another() {
+        let mut triangles = ball();
+        // A wall right before the first camera.
+        let wall = |x: f32, y: f32| Vec3::new(0.3 * x, 0.3 * y, 3.0);
+        triangles.extend([[wall(-9.0, -9.0), wall(9.0, -9.0), wall(0.0, 9.0)]; 3]);
+        let eyes = [Vec3::new(0.0, 0.8, 3.4), Vec3::new(3.4, 0.8, 0.0), Vec3::new(0.1, 0.8, 3.4)];
+        let cameras = eyes.map(|eye| LENS.looking(eye, Vec3::ZERO, Vec3::Y));
+        assert_eq!(of(&triangles, &cameras).photo, Some(1));
+    }
+
+    #[test]
+    fn without_photos_all_of_the_subject_is_in_view_from_somewhat_above() {
+        let chosen = of(&ball(), &[]);
+        assert_eq!(chosen.photo, None);
+        let Viewpoint { eye, target, .. } = chosen.viewpoint;
+        let sine = (eye[1] - target[1]) / f64::from(chosen.viewpoint.distance());
+        assert!((0.05..0.7).contains(&sine), "{chosen:?}");
+        let camera = chosen.viewpoint.camera(UVec2::new(400, 300));
+        assert!(ball().iter().flatten().all(|p| camera.frames(*p)), "{chosen:?}");
+        assert!(chosen.filled > 0.2, "{chosen:?}");
+    }
+
+    #[test]
+    fn a_narrow_picture_holds_the_subject_too() {
+        let chosen = of(&ball(), &[]);
+        for size in [UVec2::new(390, 844), UVec2::new(844, 390), UVec2::new(400, 300)] {
+            let camera = camera_for(&chosen.viewpoint, size);
+            assert!(ball().iter().flatten().all(|p| camera.frames(*p)), "{size}");
+        }
+    }
+
+    #[test]
+    fn a_scene_without_extent_has_none() {
+        let corners = |_: usize| [Vec3::ONE; 3];
+        let room = |_: Vec3| f32::INFINITY;
+        let scenery = Scenery { corners: &corners, count: 5, cameras: &[LENS], up: Vec3::Y, room: &room };
+        assert_eq!(viewpoint(&scenery), None);
+        assert_eq!(viewpoint(&Scenery { count: 0, ..scenery }), None);
+    }
+}

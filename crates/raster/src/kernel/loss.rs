@@ -1,0 +1,199 @@
+//! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3; SSIM as
+//! [`trisplat_scene::math::ssim`] defines it, mean over pixels and channels). A squared error may be added to L1.
+//!
+//! ```text
+//! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
+//! mx = G x, my = G y, sxx = G x² - mx², syy = G y² - my², sxy = G xy - mx my
+//! ∂ΣS/∂x = G(∂S/∂mx) + 2 x G(∂S/∂Gx²) + y G(∂S/∂Gxy)      (G is its own adjoint)
+//! ```
+//!
+//! Rows stay interleaved: a blur along x is the same loop with a stride of three. Three passes, each
+//! parallel over rows, each written by one task; sums run over rows in order, so the bits do not depend on
+//! the number of threads.
+
+mod combine;
+mod rows;
+mod ssim;
+
+pub use rows::LossNumber;
+
+use combine::combine_rows;
+use ssim::{GRADS, MAPS, blur_maps, ssim_rows};
+use trisplat_scene::math::ssim::{TAPS, window};
+
+/// Means over pixels and channels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Photometric {
+    /// Mean |x - y|.
+    pub l1: f64,
+    /// Mean SSIM.
+    pub ssim: f64,
+    /// Mean (x - y)²: PSNR = -10 log10 of it.
+    pub mse: f64,
+}
+
+impl Photometric {
+    /// The loss itself: (1 - λ) L1 + λ (1 - SSIM), with λ = `dssim`.
+    pub fn value(&self, dssim: f64) -> f64 {
+        (1.0 - dssim) * self.l1 + dssim * (1.0 - self.ssim)
+    }
+
+    /// Peak signal to noise ratio, dB, for values in [0, 1].
+    pub fn psnr(&self) -> f64 {
+        -10.0 * self.mse.max(1e-12).log10()
+    }
+}
+
+/// Working memory of [`photometric_grad`], kept between steps.
+#[derive(Debug, Default)]
+pub struct Scratch<R> {
+    /// Blurred along x: [H, MAPS, 3 W].
+    maps: Vec<R>,
+    /// Gradient maps blurred along x: [H, GRADS, 3 W].
+    grads: Vec<R>,
+}
+
+/// Returns the means and writes ∂loss/∂rendered. `dssim` is λ, the weight of 1 - SSIM.
+///
+/// `rendered`, `photo` and `d_rendered` are `[H * W]`, rows from the top; `weight`, when given, is a weight
+/// per pixel (a mask), `[H * W]`. The loss is still a mean over all H * W pixels.
+pub fn photometric_grad<R: LossNumber>(
+    width: usize,
+    rendered: &[[R; 3]],
+    photo: &[[R; 3]],
+    weight: Option<&[R]>,
+    dssim: f64,
+    scratch: &mut Scratch<R>,
+    d_rendered: &mut [[R; 3]],
+) -> Photometric {
+    if width == 0 || rendered.is_empty() {
+        return Photometric { ssim: 1.0, ..Photometric::default() };
+    }
+    let row = 3 * width;
+    let (x, y) = (rendered.as_flattened(), photo.as_flattened());
+    let count = x.len() as f64;
+    let height = x.len() / row;
+    scratch.maps.resize(height * MAPS * row, R::default());
+    scratch.grads.resize(height * GRADS * row, R::default());
+    let taps: [R; TAPS] = window().map(R::of);
+    let scale = R::of(-dssim / count);
+
+    blur_maps(&taps, row, x, y, &mut scratch.maps);
+    let ssim = ssim_rows(&taps, row, &scratch.maps, weight, scale, &mut scratch.grads);
+    let l1_scale = R::of((1.0 - dssim) / count);
+    let sums =
+        combine_rows(&taps, row, x, y, weight, l1_scale, &scratch.grads, d_rendered.as_flattened_mut());
+    Photometric { l1: sums.0 / count, mse: sums.1 / count, ssim: ssim / count }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::rng::Rng;
+
+    const LAMBDA: f64 = 0.2;
+
+    fn noise(name: &str, n: usize) -> Vec<[f64; 3]> {
+        let rng = Rng::new(3, name, 0);
+        (0..n).map(|i| std::array::from_fn(|c| rng.uniform_f64((3 * i + c) as u64))).collect()
+    }
+
+    fn loss(
+        width: usize,
+        x: &[[f64; 3]],
+        y: &[[f64; 3]],
+        w: Option<&[f64]>,
+        dssim: f64,
+    ) -> (f64, Vec<[f64; 3]>) {
+        let mut grad = vec![[0.0; 3]; x.len()];
+        let means = photometric_grad(width, x, y, w, dssim, &mut Scratch::default(), &mut grad);
+        // With weights the constant 1 of 1 - SSIM is not weighted; it has no gradient.
+        (means.value(dssim), grad)
+    }
+
+    /// SSIM by its definition, pixel by pixel.
+    fn plain_ssim(width: usize, x: &[[f64; 3]], y: &[[f64; 3]]) -> f64 {
+        let height = x.len() / width;
+        let g: Vec<f64> = (-5..=5).map(|i: i32| (-(f64::from(i * i)) / 4.5).exp()).collect();
+        let total: f64 = g.iter().sum();
+        let mut sum = 0.0;
+        for at in 0..x.len() * 3 {
+            let (px, py, c) = ((at / 3 % width) as i64, (at / 3 / width) as i64, at % 3);
+            let mut m = [0.0; 5];
+            for (j, gy) in g.iter().enumerate() {
+                for (i, gx) in g.iter().enumerate() {
+                    let (u, v) = (px + i as i64 - 5, py + j as i64 - 5);
+                    if u >= 0 && v >= 0 && u < width as i64 && v < height as i64 {
+                        let (a, b) =
+                            (x[v as usize * width + u as usize][c], y[v as usize * width + u as usize][c]);
+                        let w = gx * gy / (total * total);
+                        for (m, value) in m.iter_mut().zip([a, b, a * a, b * b, a * b]) {
+                            *m += w * value;
+                        }
+                    }
+                }
+            }
+            let (sxx, syy, sxy) = (m[2] - m[0] * m[0], m[3] - m[1] * m[1], m[4] - m[0] * m[1]);
+            sum += (2.0 * m[0] * m[1] + 1e-4) * (2.0 * sxy + 9e-4)
+                / ((m[0] * m[0] + m[1] * m[1] + 1e-4) * (sxx + syy + 9e-4));
+        }
+        sum / (x.len() * 3) as f64
+    }
+
+    #[test]
+    fn ssim_is_the_definition() {
+        let (x, y) = (noise("x", 17 * 9), noise("y", 17 * 9));
+        let mut grad = vec![[0.0; 3]; x.len()];
+        let means = photometric_grad(17, &x, &y, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        assert!((means.ssim - plain_ssim(17, &x, &y)).abs() < 2e-7, "{}", means.ssim);
+    }
+
+    #[test]
+    fn gradient_is_the_derivative() {
+        let width = 14;
+        let (x, y) = (noise("x", width * 12), noise("y", width * 12));
+        let w: Vec<f64> = noise("w", width * 12).iter().map(|v| v[0]).collect();
+        for (dssim, weight) in [(0.2, None), (1.0, None), (0.0, None), (0.4, Some(&w[..]))] {
+            let (_, grad) = loss(width, &x, &y, weight, dssim);
+            for at in (0..x.len() * 3).step_by(7) {
+                let (p, c, h) = (at / 3, at % 3, 1e-5);
+                let mut moved = x.clone();
+                moved[p][c] = x[p][c] + h;
+                let up = loss(width, &moved, &y, weight, dssim).0;
+                moved[p][c] = x[p][c] - h;
+                let down = loss(width, &moved, &y, weight, dssim).0;
+                let difference = (up - down) / (2.0 * h);
+                // λ passes through f32 once (scale): 6e-8 relative; the rest is the difference quotient's own.
+                assert!((difference - grad[p][c]).abs() < 1e-9, "{at}: {difference} vs {}", grad[p][c]);
+            }
+        }
+    }
+
+    #[test]
+    fn f32_is_f64_and_equal_pictures_have_no_gradient() {
+        let (x, y) = (noise("x", 33 * 21), noise("y", 33 * 21));
+        let narrow = |v: &[[f64; 3]]| v.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>();
+        let (x32, y32) = (narrow(&x), narrow(&y));
+        let mut grad = vec![[0.0f32; 3]; x.len()];
+        let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let (large, exact) = loss(33, &x, &y, None, LAMBDA);
+        assert!((small.value(LAMBDA) - large).abs() < 1e-6);
+        for (g, e) in grad.as_flattened().iter().zip(exact.as_flattened()) {
+            assert!((f64::from(*g) - e).abs() < 1e-8, "{g} {e}");
+        }
+        let same = photometric_grad(33, &x32, &x32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        assert_eq!(same.l1, 0.0);
+        assert!((same.ssim - 1.0).abs() < 1e-6);
+        assert!(grad.as_flattened().iter().all(|g| g.abs() < 1e-8));
+    }
+
+    #[test]
+    fn one_pixel_and_no_pixel() {
+        let mut grad = vec![[0.0f32; 3]; 1];
+        let means =
+            photometric_grad(1, &[[0.0; 3]], &[[0.0; 3]], None, LAMBDA, &mut Scratch::default(), &mut grad);
+        assert!(means.ssim.is_finite() && grad[0].iter().all(|g| g.is_finite()));
+        let none = photometric_grad::<f32>(0, &[], &[], None, LAMBDA, &mut Scratch::default(), &mut []);
+        assert_eq!(none.value(LAMBDA), 0.0);
+    }
+}

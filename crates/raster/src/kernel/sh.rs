@@ -1,0 +1,129 @@
+//! View-dependent colour: real spherical harmonics of degree 0 to 3 (as in Kerbl et al. 2023).
+#![allow(clippy::excessive_precision, reason = "as published")]
+
+use trisplat_scene::math::real::Real;
+use trisplat_scene::math::vec::V3;
+
+/// Largest number of coefficients, (3 + 1)².
+pub const MAX_COEFFICIENTS: usize = 16;
+
+/// Factor of degree 0: 1 / (2 sqrt(pi)).
+pub const SH_C0: f64 = 0.282_094_791_773_878_14;
+/// Degree 1: sqrt(3 / (4 pi)).
+pub const SH_C1: f64 = 0.488_602_511_902_919_9;
+/// Degree 2: xy, yz, 3z²-1, xz, x²-y².
+pub const SH_C2: [f64; 5] = [
+    1.092_548_430_592_079_2,
+    -1.092_548_430_592_079_2,
+    0.315_391_565_252_520_05,
+    -1.092_548_430_592_079_2,
+    0.546_274_215_296_039_6,
+];
+/// Degree 3: y(3x²-y²), xyz, y(5z²-1), z(5z²-3), x(5z²-1), z(x²-y²), x(x²-3y²).
+pub const SH_C3: [f64; 7] = [
+    -0.590_043_589_926_643_5,
+    2.890_611_442_640_554,
+    -0.457_045_799_464_465_74,
+    0.373_176_332_590_115_4,
+    -0.457_045_799_464_465_74,
+    1.445_305_721_320_277,
+    -0.590_043_589_926_643_5,
+];
+
+/// The basis functions up to `degree` in unit direction `v`; the rest is 0.
+#[inline(always)]
+pub fn basis<R: Real>(degree: u8, v: V3<R>) -> [R; MAX_COEFFICIENTS] {
+    let of = R::of;
+    let mut out = [of(0.0); MAX_COEFFICIENTS];
+    out[0] = of(SH_C0);
+    if degree < 1 {
+        return out;
+    }
+    let V3 { x, y, z } = v;
+    out[1] = of(-SH_C1) * y;
+    out[2] = of(SH_C1) * z;
+    out[3] = of(-SH_C1) * x;
+    if degree < 2 {
+        return out;
+    }
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    out[4] = of(SH_C2[0]) * x * y;
+    out[5] = of(SH_C2[1]) * y * z;
+    out[6] = of(SH_C2[2]) * (zz + zz - xx - yy);
+    out[7] = of(SH_C2[3]) * x * z;
+    out[8] = of(SH_C2[4]) * (xx - yy);
+    if degree < 3 {
+        return out;
+    }
+    let four = of(4.0) * zz - xx - yy;
+    out[9] = of(SH_C3[0]) * y * (of(3.0) * xx - yy);
+    out[10] = of(SH_C3[1]) * x * y * z;
+    out[11] = of(SH_C3[2]) * y * four;
+    out[12] = of(SH_C3[3]) * z * (zz + zz - of(3.0) * (xx + yy));
+    out[13] = of(SH_C3[4]) * x * four;
+    out[14] = of(SH_C3[5]) * z * (xx - yy);
+    out[15] = of(SH_C3[6]) * x * (xx - of(3.0) * yy);
+    out
+}
+
+/// Σ d_k ∂basis_k/∂v: the gradient of the direction for gradients `d` of the basis.
+#[inline(always)]
+pub fn basis_grad<R: Real>(degree: u8, v: V3<R>, d: &[R; MAX_COEFFICIENTS]) -> V3<R> {
+    let of = R::of;
+    let mut out = V3::zero();
+    if degree < 1 {
+        return out;
+    }
+    let V3 { x, y, z } = v;
+    out = V3::new(of(-SH_C1) * d[3], of(-SH_C1) * d[1], of(SH_C1) * d[2]);
+    if degree < 2 {
+        return out;
+    }
+    let [c0, c1, c2, c3, c4] = SH_C2.map(of);
+    let two = of(2.0);
+    out.x = out.x + c0 * y * d[4] - two * c2 * x * d[6] + c3 * z * d[7] + two * c4 * x * d[8];
+    out.y = out.y + c0 * x * d[4] + c1 * z * d[5] - two * c2 * y * d[6] - two * c4 * y * d[8];
+    out.z = out.z + c1 * y * d[5] + of(4.0) * c2 * z * d[6] + c3 * x * d[7];
+    if degree < 3 {
+        return out;
+    }
+    let [k0, k1, k2, k3, k4, k5, k6] = SH_C3.map(of);
+    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let (three, six, eight) = (of(3.0), of(6.0), of(8.0));
+    let four = of(4.0) * zz - xx - yy;
+    out.x = out.x + k0 * six * x * y * d[9] + k1 * y * z * d[10]
+        - two * k2 * x * y * d[11]
+        - six * k3 * x * z * d[12]
+        + k4 * (four - two * xx) * d[13]
+        + two * k5 * x * z * d[14]
+        + three * k6 * (xx - yy) * d[15];
+    out.y = out.y + three * k0 * (xx - yy) * d[9] + k1 * x * z * d[10] + k2 * (four - two * yy) * d[11]
+        - six * k3 * y * z * d[12]
+        - two * k4 * x * y * d[13]
+        - two * k5 * y * z * d[14]
+        - six * k6 * x * y * d[15];
+    out.z = out.z
+        + k1 * x * y * d[10]
+        + eight * k2 * y * z * d[11]
+        + k3 * (six * zz - three * (xx + yy)) * d[12]
+        + eight * k4 * x * z * d[13]
+        + k5 * (xx - yy) * d[14];
+    out
+}
+
+/// Gradient of a vector for the gradient `d` of its unit vector `unit`; `length` is its length.
+#[inline(always)]
+pub fn normalize_grad<R: Real>(unit: V3<R>, length: R, d: V3<R>) -> V3<R> {
+    (d - unit.scale(unit.dot(d))).scale(R::of(1.0) / length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_constant_of_soups_is_the_kernels_to_one_unit_in_the_last_place() {
+        let (exact, soup) = (SH_C0 as f32, trisplat_scene::soup::SH_C0);
+        assert!(soup == exact || soup.next_up() == exact);
+    }
+}

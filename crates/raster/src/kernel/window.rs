@@ -1,0 +1,85 @@
+//! The window function (Held et al. 2025, eq. 1) and the alpha it gives.
+//!
+//! ```text
+//! I(p) = ReLU(φ(p) / φ(s))^σ,   alpha(p) = min(cap, o · I(p)),   drawn where o · I(p) >= cutoff
+//! ```
+//!
+//! Also the window of an engine: the covered part of each pixel.
+
+use std::f64::consts::LN_2;
+use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::math::vec::V2;
+
+/// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this fraction of its inradius;
+/// in exchange no logarithm or quotient of a ratio can overflow.
+pub const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
+
+/// Three ratios, the smallest being φ(p) / φ(s); `offset` is p - origin.
+#[inline(always)]
+pub fn ratios<R: Real>(edge: &[V2<R>; 3], shift: R, offset: V2<R>) -> [R; 3] {
+    [edge[0].dot(offset), edge[1].dot(offset) - shift, edge[2].dot(offset)]
+}
+
+/// φ(p) / φ(s): 1 at the incenter, 0 on the boundary, negative outside.
+#[inline(always)]
+pub fn ratio<R: Real>(ratios: &[R; 3]) -> R {
+    ratios[0].min(ratios[1]).min(ratios[2])
+}
+
+/// Flags the nearest edge: exactly one of three, the first in a tie.
+#[inline(always)]
+pub fn nearest<R: Real>(ratios: &[R; 3]) -> [R::Mask; 3] {
+    let first = ratios[0].le(ratios[1]).and(ratios[0].le(ratios[2]));
+    let second = ratios[1].le(ratios[2]).and(first.not());
+    [first, second, first.or(second).not()]
+}
+
+/// The smallest ratio that is drawn: where o · I falls to `cutoff`, never below [`RATIO_FLOOR`].
+///
+/// The region {ratio >= floor} is the triangle shrunk about its incenter by 1 - floor.
+#[inline(always)]
+pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
+    ((log2_cutoff - log2_opacity) / sigma).max(R::of(-30.0)).exp2().max(R::of(RATIO_FLOOR))
+}
+
+/// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
+///
+/// On a needle, rounding may raise the ratio above 1, and a large σ then leaves the domain of exp2. Alpha
+/// never exceeds 1, so clamping the exponent there changes nothing.
+#[inline(always)]
+pub fn alpha<R: Real>(log2_ratio: R, log2_opacity: R, sigma: R) -> R {
+    sigma.mul_add(log2_ratio, log2_opacity).min(R::of(1.0)).exp2()
+}
+
+/// The mean of I over the triangle: the distance φ from the nearest edge has the density 2 (1 - φ), so the
+/// integral of φ^σ is 2 / ((σ + 1) (σ + 2)).
+pub fn mean_window(sigma: f32) -> f32 {
+    2.0 / ((sigma + 1.0) * (sigma + 2.0))
+}
+
+/// ∂L/∂σ and ∂L/∂ratio for `d_log` = ∂L/∂alpha · alpha (which is also ∂L/∂o · o). `ratio_least` bounds
+/// the quotient: at a small σ the slope at the boundary is unbounded.
+#[inline(always)]
+pub fn alpha_grad<R: Real>(ratio: R, log2_ratio: R, sigma: R, ratio_least: R, d_log: R) -> (R, R) {
+    (d_log * log2_ratio * R::of(LN_2), d_log * sigma / ratio.max(ratio_least))
+}
+
+/// The part of a pixel that a triangle covers; `distances` are those of its centre to the three edges, in
+/// widths of the pixel, positive inside. Below 0 far outside, 1 well inside.
+///
+/// ```text
+/// c = 1 - Σ_i max(0, 1/2 - d_i)
+/// ```
+/// Exact for a box filter across an edge parallel to an axis and for strips of any width. In pixels with a
+/// corner it is a lower bound, so thin triangles do not extend beyond their tips.
+#[inline(always)]
+pub fn coverage<R: Real>(distances: &[R; 3]) -> R {
+    let outside = |d: R| (R::of(0.5) - d).max(R::of(0.0));
+    R::of(1.0) - outside(distances[0]) - outside(distances[1]) - outside(distances[2])
+}
+
+/// Flags the edges that cut the pixel: ∂c/∂d_i is 1 for these and 0 for the others. Domain: c > 0.
+#[inline(always)]
+pub fn coverage_edges<R: Real>(distances: &[R; 3]) -> [R::Mask; 3] {
+    distances.map(|d| d.lt(R::of(0.5)))
+}

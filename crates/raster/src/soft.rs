@@ -1,0 +1,174 @@
+//! The soft rasteriser (Held et al. 2025): window function, alpha blending in depth
+//! order; forward and backward.
+//!
+//! Accuracy, edge values and policies are in `docs/numerics.md`.
+
+mod assemble;
+mod backward;
+mod block_layers;
+mod broadcast;
+mod camera_space;
+mod contributions;
+mod corners;
+mod forward;
+mod frame;
+mod gather;
+mod importance;
+mod open_tiles;
+mod options;
+mod pieces;
+mod project;
+mod skipped;
+mod slabs;
+mod slots;
+mod sort;
+mod soup_grad;
+mod soup_ref;
+mod splat_sums;
+mod splats;
+mod tile_grid;
+mod tile_pixels;
+mod tiles;
+
+pub use frame::{Frame, FrameGrad};
+pub use importance::Importance;
+pub use options::{SoftOptions, Sort, Window};
+pub use skipped::SoftWork;
+pub use soup_grad::SoupGrad;
+pub use soup_ref::SoupRef;
+pub use tile_grid::{MARGIN, TILE, tile_count};
+
+use forward::Slab;
+use gather::PairGrads;
+use slabs::SlabTarget;
+use slots::{GradSlots, WeightSlot};
+use splats::Projection;
+use std::time::Instant;
+use tile_pixels::TilePixels;
+use tiles::Tiles;
+use trisplat_scene::camera::Camera;
+
+/// The rasteriser: scratch memory that is reused from frame to frame.
+#[derive(Debug)]
+pub struct Soft {
+    projection: Projection,
+    tiles: Tiles,
+    pixels: Vec<TilePixels>,
+    slots: GradSlots,
+    weights: Vec<WeightSlot>,
+    frame: Frame,
+    timings: Vec<(&'static str, f64)>,
+    /// Most pairs of splats and tiles drawn at once; tests set fewer.
+    pairs_per_slab: u64,
+}
+
+impl Default for Soft {
+    fn default() -> Self {
+        Self {
+            projection: Projection::default(),
+            tiles: Tiles::default(),
+            pixels: Vec::new(),
+            slots: GradSlots::default(),
+            weights: Vec::new(),
+            frame: Frame::default(),
+            timings: Vec::new(),
+            pairs_per_slab: slabs::PAIRS_PER_SLAB,
+        }
+    }
+}
+
+/// Measures the time of each part of a frame.
+struct Clock(Instant);
+
+impl Clock {
+    fn new() -> Self {
+        Self(Instant::now())
+    }
+
+    fn lap(&mut self, part: &'static str, out: &mut Vec<(&'static str, f64)>) {
+        let now = Instant::now();
+        let ms = (now - self.0).as_secs_f64() * 1e3;
+        match out.iter_mut().find(|(name, _)| *name == part) {
+            Some((_, sum)) => *sum += ms,
+            None => out.push((part, ms)),
+        }
+        self.0 = now;
+    }
+}
+
+impl Soft {
+    /// A rasteriser without scratch memory.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Draws the view of `camera` of `soup`, with the same bits for any number of threads.
+    pub fn render(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> &Frame {
+        self.timings.clear();
+        let mut clock = Clock::new();
+        self.projection.project(soup, camera, options);
+        clock.lap("project", &mut self.timings);
+        self.projection.order();
+        clock.lap("sort", &mut self.timings);
+        let Self { projection, tiles, pixels, weights, timings, .. } = self;
+        let (splats, size) = (&projection.splats, camera.size);
+        if slabs::are_needed(splats, size, options, self.pairs_per_slab) {
+            let mut target = SlabTarget { tiles, pixels, weights };
+            target.draw(splats, size, options, self.pairs_per_slab, |part| clock.lap(part, timings));
+        } else {
+            tiles.bin(splats, size, options.window);
+            clock.lap("bin", timings);
+            forward::draw(splats, tiles, Slab::Whole, pixels, weights, options);
+            clock.lap("forward", timings);
+        }
+        assemble::assemble(&mut self.frame, &self.pixels, &self.tiles, options);
+        clock.lap("assemble", &mut self.timings);
+        &self.frame
+    }
+
+    /// Gradients of the frame just rendered; soup, camera and options must be those of the last
+    /// [`render`](Self::render). Rows are overwritten, not added to.
+    pub fn backward(
+        &mut self,
+        soup: &SoupRef,
+        camera: &Camera,
+        options: &SoftOptions,
+        d: &FrameGrad,
+        out: &mut SoupGrad,
+    ) {
+        let mut clock = Clock::new();
+        let Self { projection, tiles, pixels, slots, .. } = self;
+        backward::draw_grad(&projection.splats, tiles, pixels, options, d, slots);
+        clock.lap("backward", &mut self.timings);
+        let pairs = PairGrads { chunks: &self.projection.chunks, tiles: &self.tiles, slots: &self.slots };
+        gather::gather(&pairs, soup, camera, options, out);
+        clock.lap("gather", &mut self.timings);
+    }
+
+    /// The last frame drawn.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Adds the last frame, drawn with `options.importance`, to `out`; `out` is first reset if its number of
+    /// triangles differs.
+    pub fn accumulate_importance(&self, out: &mut Importance) {
+        out.accumulate(&self.projection, &self.tiles, &self.weights);
+    }
+
+    /// Number of layers drawn on each pixel of the last frame, by drawing its tiles again; options must be
+    /// those of the last [`render`](Self::render). `[height * width]`
+    pub fn contributions(&self, options: &SoftOptions) -> Vec<u32> {
+        contributions::contributions(&self.projection.splats, &self.tiles, options)
+    }
+
+    /// Wall time of every part of the last frame, ms.
+    pub fn timings(&self) -> &[(&'static str, f64)] {
+        &self.timings
+    }
+
+    /// Numbers of splats and of (splat, tile) pairs of the last frame.
+    pub fn load(&self) -> (usize, usize) {
+        (self.projection.splats.len(), self.tiles.entries.len())
+    }
+}

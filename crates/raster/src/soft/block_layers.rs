@@ -1,0 +1,224 @@
+//! Order per pixel: the layers of each pixel of a block, sorted by the depth of their planes there.
+//!
+//! Every layer is kept, so the order is exact, intersecting triangles included. Only the transmittance
+//! depends on the order. After [`BlockLayers::replay`] has computed it, everything else is summed layer by
+//! layer as usual.
+
+use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, PixelLimits};
+use super::options::{SoftOptions, Window};
+use super::splats::Splats;
+use super::tile_grid;
+use super::tiles::TileEntry;
+use crate::kernel::composite;
+use glam::UVec2;
+use trisplat_scene::math::lanes::{LANES, Lanes};
+use trisplat_scene::math::real::Mask;
+
+/// A layer on the pixels of a block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BlockLayer {
+    /// Its entry in the tile.
+    pub(super) entry: usize,
+    /// Pixels where it is drawn, one bit each.
+    pub(super) drawn: u16,
+    inv_depth: [f32; LANES],
+    alpha: [f32; LANES],
+    /// ∂L/∂w, for the backward pass.
+    pub(super) value: [f32; LANES],
+    /// Transmittance in front of it.
+    pub(super) before: [f32; LANES],
+    /// Σ w ∂L/∂w behind it.
+    pub(super) behind: [f32; LANES],
+}
+
+/// Depth of the occluder of each pixel of a block, for early termination: one layer whose alpha ends the
+/// pixel, or two that do so together. Layers behind it are never visible.
+struct OccluderDepth<L> {
+    /// 1 / depth of the occluder, 0 where there is none.
+    inv_depth: L,
+    /// 1 / depth of the nearest of the layers that end a pixel in pairs.
+    nearest_half: L,
+    /// Alpha above which one layer ends a pixel.
+    whole_alpha: L,
+    /// Alpha above which two layers end a pixel.
+    half_alpha: L,
+}
+
+impl<L: Lanes> OccluderDepth<L> {
+    #[inline(always)]
+    fn new(min_transmittance: f32) -> Self {
+        let zero = L::splat(0.0);
+        let (whole, half) = (1.0 - min_transmittance, 1.0 - min_transmittance.sqrt());
+        Self { inv_depth: zero, nearest_half: zero, whole_alpha: L::splat(whole), half_alpha: L::splat(half) }
+    }
+
+    /// Adds a layer; its alpha is 0 where it is not drawn.
+    #[inline(always)]
+    fn add(&mut self, inv_depth: L, alpha: L) {
+        let alone = inv_depth.masked(self.whole_alpha.lt(alpha));
+        let half = inv_depth.masked(self.half_alpha.lt(alpha));
+        self.inv_depth = self.inv_depth.max(alone).max(half.min(self.nearest_half));
+        self.nearest_half = self.nearest_half.max(half);
+    }
+}
+
+/// The nearest layer at each pixel of a block.
+struct FrontLayer<L> {
+    /// Pixels with a layer; at the others nothing is blended.
+    lanes: u16,
+    which: L,
+    alpha: L,
+    value: L,
+}
+
+/// The layers of one block.
+#[derive(Debug, Default)]
+pub(super) struct BlockLayers {
+    layers: Vec<BlockLayer>,
+    /// Pixels where each layer is not blended yet.
+    left: Vec<u16>,
+    corner: [f32; 2],
+    cap: f32,
+    window: Window,
+}
+
+impl BlockLayers {
+    pub(super) fn len(&self) -> usize {
+        self.layers.len()
+    }
+
+    pub(super) fn value(&mut self, i: usize) -> &mut [f32; LANES] {
+        &mut self.layers[i].value
+    }
+
+    /// Finds the layers of block `b` of the tile at `corner`.
+    #[inline(always)]
+    pub(super) fn find<L: Lanes>(
+        &mut self,
+        entries: &[TileEntry],
+        splats: &Splats,
+        corner: UVec2,
+        b: usize,
+        options: &SoftOptions,
+    ) {
+        self.layers.clear();
+        self.corner = tile_grid::block_corner(corner, b);
+        self.cap = options.alpha_cap;
+        self.window = options.window;
+        let limits = self.limits();
+        let mut occluder = OccluderDepth::<L>::new(options.min_transmittance);
+        for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
+            let splat = BroadcastSplat::<L>::new(&splats.records[e.splat as usize]);
+            let plane = BroadcastPlane::<L>::new(&splats.planes[e.splat as usize]);
+            let inv_depth = plane.inv_depth(splat.offset(self.corner));
+            let in_front = occluder.inv_depth.le(inv_depth);
+            if L::bits(in_front) == 0 {
+                continue;
+            }
+            let Some(mut shade) = splat.shade(self.corner, L::splat(1.0), &limits) else { continue };
+            shade.drawn = shade.drawn.and(in_front);
+            shade.alpha = shade.alpha.masked(shade.drawn);
+            if L::bits(shade.drawn) == 0 {
+                continue;
+            }
+            occluder.add(inv_depth, shade.alpha);
+            let zero = [0.0; LANES];
+            let mut layer = BlockLayer {
+                entry,
+                drawn: L::bits(shade.drawn),
+                inv_depth: zero,
+                alpha: zero,
+                value: zero,
+                before: zero,
+                behind: zero,
+            };
+            inv_depth.store(&mut layer.inv_depth);
+            shade.alpha.store(&mut layer.alpha);
+            self.layers.push(layer);
+        }
+    }
+
+    #[inline(always)]
+    fn limits<L: Lanes>(&self) -> PixelLimits<L> {
+        let (cap, min_transmittance) = (L::splat(self.cap), L::splat(0.0));
+        PixelLimits { cap, min_transmittance, window: self.window }
+    }
+
+    /// Blends every pixel in its own order, ties by index. Sets the light in front of and the sum behind
+    /// every layer, and omits layers behind the one that ends a pixel.
+    ///
+    /// Each round takes the nearest remaining layer of all sixteen pixels at once; pixels of opaque scenes have few.
+    #[inline(always)]
+    pub(super) fn replay<L: Lanes>(
+        &mut self,
+        transmittance: &mut [f32; LANES],
+        behind: &mut [f32; LANES],
+        min_transmittance: f32,
+    ) {
+        let least = L::splat(min_transmittance);
+        self.left.clear();
+        self.left.extend(self.layers.iter_mut().map(|layer| std::mem::take(&mut layer.drawn)));
+        loop {
+            let before = L::load(transmittance);
+            let alive = L::bits(least.le(before));
+            let Some(front) = self.front::<L>(alive) else { break };
+            let (weight, after) = composite::blend(before, front.alpha);
+            after.store(transmittance);
+            let rest = L::load(behind) - weight * front.value;
+            rest.store(behind);
+            let mut which = [0.0; LANES];
+            front.which.store(&mut which);
+            let mut fronts = [0.0; LANES];
+            before.store(&mut fronts);
+            let mut lanes = front.lanes;
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & (LANES - 1);
+                lanes &= lanes - 1;
+                let i = which[lane] as usize;
+                let layer = &mut self.layers[i];
+                layer.drawn |= 1 << lane;
+                layer.before[lane] = fronts[lane];
+                layer.behind[lane] = behind[lane];
+                self.left[i] &= !(1 << lane);
+            }
+        }
+    }
+
+    /// The nearest remaining layer at each pixel of `alive`.
+    #[inline(always)]
+    fn front<L: Lanes>(&self, alive: u16) -> Option<FrontLayer<L>> {
+        let zero = L::splat(0.0);
+        let (mut nearest, mut lanes) = (zero, 0);
+        let mut front = FrontLayer { lanes: 0, which: zero, alpha: zero, value: zero };
+        for (i, (layer, left)) in self.layers.iter().zip(&self.left).enumerate() {
+            if left & alive == 0 {
+                continue;
+            }
+            let inv_depth = L::load(&layer.inv_depth);
+            let nearer = nearest.lt(inv_depth).and(L::from_bits(left & alive));
+            nearest = L::select(nearer, inv_depth, nearest);
+            front.which = L::select(nearer, L::splat(i as f32), front.which);
+            front.alpha = L::select(nearer, L::load(&layer.alpha), front.alpha);
+            front.value = L::select(nearer, L::load(&layer.value), front.value);
+            lanes |= L::bits(nearer);
+        }
+        front.lanes = lanes;
+        (lanes != 0).then_some(front)
+    }
+
+    /// Layer `i`, and its shading on the pixels it is drawn on.
+    #[inline(always)]
+    pub(super) fn shade<L: Lanes>(
+        &self,
+        i: usize,
+        entries: &[TileEntry],
+        splats: &Splats,
+    ) -> (BlockLayer, BlockShade<L>) {
+        let layer = self.layers[i];
+        let splat = BroadcastSplat::<L>::new(&splats.records[entries[layer.entry].splat as usize]);
+        let mut shade = splat.shade_all(self.corner, &self.limits());
+        shade.drawn = shade.drawn.and(L::from_bits(layer.drawn));
+        shade.alpha = shade.alpha.masked(shade.drawn);
+        (layer, shade)
+    }
+}

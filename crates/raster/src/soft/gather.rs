@@ -1,0 +1,256 @@
+//! Gathers the gradients of (splat, tile) pairs into those of the triangles, in a fixed order.
+
+use super::camera_space::{KernelCamera, UnclippedTriangle, direction, vec3};
+use super::corners::corner_grads;
+use super::options::SoftOptions;
+use super::slots::{ERROR, GradSlots, OPACITY, RGB, SIGMA};
+use super::soup_grad::SoupGrad;
+use super::soup_ref::SoupRef;
+use super::splat_sums::SplatSums;
+use super::splats::{CHUNK, ProjectedSplat, SplatChunk};
+use super::tiles::Tiles;
+use crate::kernel::clip;
+use crate::kernel::sh;
+use crate::kernel::splat::CameraTriangle;
+use glam::Vec3;
+use rayon::prelude::*;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::color::{decode, srgb_from_linear};
+
+/// The rows of one chunk of triangles.
+struct GradRows<'a> {
+    first: usize,
+    vertices: &'a mut [[Vec3; 3]],
+    opacity: &'a mut [f32],
+    sigma: &'a mut [f32],
+    sh: &'a mut [[f32; 3]],
+    error: &'a mut [f32],
+    /// Coefficients per triangle.
+    k: usize,
+}
+
+/// The sums of the backward pass, and the place of each splat's sums.
+pub(super) struct PairGrads<'a> {
+    pub(super) chunks: &'a [SplatChunk],
+    pub(super) tiles: &'a Tiles,
+    pub(super) slots: &'a GradSlots,
+}
+
+/// Fills `out` from the sums of all pairs.
+pub(super) fn gather(
+    pairs: &PairGrads,
+    soup: &SoupRef,
+    camera: &Camera,
+    options: &SoftOptions,
+    out: &mut SoupGrad,
+) {
+    let (n, k) = (soup.len(), soup.sh_count());
+    let fits = out.vertices.len() == n && out.sh.len() == n * k;
+    if !fits {
+        *out = SoupGrad {
+            vertices: vec![[Vec3::ZERO; 3]; n],
+            opacity: vec![0.0; n],
+            sigma: vec![0.0; n],
+            sh: vec![[0.0; 3]; n * k],
+            error: vec![0.0; n],
+            ..SoupGrad::default()
+        };
+    }
+    let camera = KernelCamera::new(camera);
+    let stale = SoupGrad { visible: std::mem::take(&mut out.visible), ..SoupGrad::default() };
+    let rows = out
+        .vertices
+        .par_chunks_mut(CHUNK)
+        .zip(out.opacity.par_chunks_mut(CHUNK))
+        .zip(out.sigma.par_chunks_mut(CHUNK))
+        .zip(out.sh.par_chunks_mut(CHUNK * k).zip(out.error.par_chunks_mut(CHUNK)))
+        .enumerate();
+    let found: Vec<(Vec<u32>, usize)> = rows
+        .map(|(c, (((vertices, opacity), sigma), (sh, error)))| {
+            let mut rows = GradRows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
+            stale.visible_in(c * CHUNK..(c + 1) * CHUNK).iter().for_each(|&t| rows.zero(t as usize));
+            rows.fill(pairs, soup, &camera, options, &pairs.chunks[c].projected)
+        })
+        .collect();
+    out.visible = stale.visible;
+    out.visible.clear();
+    out.dropped = 0;
+    for (visible, dropped) in found {
+        out.visible.extend(visible);
+        out.dropped += dropped;
+    }
+}
+
+impl GradRows<'_> {
+    fn zero(&mut self, triangle: usize) {
+        let i = triangle - self.first;
+        self.vertices[i] = [Vec3::ZERO; 3];
+        self.opacity[i] = 0.0;
+        self.sigma[i] = 0.0;
+        self.error[i] = 0.0;
+        self.sh[i * self.k..(i + 1) * self.k].fill([0.0; 3]);
+    }
+
+    /// Writes the rows of the triangles that were drawn; returns them and the number of non-finite ones.
+    fn fill(
+        &mut self,
+        pairs: &PairGrads,
+        soup: &SoupRef,
+        camera: &KernelCamera,
+        options: &SoftOptions,
+        projected: &[ProjectedSplat],
+    ) -> (Vec<u32>, usize) {
+        let mut visible = Vec::with_capacity(projected.len());
+        let mut dropped = 0;
+        let sums = SplatSums::of_chunk(pairs.tiles, pairs.slots, projected, options.geometry);
+        let corners: Vec<_> = projected.iter().map(|s| corners(s, soup, camera, options.near)).collect();
+        let d_corners = corner_grads(&corners, &sums, camera.focal, options);
+        let mut at = 0;
+        for pieces in projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+            let triangle = pieces[0].record.triangle as usize;
+            let mut row = GradRow::default();
+            let mut drawn = false;
+            for (i, piece) in (at..).zip(pieces) {
+                if sums[i].drawn() {
+                    drawn = true;
+                    row.add(&sums[i], soup.opacity[triangle]);
+                    row.add_corners(&d_corners[i], piece, &soup.vertices[triangle], camera, options.near);
+                }
+            }
+            at += pieces.len();
+            if drawn {
+                let rgb = pieces[0].record.rgb;
+                visible.push(triangle as u32);
+                dropped += usize::from(!self.write(&row, rgb, triangle, soup, camera, options.linear));
+            }
+        }
+        (visible, dropped)
+    }
+
+    /// Writes one row; false, and zeros, when it is not finite.
+    fn write(
+        &mut self,
+        row: &GradRow,
+        rgb: [f32; 3],
+        triangle: usize,
+        soup: &SoupRef,
+        camera: &KernelCamera,
+        linear: bool,
+    ) -> bool {
+        let i = triangle - self.first;
+        let out = &mut self.sh[i * self.k..(i + 1) * self.k];
+        let used = soup.active_sh(triangle);
+        // The colour is clamped at 0, which stops the gradient. In linear light it is also clamped at 1, as
+        // in engines, but there the gradient passes, because a colour above 1 could otherwise never return.
+        let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
+            true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
+            true => row.rgb[c],
+            false => 0.0,
+        });
+        let d_offset = color_grad(d_rgb, triangle, soup, camera, used, out);
+        out[used.len()..].fill([0.0; 3]);
+        let vertices = row.vertices.map(|v| v + d_offset * (1.0 / 3.0));
+        let finite = d_rgb.iter().all(|d| d.is_finite())
+            && vertices.iter().all(|v| v.is_finite())
+            && row.opacity.is_finite()
+            && row.sigma.is_finite();
+        if !finite {
+            self.zero(triangle);
+            return false;
+        }
+        self.vertices[i] = vertices;
+        self.opacity[i] = row.opacity;
+        self.sigma[i] = row.sigma;
+        self.error[i] = row.error;
+        true
+    }
+}
+
+/// Writes the gradients of the coefficients to `out`; returns ∂L/∂(centroid - camera).
+fn color_grad(
+    d: [f32; 3],
+    triangle: usize,
+    soup: &SoupRef,
+    camera: &KernelCamera,
+    used: &[[f32; 3]],
+    out: &mut [[f32; 3]],
+) -> Vec3 {
+    let degree = soup.active_degree.min(soup.sh_degree);
+    let (unit, length) = direction(camera, &soup.vertices[triangle]);
+    let basis = sh::basis(degree, unit);
+    let mut d_basis = [0.0f32; sh::MAX_COEFFICIENTS];
+    for (i, coefficient) in used.iter().enumerate() {
+        out[i] = d.map(|d| d * basis[i]);
+        d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
+    }
+    if degree == 0 || !(length > 0.0) {
+        return Vec3::ZERO;
+    }
+    let d_unit = sh::basis_grad(degree, unit, &d_basis);
+    vec3(sh::normalize_grad(unit, length, d_unit))
+}
+
+/// The corners of a piece in camera space.
+fn corners(
+    projected: &ProjectedSplat,
+    soup: &SoupRef,
+    camera: &KernelCamera,
+    near: f32,
+) -> CameraTriangle<f32> {
+    UnclippedTriangle::new(camera, &soup.vertices[projected.record.triangle as usize])
+        .piece(&projected.piece, near)
+}
+
+/// Gradient of one triangle without the SH.
+#[derive(Default)]
+struct GradRow {
+    vertices: [Vec3; 3],
+    opacity: f32,
+    sigma: f32,
+    rgb: [f32; 3],
+    error: f32,
+}
+
+impl GradRow {
+    /// Adds the gradients without geometry. A sum is ∂L/∂log(effective opacity), so ∂L/∂log of each of its
+    /// factors.
+    fn add(&mut self, sums: &SplatSums, opacity: f32) {
+        for c in 0..3 {
+            self.rgb[c] += sums.base[RGB + c];
+        }
+        self.opacity += sums.base[OPACITY] / opacity;
+        self.sigma += sums.base[SIGMA];
+        self.error += sums.base[ERROR];
+    }
+
+    /// Adds to the world vertices the gradient of a piece's corners in camera space.
+    fn add_corners(
+        &mut self,
+        d: &CameraTriangle<f32>,
+        projected: &ProjectedSplat,
+        triangle: &[Vec3; 3],
+        camera: &KernelCamera,
+        near: f32,
+    ) {
+        let back = camera.rotation.transpose();
+        let each = [d.first - d.edges[0] - d.edges[1], d.edges[0], d.edges[1]];
+        if projected.piece == clip::WHOLE {
+            for (vertex, d) in self.vertices.iter_mut().zip(each) {
+                *vertex += back * vec3(d);
+            }
+            return;
+        }
+        let unclipped = UnclippedTriangle::new(camera, triangle);
+        for (corner, d) in projected.piece.iter().zip(each) {
+            let (from, to) = (corner.from as usize, corner.to as usize);
+            if from == to {
+                self.vertices[from] += back * vec3(d);
+            } else {
+                let (d_from, d_to) =
+                    clip::near_point_grad(unclipped.corners[from], unclipped.corners[to], near, d);
+                self.vertices[from] += back * vec3(d_from);
+                self.vertices[to] += back * vec3(d_to);
+            }
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Scenes of more photos and triangles than one run holds: cut into blocks, each trained on its own, on any machine, and merged again.
+//!
+//! ```text
+//! plan: coarse scene ──► cuts ──► assign ──► manifest.json, coarse.ply, start-*.ply
+//!                                                │
+//!                      task (one block, anywhere) ──► block-*.ply ──► merge ──► scene.ply, seams
+//!                                                                └──► tileset, block by block
+//! ```
+//!
+//! As in Liu et al. 2024 (*CityGaussian*), a coarse scene of all photos comes first. Blocks start from their parts of it, and each
+//! gets the photos that show it, judged by that scene. Opaque triangles need no blending where blocks meet: a triangle belongs to the block that holds
+//! its centroid.
+//!
+//! In: a data set that is too large for one run. Out: blocks, and one scene made of them.
+
+mod assign;
+mod cells;
+mod cover;
+mod cuts;
+pub mod expected;
+mod hash;
+pub mod manifest;
+pub mod merge;
+pub mod options;
+pub mod plan;
+pub mod region;
+pub mod seams;
+pub mod status;
+pub mod task;
+pub mod tileset;
+
+pub use manifest::{Block, Manifest};
+pub use merge::Blocks;
+pub use options::PlanOptions;
+pub use plan::Planner;
+pub use task::Task;

@@ -1,0 +1,351 @@
+//! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none writes.
+
+use super::hash;
+use super::region::Region;
+use glam::{UVec2, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use trisplat_dataset::DatasetOptions;
+use trisplat_scene::atomic::{AtomicFile, sweep_folder};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input;
+use trisplat_scene::limits::Limits;
+use trisplat_scene::space::Space;
+use trisplat_train::{Core, TrainOptions};
+
+/// The layout written and read; it changes whenever a key does.
+const FORMAT: u32 = 5;
+/// The name of the plan in its folder.
+pub const NAME: &str = "manifest.json";
+
+/// A scene in blocks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "trisplat plan of a scene in blocks")]
+pub struct Manifest {
+    /// The layout of this file.
+    pub format: u32,
+    /// Program and version; tasks of another version refuse the plan, as their bytes may be others.
+    pub generator: String,
+    /// The data set, relative to the folder of this file: the one thing here that says where photos lie.
+    pub dataset: String,
+    /// How it is read.
+    pub dataset_options: DatasetOptions,
+    /// The world point that is (0, 0, 0) in this file and in all soups beside it.
+    pub origin: [f64; 3],
+    /// Centre and scale of training space, the same for all blocks.
+    pub space: ([f32; 3], f32),
+    /// The coarse scene that blocks start from; none of a single block, which is a plain run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coarse: Option<Source>,
+    /// The hash of the data set's points, where a block starts from them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<String>,
+    /// How blocks are trained, without the steps, triangles and seed that are set per block.
+    pub options: TrainOptions,
+    /// The photos to train on, in order of name.
+    pub photos: Vec<PlannedPhoto>,
+    /// The blocks. Those that one cut made follow each other: the first half of them, rounded up, is below the first cut.
+    pub blocks: Vec<Block>,
+}
+
+/// A file of the plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its name in the folder of the plan.
+    pub file: String,
+    /// The hash of its bytes (XXH3).
+    pub hash: String,
+    /// Triangles in it.
+    pub triangles: u64,
+}
+
+/// A photo to train on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedPhoto {
+    /// Its name in the data set.
+    pub name: String,
+    /// The hash of its file, and of its mask's if it has one.
+    pub hash: String,
+    /// The hash of its camera.
+    pub camera: String,
+}
+
+/// A part of the scene that is trained on its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// What it owns: triangles whose middle is in here.
+    pub core: Region,
+    /// What it trains: the core and what lies around it.
+    pub halo: Region,
+    /// The photos that show it.
+    pub photos: Vec<BlockPhoto>,
+    /// What it starts from: first triangles that are only drawn, then its part of the shell, then those it trains. None of a plain run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<Source>,
+    /// Number of triangles at the front of `start` that are drawn but not trained.
+    pub frozen: u64,
+    /// Number of triangles after those that belong to the shell.
+    pub shell: u64,
+    /// Its steps, counted from the beginning of its schedule.
+    pub steps: u64,
+    /// Number of these that the coarse scene made for all blocks; the block continues from there.
+    pub first_step: u64,
+    /// It never trains more triangles than this, ...
+    pub max_triangles: u64,
+    /// ... and never more in its core: its part of those of the whole scene.
+    pub core_triangles: u64,
+    /// The seed of its random choices.
+    pub seed: u64,
+    /// What it will take, about.
+    pub expected: Expected,
+    /// The hash of all that its result depends on; part of the name of that.
+    pub key: String,
+}
+
+/// A photo of a block.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BlockPhoto {
+    /// Its index among the plan's photos.
+    pub photo: u32,
+    /// The part of it that is trained on: left, upper, width and height, px.
+    pub part: [u32; 4],
+    /// Share of the photo that shows the block's core.
+    pub cover: f32,
+}
+
+/// What training a block takes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Expected {
+    /// Memory, bytes.
+    pub bytes: u64,
+    /// CPU seconds on the machine of docs/benchmarks/history.md.
+    pub cpu_secs: f64,
+}
+
+/// Everything that the result of a block depends on.
+#[derive(Serialize)]
+struct KeyParts<'a> {
+    generator: &'a str,
+    dataset_options: &'a DatasetOptions,
+    origin: [f64; 3],
+    space: ([f32; 3], f32),
+    options: &'a TrainOptions,
+    photos: Vec<(&'a PlannedPhoto, [u32; 4])>,
+    start: Option<&'a str>,
+    points: &'a Option<String>,
+    counts: [u64; 5],
+    core: (&'a Region, u64),
+}
+
+impl Manifest {
+    /// A plan without blocks.
+    pub(super) fn new(dataset: String, dataset_options: DatasetOptions, options: TrainOptions) -> Self {
+        Self {
+            format: FORMAT,
+            generator: trisplat_scene::report::generator(),
+            dataset,
+            dataset_options,
+            origin: [0.0; 3],
+            space: ([0.0; 3], 1.0),
+            coarse: None,
+            points: None,
+            options,
+            photos: Vec::new(),
+            blocks: Vec::new(),
+        }
+    }
+
+    /// Training space.
+    pub fn space(&self) -> Space {
+        Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
+    }
+
+    /// How block `index` is trained.
+    pub fn options_of(&self, index: usize) -> TrainOptions {
+        let Block { steps, max_triangles, seed, .. } = self.blocks[index];
+        let mut options = TrainOptions { steps, max_triangles, seed, ..self.options.clone() };
+        // These are means over all triangles: each has the part in them that it has in a plain run.
+        let share = self.share_of(index);
+        for mean in [&mut options.loss.opacity, &mut options.loss.size] {
+            *mean *= share;
+        }
+        options
+    }
+
+    /// The share of the whole scene's triangles that block `index` trains.
+    fn share_of(&self, index: usize) -> f64 {
+        let block = &self.blocks[index];
+        match (&self.coarse, &block.start) {
+            (Some(coarse), Some(start)) => {
+                start.triangles.saturating_sub(block.frozen) as f64 / coarse.triangles.max(1) as f64
+            }
+            _ => 1.0,
+        }
+    }
+
+    /// The hash of all that the result of block `index` depends on.
+    pub(super) fn key_of(&self, index: usize) -> Result<String> {
+        let block = &self.blocks[index];
+        let photo = |p: &BlockPhoto| (&self.photos[p.photo as usize], p.part);
+        hash::of_value(&KeyParts {
+            generator: &self.generator,
+            dataset_options: &self.dataset_options,
+            origin: self.origin,
+            space: self.space,
+            options: &self.options_of(index),
+            photos: block.photos.iter().map(photo).collect(),
+            start: block.start.as_ref().map(|start| start.hash.as_str()),
+            points: &self.points,
+            counts: [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step],
+            core: (&block.core, block.core_triangles),
+        })
+    }
+
+    /// Reads the plan at `path`, its file or its folder; returns it and its folder.
+    ///
+    /// Errors: a file that is broken or no plan, or of another version of trisplat.
+    pub fn read(path: &Path, limits: &Limits) -> Result<(Self, PathBuf)> {
+        let path = if path.is_dir() { path.join(NAME) } else { path.to_owned() };
+        let text = input::read_text(&path, limits)?;
+        let manifest: Self = serde_json::from_str(&text).map_err(|e| {
+            let at = format!("line {} column {}", e.line(), e.column());
+            let reason = format!("{e}; a plan is what `trisplat plan` writes");
+            Error::malformed(&path, at, reason)
+        })?;
+        manifest.validate(&path)?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or(Path::new(".")).to_owned();
+        Ok((manifest, folder))
+    }
+
+    /// Fails unless a plan could be so.
+    fn validate(&self, path: &Path) -> Result<()> {
+        let ours = trisplat_scene::report::generator();
+        if self.format != FORMAT || self.generator != ours {
+            let reason =
+                format!("is a plan by {}, this is {ours}: use that version, or plan again", self.generator);
+            return Err(Error::unsupported(path, reason));
+        }
+        let bad = |at: String, reason: &str| Err(Error::malformed(path, at, reason));
+        if self.blocks.is_empty() {
+            return bad("blocks".into(), "there are none");
+        }
+        for (i, block) in self.blocks.iter().enumerate() {
+            if block.photos.iter().any(|p| p.photo as usize >= self.photos.len()) {
+                return bad(format!("block {i}"), "names a photo that does not exist");
+            }
+            let triangles = block.start.as_ref().map_or(u64::MAX, |start| start.triangles);
+            if block.frozen.checked_add(block.shell).is_none_or(|first| first > triangles) {
+                return bad(format!("block {i}"), "counts more triangles than its start has");
+            }
+            if block.first_step >= block.steps {
+                return bad(format!("block {i}"), "has no steps of its own");
+            }
+            if self.key_of(i)? != block.key {
+                return bad(format!("block {i}"), "was changed by hand: its key does not fit; plan again");
+            }
+            self.options_of(i)
+                .validate()
+                .map_err(|e| Error::malformed(path, format!("block {i}"), e.to_string()))?;
+        }
+        Ok(())
+    }
+
+    /// The text of the file.
+    pub fn to_json(&self) -> Result<String> {
+        let text = serde_json::to_string_pretty(self);
+        Ok(text.map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))? + "\n")
+    }
+
+    /// Writes the plan into `file`, which then names all others, and removes those of an earlier plan in its folder.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn write(&self, mut file: AtomicFile) -> Result<()> {
+        let path = file.path().to_owned();
+        file.write_all(self.to_json()?.as_bytes()).map_err(|e| Error::io(&path, e))?;
+        file.commit()?;
+        let starts = self.blocks.iter().filter_map(|block| block.start.as_ref());
+        let named: Vec<&str> = starts.chain(&self.coarse).map(|source| source.file.as_str()).collect();
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        sweep_folder(folder.unwrap_or(Path::new(".")), |name| is_of_a_plan(name) && !named.contains(&name));
+        Ok(())
+    }
+
+    /// The folder or file of the data set of a plan in `folder`.
+    pub fn dataset_path(&self, folder: &Path) -> PathBuf {
+        folder.join(&self.dataset)
+    }
+}
+
+/// Whether a file of this name is what blocks start from, or the coarse scene or its checkpoint.
+fn is_of_a_plan(name: &str) -> bool {
+    let hex = |text: &str, digits: usize| text.len() == digits && text.bytes().all(|b| b.is_ascii_hexdigit());
+    let Some((stem, ending)) = name.rsplit_once('.') else { return false };
+    if let Some(hash) = stem.strip_prefix("coarse-") {
+        return hex(hash, 16) && matches!(ending, "ply" | "checkpoint");
+    }
+    let Some(rest) = stem.strip_prefix("start-").filter(|_| ending == "ply") else { return false };
+    match rest.split_once('-') {
+        Some((index, hash)) => hex(index, index.len().max(4)) && hex(hash, 16),
+        // As they are called while they are made.
+        None => hex(rest, rest.len().max(4)),
+    }
+}
+
+impl Block {
+    /// The core, in training space, with its budget.
+    pub(super) fn training_core(&self, space: &Space) -> Core {
+        let axes = [0, 1, 2];
+        let to = |side: Option<f32>, a: usize| Some((side? - space.center[a]) * space.scale);
+        let Region { low, high } = self.core;
+        Core {
+            low: axes.map(|a| to(low[a], a)),
+            high: axes.map(|a| to(high[a], a)),
+            triangles: self.core_triangles,
+        }
+    }
+
+    /// The name of its result beside the plan, with some ending.
+    pub fn file(&self, index: usize, ending: &str) -> String {
+        format!("block-{index:04}-{}.{ending}", self.key)
+    }
+}
+
+impl BlockPhoto {
+    /// Upper left corner and size of the part, px.
+    pub fn corner_and_size(&self) -> (UVec2, UVec2) {
+        let [x, y, width, height] = self.part;
+        (UVec2::new(x, y), UVec2::new(width, height))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_files_of_plans_are_swept() {
+        let hash = "0123456789abcdef";
+        for ours in [
+            format!("start-0001-{hash}.ply"),
+            format!("coarse-{hash}.ply"),
+            format!("coarse-{hash}.checkpoint"),
+            "start-0012.ply".into(),
+        ] {
+            assert!(is_of_a_plan(&ours), "{ours}");
+        }
+        for other in
+            [format!("block-0001-{hash}.ply"), "start-mine.ply".into(), "coarse.ply".into(), NAME.into()]
+        {
+            assert!(!is_of_a_plan(&other), "{other}");
+        }
+    }
+}

@@ -1,0 +1,417 @@
+//! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
+
+use super::assign::{assign, visible};
+use super::cover::{Coverage, middles, owners};
+use super::cuts::{Surroundings, cut};
+use super::expected::{BlockLoad, expected};
+use super::hash;
+use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
+use super::options::PlanOptions;
+use super::region::Region;
+use glam::{UVec2, Vec3};
+use rayon::prelude::*;
+use std::path::{Component, Path, PathBuf};
+use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_formats::ply;
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::soup::Soup;
+use trisplat_scene::space::Space;
+use trisplat_train::options::REFERENCE_STEPS;
+use trisplat_train::schedule::Schedule;
+use trisplat_train::{RunIdentity, TrainOptions, TrainPreset};
+
+/// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
+/// block, but before triangles become opaque.
+const GOES_ON_AT: f64 = 18_000.0;
+/// Default share of a plain run's triangles that the coarse scene has: one in this many.
+const COARSE_TRIANGLES: u64 = 2;
+/// By default blocks together draw this many times the pixels of a plain run, because each step has fewer triangles.
+const PIXELS: f64 = 1.5;
+/// Triangles around a core may grow by this factor relative to the coarse scene, compared with those in the core.
+const HALO_ROOM: f64 = 2.0;
+
+/// Makes a plan of a data set.
+#[derive(Debug, Clone)]
+pub struct Planner<'a> {
+    /// All its photos; those held out are not planned with.
+    pub dataset: &'a Dataset,
+    /// How it was read.
+    pub dataset_options: &'a DatasetOptions,
+    /// How it is cut.
+    pub options: &'a PlanOptions,
+    /// How the whole scene would be trained in a plain run.
+    pub whole: &'a TrainOptions,
+}
+
+/// Refuses what no photo is needed to refuse: options out of range, and blocks that would take more than `max_bytes` were they all alike and
+/// had no photos. Returns the number of blocks.
+///
+/// Errors: those.
+pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
+    options.validate()?;
+    whole.validate()?;
+    if whole.preset == TrainPreset::PaperEngine {
+        let expected = "another preset: its losses are means over a whole scene";
+        return Err(Error::invalid("preset", "paper-engine, in blocks", expected));
+    }
+    let count = options.count(whole.max_triangles)?;
+    let triangles = whole.max_triangles.div_ceil(count as u64);
+    let load = BlockLoad { photos: Vec::new(), frozen: 0, trained: triangles, position: 0.0, photo_bytes: 0 };
+    let least = expected(&load, &TrainOptions { max_triangles: triangles, ..whole.clone() });
+    check_memory("the largest block, even without photos,", least, max_bytes)?;
+    Ok(count)
+}
+
+impl Planner<'_> {
+    /// How many blocks there are.
+    pub fn count(&self) -> Result<usize> {
+        check(self.options, self.whole, None)
+    }
+
+    /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
+    /// one block, which needs none.
+    pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
+        if self.count()? == 1 {
+            return Ok(None);
+        }
+        let or_part = |given: u64, of: u64| if given > 0 { given } else { of };
+        let share = GOES_ON_AT / REFERENCE_STEPS;
+        let steps = or_part(self.options.coarse_steps, (share * self.whole.steps as f64).ceil() as u64);
+        let max_triangles =
+            or_part(self.options.coarse_triangles, self.whole.max_triangles.div_ceil(COARSE_TRIANGLES));
+        let whole = (steps as f64 / share).round() as u64;
+        Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
+    }
+
+    /// The name of the coarse scene's file, with a hash of what it was made of.
+    ///
+    /// Errors: photos that cannot be read.
+    pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
+        let generator = trisplat_scene::report::generator();
+        let parts = (generator, self.dataset_options, coarse, photos, self.points());
+        Ok(format!("coarse-{}.ply", hash::of_value(&parts)?))
+    }
+
+    /// The photos to train on, with the hashes of their files.
+    ///
+    /// Errors: photos that cannot be read.
+    pub fn photos(&self) -> Result<Vec<PlannedPhoto>> {
+        planned_photos(self.dataset, self.dataset_options)
+    }
+
+    fn points(&self) -> String {
+        hash::digits(self.identity().points)
+    }
+
+    fn identity(&self) -> RunIdentity {
+        RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None)
+    }
+
+    /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the name and the content of the
+    /// coarse scene.
+    ///
+    /// Blocks that no photo shows are left out: there may be fewer than the options ask for.
+    ///
+    /// Errors: no photo shows any block; one that is expected to take more than `max_bytes`; what the operating system refuses.
+    pub fn plan(
+        &self,
+        file: &mut AtomicFile,
+        photos: Vec<PlannedPhoto>,
+        coarse: Option<(&str, &Loaded)>,
+        max_bytes: Option<u64>,
+    ) -> Result<Manifest> {
+        let options = self.whole;
+        let folder = &file.path().parent().unwrap_or(Path::new("")).to_owned();
+        let dataset = relative(folder, &self.dataset.path)?;
+        let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
+        manifest.origin = self.dataset.origin.to_array();
+        manifest.photos = photos;
+        let views: Vec<&View> = self.dataset.train().collect();
+        let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+        match coarse {
+            None => {
+                manifest.points = Some(self.points());
+                manifest.blocks = vec![self.only_block(&views)];
+            }
+            Some((name, scene)) => {
+                let cutter = Cutter::new(self, scene, &views, &cameras)?;
+                manifest.space = (cutter.space.center.to_array(), cutter.space.scale);
+                let hash = hash::of_file(&folder.join(name), &self.dataset_options.limits)?;
+                manifest.coarse =
+                    Some(Source { file: name.into(), hash, triangles: cutter.soup.len() as u64 });
+                manifest.blocks = cutter.blocks(file, max_bytes)?;
+            }
+        }
+        for index in 0..manifest.blocks.len() {
+            manifest.blocks[index].key = manifest.key_of(index)?;
+            let expected = manifest.blocks[index].expected;
+            check_memory(&format!("block {index}"), expected, max_bytes)?;
+        }
+        Ok(manifest)
+    }
+
+    /// The block of a scene that is not cut: a plain run.
+    fn only_block(&self, views: &[&View]) -> Block {
+        let whole = |(i, view): (usize, &&View)| {
+            let [width, height] = view.camera.size.to_array();
+            BlockPhoto { photo: i as u32, part: [0, 0, width, height], cover: 1.0 }
+        };
+        let load = BlockLoad {
+            photos: views.iter().map(|view| view.camera.size).collect(),
+            frozen: 0,
+            trained: self.dataset.points.len() as u64,
+            position: 0.0,
+            photo_bytes: self.dataset_options.photo_bytes(),
+        };
+        let TrainOptions { steps, max_triangles, seed, .. } = *self.whole;
+        Block {
+            photos: views.iter().enumerate().map(whole).collect(),
+            expected: expected(&load, self.whole),
+            ..empty_block(Region::EVERYWHERE, Region::EVERYWHERE, steps, max_triangles, seed)
+        }
+    }
+}
+
+/// The photos of `dataset` that are not held out, with the hashes of their files.
+pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Result<Vec<PlannedPhoto>> {
+    let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
+    let views: Vec<&View> = dataset.train().collect();
+    let planned = |(view, photo): (&&View, &trisplat_train::identity::PhotoIdentity)| {
+        let mut hash = hash::of_file(&view.photo.path, &options.limits)?;
+        if let Some(mask) = &view.photo.mask {
+            hash += &hash::of_file(mask, &options.limits)?;
+        }
+        Ok(PlannedPhoto { name: view.name.clone(), hash, camera: hash::digits(photo.pose) })
+    };
+    views.par_iter().zip(&identity.photos).map(planned).collect()
+}
+
+fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed: u64) -> Block {
+    Block {
+        core,
+        halo,
+        photos: Vec::new(),
+        start: None,
+        frozen: 0,
+        shell: 0,
+        steps,
+        first_step: 0,
+        max_triangles,
+        core_triangles: max_triangles,
+        seed,
+        expected: Expected::default(),
+        key: String::new(),
+    }
+}
+
+fn check_memory(what: &str, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
+    match max_bytes.filter(|most| expected.bytes > *most) {
+        Some(limit) => Err(Error::TooLarge {
+            what: format!("what {what} is expected to take"),
+            bytes: expected.bytes,
+            limit,
+            remedy:
+                "plan more blocks, fewer triangles or smaller photos (`blocks`, `max_triangles`, `max_size`)"
+                    .into(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Cuts a coarse scene.
+struct Cutter<'a> {
+    planner: &'a Planner<'a>,
+    scene: &'a Loaded,
+    soup: &'a Soup,
+    space: Space,
+    views: &'a [&'a View],
+    cameras: &'a [Camera],
+    middles: Vec<Vec3>,
+}
+
+impl<'a> Cutter<'a> {
+    fn new(
+        planner: &'a Planner<'a>,
+        scene: &'a Loaded,
+        views: &'a [&'a View],
+        cameras: &'a [Camera],
+    ) -> Result<Self> {
+        let Scene::Soup(soup) = &scene.scene else {
+            return Err(Error::invalid("coarse scene", "a mesh", "a soup, as `trisplat train` writes it"));
+        };
+        let middles = middles(soup);
+        let points = &planner.dataset.points;
+        let space = match points.is_empty() {
+            true => Space::new(cameras, &middles),
+            false => Space::of(cameras, points.len(), |i| points[i].position),
+        };
+        Ok(Self { planner, scene, soup, space, views, cameras, middles })
+    }
+
+    /// The blocks; what they start from is written beside `file`, the plan.
+    fn blocks(&self, file: &mut AtomicFile, max_bytes: Option<u64>) -> Result<Vec<Block>> {
+        let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
+        let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
+        let cores = cut(&inner, self.planner.count()?, &Surroundings::of(&positions));
+        let owners = owners(&self.middles, &cores);
+        let mut held = vec![Vec::new(); cores.len()];
+        self.inner().for_each(|i| held[owners[i] as usize].push(self.middles[i]));
+        let seed = self.planner.whole.seed;
+        let block = |(i, core): (usize, &Region)| {
+            let halo = core.grown(extent(&held[i]) * self.planner.options.halo as f32);
+            empty_block(*core, halo, 0, 0, seed.wrapping_add(i as u64))
+        };
+        let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
+        let drawing = self.planner.whole.drawing([0.0; 3]);
+        let coverage = Coverage::new(self.soup, &self.middles, &owners, self.space, &drawing);
+        assign(&mut blocks, self.views, &coverage, self.planner.options)?;
+        let (passes, core_triangles) = (self.passes(&blocks), self.core_triangles(&owners, &blocks));
+        let mut shown = Vec::with_capacity(blocks.len());
+        for (owner, mut block) in blocks.into_iter().enumerate() {
+            // What no photo shows cannot be trained, and nobody misses it.
+            if block.photos.is_empty() {
+                continue;
+            }
+            let visible = visible(&block, self.views, self.soup.len(), &coverage)?;
+            let photos = block.photos.len() as f64 / self.views.len() as f64;
+            block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
+            block.first_step =
+                Schedule::new(&TrainOptions { steps: block.steps, ..self.planner.whole.clone() })
+                    .scaled(GOES_ON_AT)
+                    .min(block.steps - 1);
+            block.core_triangles = core_triangles[owner];
+            self.fill(shown.len(), &mut block, &visible, file, max_bytes)?;
+            shown.push(block);
+        }
+        Ok(shown)
+    }
+
+    /// The triangles that are not the shell.
+    fn inner(&self) -> impl Iterator<Item = usize> {
+        (0..self.soup.len()).filter(|i| !self.soup.is_shell(*i))
+    }
+
+    /// How often blocks look at their photos, as a share of how often a plain run does. By default all of them together draw
+    /// 1.5 times as many pixels.
+    fn passes(&self, blocks: &[Block]) -> f64 {
+        let pixels = |size: UVec2| size.as_dvec2().element_product();
+        let whole: f64 = self.cameras.iter().map(|camera| pixels(camera.size)).sum();
+        let parts =
+            blocks.iter().flat_map(|block| &block.photos).map(|photo| pixels(photo.corner_and_size().1));
+        match self.planner.options.passes {
+            0.0 => (PIXELS * whole / parts.sum::<f64>().max(1.0)).min(1.0),
+            given => given,
+        }
+    }
+
+    /// The triangles of the whole scene, shared out among the cores that photos show as those of the coarse scene are. `[blocks]`
+    fn core_triangles(&self, owners: &[u32], blocks: &[Block]) -> Vec<u64> {
+        let mut held = vec![0u128; blocks.len()];
+        owners.iter().for_each(|owner| held[*owner as usize] += 1);
+        for (held, _) in held.iter_mut().zip(blocks).filter(|(_, block)| block.photos.is_empty()) {
+            *held = 0;
+        }
+        let all = held.iter().sum::<u128>().max(1);
+        let mut below = 0;
+        let up_to = |held: u128| (u128::from(self.planner.whole.max_triangles) * held / all) as u64;
+        let part = |held: &u128| {
+            let from = up_to(below);
+            below += held;
+            up_to(below) - from
+        };
+        held.iter().map(part).collect()
+    }
+
+    /// Everything of a block that follows from its boxes and photos, and the file it starts from.
+    fn fill(
+        &self,
+        index: usize,
+        block: &mut Block,
+        visible: &[bool],
+        file: &mut AtomicFile,
+        max_bytes: Option<u64>,
+    ) -> Result<()> {
+        let is_shell = |i: usize| self.soup.is_shell(i);
+        // None that is only drawn may reach into the halo: what it hides would be missing once it is gone.
+        let is_trained = |i: usize| match is_shell(i) {
+            true => block.core.contains(self.middles[i]),
+            false => block.halo.touches(&self.soup.vertices[i]),
+        };
+        let all = 0..self.soup.len();
+        let frozen: Vec<usize> = all.clone().filter(|&i| visible[i] && !is_trained(i)).collect();
+        let (shell, trained): (Vec<usize>, Vec<usize>) =
+            all.filter(|&i| is_trained(i)).partition(|&i| is_shell(i));
+        let own = shell.len() + trained.len();
+        let around = trained.iter().filter(|&&i| !block.core.contains(self.middles[i])).count() as f64;
+        let per_coarse = self.planner.whole.max_triangles as f64 / self.soup.len() as f64;
+        block.max_triangles =
+            (block.core_triangles + (HALO_ROOM * per_coarse * around).ceil() as u64).max(own as u64);
+        (block.frozen, block.shell) = (frozen.len() as u64, shell.len() as u64);
+        let options = TrainOptions {
+            steps: block.steps,
+            max_triangles: block.max_triangles,
+            ..self.planner.whole.clone()
+        };
+        let load = BlockLoad {
+            photos: block.photos.iter().map(|photo| photo.corner_and_size().1).collect(),
+            frozen: block.frozen,
+            trained: own as u64,
+            position: GOES_ON_AT,
+            photo_bytes: self.planner.dataset_options.photo_bytes(),
+        };
+        block.expected = expected(&load, &options);
+        check_memory(&format!("block {index}"), block.expected, max_bytes)?;
+        let order: Vec<usize> = [frozen, shell, trained].concat();
+        block.start = Some(self.write_start(index, &order, file)?);
+        Ok(())
+    }
+
+    /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name holds the hash of its bytes, so that
+    /// it replaces nothing; `manifest` names it.
+    fn write_start(&self, index: usize, order: &[usize], manifest: &mut AtomicFile) -> Result<Source> {
+        let aside = manifest.path().with_file_name(format!("start-{index:04}.ply"));
+        let mut soup = self.soup.picked(order);
+        // The plan says which of these are the block's part of it.
+        soup.shell.clear();
+        let mut out = hash::Hashed::new(AtomicFile::create(&aside)?);
+        ply::write_soup(&mut out, &soup, &self.scene.provenance, &[]).map_err(|e| Error::io(&aside, e))?;
+        let (out, hash) = out.end();
+        let file = format!("start-{index:04}-{hash}.ply");
+        let path = aside.with_file_name(&file);
+        if !path.exists() {
+            manifest.names(&path);
+        }
+        out.commit_as(&path)?;
+        Ok(Source { file, hash, triangles: order.len() as u64 })
+    }
+}
+
+/// How far nearly all of these reach along each axis.
+fn extent(middles: &[Vec3]) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|a| {
+        let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
+        along.sort_unstable_by(f32::total_cmp);
+        let skipped = along.len() / 20;
+        match along.is_empty() {
+            true => 0.0,
+            false => along[along.len() - 1 - skipped] - along[skipped],
+        }
+    }))
+}
+
+/// `to` relative to `folder`, so that both can be mounted elsewhere together.
+fn relative(folder: &Path, to: &Path) -> Result<String> {
+    let full = |path: &Path| std::fs::canonicalize(path).map_err(|e| Error::io(path, e));
+    let (from, to) = (full(folder)?, full(to)?);
+    let (a, b): (Vec<Component>, Vec<Component>) = (from.components().collect(), to.components().collect());
+    let common = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+    let path: PathBuf = match common {
+        0 => to,
+        _ => a[common..].iter().map(|_| Component::ParentDir).chain(b[common..].iter().copied()).collect(),
+    };
+    let text = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+    Ok(text.to_string_lossy().replace('\\', "/"))
+}

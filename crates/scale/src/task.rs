@@ -1,0 +1,223 @@
+//! Trains one block: files in, files out. The result's name is a hash of its inputs, so a finished task is not repeated.
+//! A task that was killed and starts again, here or elsewhere, ends with the same bytes.
+
+use super::hash;
+use super::manifest::{Block, Manifest, PlannedPhoto, Source};
+use super::plan::planned_photos;
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use trisplat_dataset::Dataset;
+use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
+
+/// Default number of checkpoints that a task writes.
+const CHECKPOINTS: u64 = 10;
+
+/// A block that is to be trained.
+#[derive(Debug)]
+pub struct Task {
+    manifest: Manifest,
+    folder: PathBuf,
+    index: usize,
+}
+
+/// What a task took, beside its result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat figures of a trained block")]
+pub struct BlockFigures {
+    /// Index of the block.
+    pub block: u64,
+    /// Photos it was trained on.
+    pub photos: u64,
+    /// Steps made.
+    pub steps: u64,
+    /// Triangles of its result, halo included.
+    pub triangles: u64,
+    /// Triangles that were only drawn.
+    pub frozen: u64,
+    /// PSNR on its photos as drawn last, dB.
+    pub psnr: Option<f64>,
+    /// CPU seconds of the training, all processes that had a part in it.
+    pub cpu_secs: f64,
+    /// Most memory that the last process held, bytes.
+    pub peak_bytes: u64,
+}
+
+impl Task {
+    /// Block `index` of the plan at `path`.
+    ///
+    /// Errors: those of [`Manifest::read`]; a block that is not there.
+    pub fn open(path: &Path, index: usize, limits: &Limits) -> Result<Self> {
+        let (manifest, folder) = Manifest::read(path, limits)?;
+        let count = manifest.blocks.len();
+        if index >= count {
+            return Err(Error::invalid("block", index, format!("0 to {}", count - 1)));
+        }
+        Ok(Self { manifest, folder, index })
+    }
+
+    /// The plan.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The block.
+    pub fn block(&self) -> &Block {
+        &self.manifest.blocks[self.index]
+    }
+
+    fn file(&self, ending: &str) -> PathBuf {
+        self.folder.join(self.block().file(self.index, ending))
+    }
+
+    /// Where its soup goes; when it is there the task is done.
+    pub fn output(&self) -> PathBuf {
+        self.file("ply")
+    }
+
+    /// Where its figures go.
+    pub fn figures(&self) -> PathBuf {
+        self.file("json")
+    }
+
+    /// Where it stands when it was stopped.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.file("checkpoint")
+    }
+
+    /// Its photos, and the cameras of the whole photos; `moved` is where the data set is now, if not where it was planned.
+    ///
+    /// Errors: photos or cameras that are not as they were planned.
+    pub fn dataset(&self, moved: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
+        let (plan, options) = (&self.manifest, &self.manifest.dataset_options);
+        let path = moved.map_or_else(|| plan.dataset_path(&self.folder), Path::to_owned);
+        let named = |photo: &PlannedPhoto| photo.name.clone();
+        let photos: Vec<&PlannedPhoto> =
+            self.block().photos.iter().map(|p| &plan.photos[p.photo as usize]).collect();
+        let names: BTreeSet<String> = photos.iter().map(|photo| named(photo)).collect();
+        // A block that starts from triangles needs no points, which may be most of a data set.
+        let origin = self.block().start.as_ref().map(|_| DVec3::from(plan.origin));
+        let mut dataset = Dataset::load_some(&path, options, &names, origin)?;
+        for (now, planned) in planned_photos(&dataset, options)?.iter().zip(&photos) {
+            if now != *planned {
+                let what = if now.hash == planned.hash { "its camera" } else { "its file" };
+                let reason = format!("{what} has changed since it was planned: restore it, or plan again");
+                return Err(Error::malformed(&path, format!("photo `{}`", planned.name), reason));
+            }
+        }
+        if dataset.origin.to_array() != plan.origin {
+            let reason = "does not match the plan: its cameras or points differ; plan again";
+            return Err(Error::unsupported(&path, reason));
+        }
+        let cameras = dataset.views.iter().map(|view| view.camera).collect();
+        for (view, photo) in dataset.views.iter_mut().zip(&self.block().photos) {
+            let (corner, size) = photo.corner_and_size();
+            if size != view.camera.size {
+                *view = view.cropped(corner, size)?;
+            }
+        }
+        Ok((dataset, cameras))
+    }
+
+    /// What it starts from; `None` for a plain run.
+    ///
+    /// Errors: a file that is not as it was planned.
+    pub fn start(&self) -> Result<Option<Loaded>> {
+        let Some(start) = &self.block().start else { return Ok(None) };
+        let mut loaded = read_source(&self.folder, start, &self.manifest.dataset_options.limits)?;
+        if let Scene::Soup(soup) = &mut loaded.scene {
+            let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+            let first = count(self.block().frozen);
+            soup.set_shell(first..first.saturating_add(count(self.block().shell)));
+        }
+        Ok(Some(loaded))
+    }
+
+    /// The run on `dataset`, that of [`Task::dataset`]: from its checkpoint if there is one, else from the beginning. With the warning
+    /// that a checkpoint cannot be read, when that is so.
+    ///
+    /// Errors: those of [`Task::start`].
+    pub fn run<'a>(
+        &self,
+        dataset: &'a Dataset,
+        outputs: RunOptions,
+    ) -> Result<(TrainRun<'a>, Option<String>)> {
+        let options = self.manifest.options_of(self.index);
+        let path = self.checkpoint();
+        let (resume, warning) = match path.exists().then(|| checkpoint::read(&path)) {
+            None => (None, None),
+            Some(Ok(checkpoint)) => (Some(checkpoint), None),
+            Some(Err(error)) => (None, Some(format!("{error}; training from the beginning"))),
+        };
+        let from = if resume.is_some() { None } else { self.start()? };
+        let part = from.as_ref().map(|_| Part {
+            space: self.manifest.space(),
+            first_step: self.block().first_step,
+            core: Some(self.block().training_core(&self.manifest.space())),
+            frozen: usize::try_from(self.block().frozen).unwrap_or(usize::MAX),
+        });
+        let run = TrainRun::new(dataset, &options).with_dataset_options(&self.manifest.dataset_options);
+        Ok((TrainRun { outputs, from, part, resume, ..run }, warning))
+    }
+
+    /// What the run leaves behind; 0 `checkpoint_every`: ten checkpoints on the way.
+    pub fn outputs(&self, checkpoint_every: u64, preview: Option<Preview>, max_cpu_secs: f64) -> RunOptions {
+        let steps = self.block().steps - self.block().first_step;
+        let checkpoint_every =
+            if checkpoint_every > 0 { checkpoint_every } else { steps.div_ceil(CHECKPOINTS) };
+        RunOptions {
+            checkpoint: Some(self.checkpoint()),
+            keep: 1,
+            checkpoint_every,
+            preview,
+            max_cpu_secs,
+            ..RunOptions::default()
+        }
+    }
+
+    /// What was trained, as it is written: with the cameras of whole photos.
+    pub fn finished(&self, trained: Trained, cameras: Vec<Camera>) -> Trained {
+        Trained { cameras, ..unnamed(trained) }
+    }
+
+    /// The figures of what was trained.
+    pub fn figures_of(&self, trained: &Trained) -> BlockFigures {
+        BlockFigures {
+            block: self.index as u64,
+            photos: self.block().photos.len() as u64,
+            steps: trained.steps.saturating_sub(self.block().first_step),
+            triangles: trained.soup.len() as u64,
+            frozen: self.block().frozen,
+            psnr: trained.curve.last().map(|sample| sample.psnr),
+            cpu_secs: trained.cpu_secs,
+            peak_bytes: trisplat_scene::process::peak_bytes(),
+        }
+    }
+}
+
+/// What was trained, without the name of its data set: files of a plan are the same wherever the photos lie.
+pub fn unnamed(trained: Trained) -> Trained {
+    Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }
+}
+
+/// A soup of the plan, which must be as it was written.
+pub(super) fn read_source(folder: &Path, source: &Source, limits: &Limits) -> Result<Loaded> {
+    let path = folder.join(&source.file);
+    if hash::of_file(&path, limits)? != source.hash {
+        return Err(Error::unsupported(&path, "has changed since it was planned; plan again"));
+    }
+    let options = ReadOptions { sh_degree: 3, limits: *limits, ..ReadOptions::default() };
+    let loaded = formats::read(&path, &options)?;
+    match loaded.scene.triangle_count() as u64 == source.triangles {
+        true => Ok(loaded),
+        false => Err(Error::unsupported(&path, "has other triangles than were planned; plan again")),
+    }
+}

@@ -1,0 +1,363 @@
+//! Pictures in memory and on disk.
+//!
+//! Colours are sRGB-encoded throughout, and averages are computed on encoded values, as in the literature
+//! (3DGS, Held et al. 2025).
+
+mod decode;
+pub mod exif_light;
+mod jpeg;
+pub mod npy;
+mod palette;
+mod shrink;
+mod tiff;
+
+use crate::atomic::AtomicFile;
+use crate::error::{Error, Result};
+use crate::input;
+use crate::limits::Limits;
+use decode::{decode, ends_well, header_size};
+use glam::UVec2;
+use shrink::area_average;
+use std::io::{BufReader, Cursor, Seek, Write};
+use std::path::Path;
+use xxhash_rust::xxh3::Xxh3Default;
+
+/// An RGB picture, sRGB-encoded, values usually in [0, 1].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    /// Width and height, px.
+    pub size: UVec2,
+    /// Rows from the top. `[H * W]`
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl Image {
+    /// A picture of one colour.
+    pub fn filled(size: UVec2, rgb: [f32; 3]) -> Self {
+        Self { size, pixels: vec![rgb; area(size)] }
+    }
+
+    /// The picture in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0.
+    pub fn to_pixels(&self) -> Pixels {
+        Pixels::from_rgb(self.size, &self.pixels)
+    }
+
+    /// Writes an 8-bit PNG; see [`Pixels::save_png`].
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        self.to_pixels().save_png(path)
+    }
+}
+
+/// An RGB picture of 8 bits per channel, sRGB-encoded, perhaps with a weight per pixel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pixels {
+    /// Width and height, px.
+    pub size: UVec2,
+    /// Rows from the top. `[H * W]`
+    pub rgb: Vec<[u8; 3]>,
+    /// Weight of each pixel, up to 255: the opacity in a file, or a photo's mask in the loss. `[H * W]`
+    pub alpha: Option<Vec<u8>>,
+}
+
+impl Pixels {
+    /// sRGB-encoded colours in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0. `[H * W]`
+    pub fn from_rgb(size: UVec2, rgb: &[[f32; 3]]) -> Self {
+        let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        Self { size, rgb: rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
+    }
+
+    /// The picture as floats in [0, 1]; alpha is left out.
+    pub fn to_image(&self) -> Image {
+        let pixels = self.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))).collect();
+        Image { size: self.size, pixels }
+    }
+
+    /// Bytes it takes in memory.
+    pub fn bytes(&self) -> u64 {
+        self.rgb.len() as u64 * 3 + self.alpha.as_ref().map_or(0, |a| a.len() as u64)
+    }
+
+    /// Reads a PNG, JPEG, WebP or TIFF file; 16-bit channels are rounded to 8, grey becomes RGB.
+    ///
+    /// Pixels stay as stored: an EXIF rotation is not applied, because COLMAP does not apply it either.
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::load_within(path, &Limits::DEFAULT)
+    }
+
+    /// [`Pixels::load`] of a picture within `limits`.
+    pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
+        Ok(Self::of_decoded(decode(path, limits)?))
+    }
+
+    /// [`Pixels::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
+    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF at that of `least`. Returns the full size too.
+    pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
+        let (picture, full) = decode::decode_reduced(path, least, limits)?;
+        Ok((Self::of_decoded(picture), full))
+    }
+
+    /// The picture turned upright by an EXIF `orientation`, 1 to 8.
+    pub fn turned(&self, orientation: u8) -> Self {
+        let UVec2 { x: width, y: height } = self.size;
+        let size = if orientation >= 5 { UVec2::new(height, width) } else { self.size };
+        let source = |i: u32| {
+            let (x, y) = (i % size.x, i / size.x);
+            let (x, y) = match orientation {
+                2 => (width - 1 - x, y),
+                3 => (width - 1 - x, height - 1 - y),
+                4 => (x, height - 1 - y),
+                5 => (y, x),
+                6 => (y, height - 1 - x),
+                7 => (width - 1 - y, height - 1 - x),
+                8 => (width - 1 - y, x),
+                _ => (x, y),
+            };
+            (y * width + x) as usize
+        };
+        let places = 0..size.x * size.y;
+        Self {
+            size,
+            rgb: places.clone().map(|i| self.rgb[source(i)]).collect(),
+            alpha: self.alpha.as_ref().map(|alpha| places.map(|i| alpha[source(i)]).collect()),
+        }
+    }
+
+    fn of_decoded(picture: image::DynamicImage) -> Self {
+        let size = UVec2::new(picture.width(), picture.height());
+        if !picture.color().has_alpha() {
+            return Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None };
+        }
+        let rgba = picture.into_rgba8();
+        let rgb = rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
+        let alpha: Vec<u8> = rgba.pixels().map(|p| p.0[3]).collect();
+        let opaque = alpha.iter().all(|&a| a == 255);
+        Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } }
+    }
+
+    /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their luma.
+    pub fn load_mask(path: &Path, limits: &Limits) -> Result<(UVec2, Vec<u8>)> {
+        let picture = decode(path, limits)?;
+        let size = UVec2::new(picture.width(), picture.height());
+        Ok((size, picture.into_luma8().into_raw()))
+    }
+
+    /// Width and height of a picture file, from its first bytes; an error when they exceed `limits` or the
+    /// possible content of the file. The last bytes are checked too: a file with an unusual end is decoded to
+    /// detect truncation.
+    pub fn size_of(path: &Path, limits: &Limits) -> Result<UVec2> {
+        let io = |e| Error::io(path, e);
+        let (mut file, len) = input::open(path, limits)?;
+        let ends_well = ends_well(&mut file).map_err(io)?;
+        file.rewind().map_err(io)?;
+        let size = header_size(path, BufReader::new(file), len, limits)?;
+        if !ends_well {
+            decode(path, limits)?;
+        }
+        Ok(size)
+    }
+
+    /// True when a picture file has a channel for opacity, according to its first bytes.
+    pub fn has_alpha(path: &Path, limits: &Limits) -> Result<bool> {
+        let (file, _) = input::open(path, limits)?;
+        decode::has_alpha(path, BufReader::new(file))
+    }
+
+    /// Blends the picture with `background` by its alpha, and removes the alpha.
+    pub fn over(mut self, background: [u8; 3]) -> Self {
+        if let Some(alpha) = self.alpha.take() {
+            for (pixel, &a) in self.rgb.iter_mut().zip(&alpha) {
+                for (c, &under) in pixel.iter_mut().zip(&background) {
+                    let sum = u32::from(*c) * u32::from(a) + u32::from(under) * (255 - u32::from(a));
+                    *c = ((sum + 127) / 255) as u8;
+                }
+            }
+        }
+        self
+    }
+
+    /// Adds a background to a picture with colours over black, and removes the alpha.
+    pub fn over_instead_of_black(&self, background: [u8; 3]) -> Self {
+        let mut rgb = self.rgb.clone();
+        for (pixel, &a) in rgb.iter_mut().zip(self.alpha.iter().flatten()) {
+            for (c, &under) in pixel.iter_mut().zip(&background) {
+                let through = (u32::from(under) * (255 - u32::from(a)) + 127) / 255;
+                *c = c.saturating_add(through as u8);
+            }
+        }
+        Self { size: self.size, rgb, alpha: None }
+    }
+
+    /// Divides colours over black by their alpha; black where alpha is 0.
+    pub fn undimmed(&self) -> Self {
+        let mut straight = self.clone();
+        for (pixel, &a) in straight.rgb.iter_mut().zip(self.alpha.iter().flatten()) {
+            let a = u32::from(a).max(1);
+            *pixel = pixel.map(|c| ((u32::from(c) * 255 + a / 2) / a).min(255) as u8);
+        }
+        straight
+    }
+
+    /// The part of `size` px with its upper left corner at `corner`, within the picture.
+    pub fn part(&self, corner: UVec2, size: UVec2) -> Self {
+        let rows = (corner.y..corner.y + size.y).map(|y| (y * self.size.x + corner.x) as usize);
+        let rows = rows.map(|from| from..from + size.x as usize);
+        let alpha =
+            self.alpha.as_ref().map(|a| rows.clone().flat_map(|row| a[row].iter().copied()).collect());
+        Self { size, rgb: rows.flat_map(|row| self.rgb[row].iter().copied()).collect(), alpha }
+    }
+
+    /// The picture shrunk to `size`: every new pixel is the average of its area, which may include fractions
+    /// of pixels.
+    pub fn downscaled(&self, size: UVec2) -> Self {
+        if size == self.size {
+            return self.clone();
+        }
+        let rgb = area_average(&self.rgb, self.size, size);
+        let alpha = self.alpha.as_ref().map(|alpha| {
+            let single: &[[u8; 1]] = bytemuck::cast_slice(alpha);
+            bytemuck::cast_vec(area_average(single, self.size, size))
+        });
+        Self { size, rgb, alpha }
+    }
+
+    /// The picture as the bytes of a PNG file.
+    pub fn to_png(&self) -> Result<Vec<u8>> {
+        use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+        let mut bytes = Cursor::new(Vec::new());
+        let (width, height) = (self.size.x, self.size.y);
+        let encoder = PngEncoder::new(&mut bytes);
+        let written = match &self.alpha {
+            None => {
+                let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
+                encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8)
+            }
+            Some(alpha) => {
+                let rgba: Vec<u8> =
+                    self.rgb.iter().zip(alpha).flat_map(|(p, &a)| [p[0], p[1], p[2], a]).collect();
+                encoder.write_image(&rgba, width, height, ExtendedColorType::Rgba8)
+            }
+        };
+        written.map_err(|e| Error::invalid("picture", format!("{width}x{height}"), e.to_string()))?;
+        Ok(bytes.into_inner())
+    }
+
+    /// The picture as the bytes of a JPEG file of full colour resolution; its alpha is left out. `quality` is 1 to 100.
+    pub fn to_jpeg(&self, quality: u8) -> Result<Vec<u8>> {
+        use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
+        let mut bytes = Vec::new();
+        let rgb: &[u8] = bytemuck::cast_slice(&self.rgb);
+        let encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
+        let written = encoder.write_image(rgb, self.size.x, self.size.y, ExtendedColorType::Rgb8);
+        written.map_err(|e| Error::invalid("picture", self.size, e.to_string()))?;
+        Ok(bytes)
+    }
+
+    /// Decodes a picture inside another file; `place` is for messages. Otherwise like
+    /// [`Pixels::load_within`].
+    pub fn from_bytes(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
+        Ok(Self::of_decoded(decode::decode_bytes(place, bytes, limits)?))
+    }
+
+    /// The XXH3 hash of size, colours and alpha.
+    pub fn digest(&self) -> u64 {
+        let mut hash = Xxh3Default::new();
+        hash.update(bytemuck::bytes_of(&self.size));
+        hash.update(bytemuck::cast_slice(&self.rgb));
+        hash.update(self.alpha.as_deref().unwrap_or_default());
+        hash.digest()
+    }
+
+    /// Writes a PNG file that appears whole or not at all.
+    pub fn save_png(&self, path: &Path) -> Result<()> {
+        self.write_png(AtomicFile::create(path)?)
+    }
+
+    /// Writes a PNG into a file that was started.
+    pub fn write_png(&self, mut file: AtomicFile) -> Result<()> {
+        let bytes = self.to_png()?;
+        file.write_all(&bytes).map_err(|e| Error::io(file.path(), e))?;
+        file.commit().map(drop)
+    }
+}
+
+/// Number of pixels of a picture of this size.
+fn area(size: UVec2) -> usize {
+    size.x as usize * size.y as usize
+}
+
+/// Bytes as triples; copied only if the memory cannot be reused.
+fn triples(bytes: Vec<u8>) -> Vec<[u8; 3]> {
+    bytemuck::allocation::try_cast_vec(bytes)
+        .unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec())
+}
+
+/// A picture's size from text such as 1280x720; the error states the expected form.
+pub fn parse_size(text: &str) -> std::result::Result<UVec2, String> {
+    let sides = text.split_once(['x', 'X']);
+    let parsed = sides.and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
+    let parsed = parsed.ok_or("expected WIDTHxHEIGHT, such as 1280x720")?;
+    if parsed.min_element() == 0 || parsed.max_element() > LARGEST_SIDE {
+        return Err(format!("expected 1 to {LARGEST_SIDE} px each way, such as 1280x720"));
+    }
+    Ok(parsed)
+}
+
+/// The widest and highest picture that every graphics card of today can draw, px.
+const LARGEST_SIDE: u32 = 8192;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture of many colours.
+    pub(super) fn ramp(size: UVec2) -> Pixels {
+        let at = |i: usize| [(i * 7 % 251) as u8, (i * 13 % 241) as u8, (i * 29 % 239) as u8];
+        Pixels { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
+    }
+
+    #[test]
+    fn a_picture_is_turned_as_exif_says() {
+        // 1 2 3
+        // 4 5 6
+        let picture =
+            Pixels { size: UVec2::new(3, 2), rgb: (1..=6).map(|c| [c, 0, 0]).collect(), alpha: None };
+        for (orientation, rows) in [
+            (1, [[1, 2, 3], [4, 5, 6]].concat()),
+            (2, [[3, 2, 1], [6, 5, 4]].concat()),
+            (3, [[6, 5, 4], [3, 2, 1]].concat()),
+            (4, [[4, 5, 6], [1, 2, 3]].concat()),
+            (5, [[1, 4], [2, 5], [3, 6]].concat()),
+            (6, [[4, 1], [5, 2], [6, 3]].concat()),
+            (7, [[6, 3], [5, 2], [4, 1]].concat()),
+            (8, [[3, 6], [2, 5], [1, 4]].concat()),
+        ] {
+            let turned = picture.turned(orientation);
+            assert_eq!(turned.rgb.iter().map(|p| p[0]).collect::<Vec<u8>>(), rows, "{orientation}");
+            let sides = if orientation < 5 { (3, 2) } else { (2, 3) };
+            assert_eq!((turned.size.x, turned.size.y), sides, "{orientation}");
+        }
+    }
+
+    #[test]
+    fn alpha_blends_with_the_background() {
+        let picture =
+            Pixels { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
+        let flat = picture.over([100, 0, 255]);
+        assert_eq!(flat.rgb, [[200, 200, 200], [100, 0, 255], [120, 40, 244]]);
+        assert_eq!(flat.alpha, None);
+    }
+
+    #[test]
+    fn a_saved_png_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        let mut picture = ramp(UVec2::new(9, 5));
+        picture.save_png(&path).unwrap();
+        assert_eq!(Pixels::load(&path).unwrap(), picture);
+        assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), picture.size);
+        picture.alpha = Some((0..45).collect());
+        picture.save_png(&path).unwrap();
+        assert_eq!(Pixels::load(&path).unwrap(), picture);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
+    }
+}

@@ -1,0 +1,20 @@
+//! Numbers, vectors, colours and metrics; nothing here depends on triangles.
+
+pub mod color;
+pub mod color_fit;
+pub mod curve;
+pub mod eigen;
+pub mod finite;
+pub mod lanes;
+pub mod median;
+pub mod metric;
+pub mod normal_equations;
+pub mod octasphere;
+mod power;
+pub mod real;
+pub mod sets;
+pub mod short;
+pub mod srgb8;
+pub mod ssim;
+pub mod vec;
+pub mod wgsl;

@@ -1,0 +1,101 @@
+//! Closes small holes: where photos see too little of a wall, the field has no distance, and the surface a hole.
+
+use glam::Vec3;
+use std::collections::BTreeMap;
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// Holes with more edges stay open.
+const MOST_EDGES: usize = 32;
+
+/// Closes each hole with few edges by a fan around its middle. Returns how many. The mesh has indices and a colour per vertex.
+pub(super) fn fill(mesh: &mut Mesh) -> u64 {
+    let next = border(mesh);
+    let mut seen = vec![false; mesh.vertex_count()];
+    let mut filled = 0;
+    for &start in next.keys() {
+        let mut ring = Vec::new();
+        let mut at = start;
+        while !seen[at as usize] && ring.len() <= MOST_EDGES {
+            ring.push(at);
+            seen[at as usize] = true;
+            let Some(Some(after)) = next.get(&at) else { break };
+            at = *after;
+        }
+        // A ring that was left, or ran into another one, is not whole.
+        if at == start && (3..=MOST_EDGES).contains(&ring.len()) {
+            close(mesh, &ring);
+            filled += 1;
+        }
+    }
+    filled
+}
+
+/// The vertex after each of the border, along the holes; `None` where several holes meet.
+fn border(mesh: &Mesh) -> BTreeMap<u32, Option<u32>> {
+    let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)];
+    let mut sides: Vec<(u32, u32)> =
+        mesh.indices.as_chunks::<3>().0.iter().copied().flat_map(edges).collect();
+    sides.sort_unstable();
+    let mut next = BTreeMap::new();
+    for &(a, b) in sides.iter().filter(|(a, b)| sides.binary_search(&(*b, *a)).is_err()) {
+        next.entry(b).and_modify(|after| *after = None).or_insert(Some(a));
+    }
+    next
+}
+
+fn close(mesh: &mut Mesh, ring: &[u32]) {
+    let Colors::Vertex(colors) = &mut mesh.colors else { return };
+    let middle = mesh.positions.len() as u32;
+    let mean = |of: &dyn Fn(usize) -> Vec3| {
+        ring.iter().map(|vertex| of(*vertex as usize)).sum::<Vec3>() / ring.len() as f32
+    };
+    let (position, color) = (mean(&|v| mesh.positions[v]), mean(&|v| Vec3::from(colors[v])));
+    mesh.positions.push(position);
+    colors.push(color.to_array());
+    for (i, vertex) in ring.iter().enumerate() {
+        mesh.indices.extend([*vertex, ring[(i + 1) % ring.len()], middle]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of cells, some left out.
+    fn sheet(side: u32, without: &[(u32, u32)]) -> Mesh {
+        let at = |x: u32, y: u32| y * (side + 1) + x;
+        let mut mesh = Mesh::default();
+        for y in 0..=side {
+            for x in 0..=side {
+                mesh.positions.push(Vec3::new(x as f32, y as f32, 1.0));
+            }
+        }
+        mesh.colors = Colors::Vertex(vec![[0.5; 3]; mesh.positions.len()]);
+        for (x, y) in
+            (0..side).flat_map(|y| (0..side).map(move |x| (x, y))).filter(|cell| !without.contains(cell))
+        {
+            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            mesh.indices.extend([a, b, c, a, c, d]);
+        }
+        mesh
+    }
+
+    #[test]
+    fn small_holes_are_closed_and_the_outline_is_not() {
+        let mut mesh = sheet(20, &[(4, 4), (9, 9), (10, 9)]);
+        assert_eq!(fill(&mut mesh), 2);
+        let area = |mesh: &Mesh| (0..mesh.face_count()).map(|f| mesh.area(f)).sum::<f64>();
+        assert!((area(&mesh) - 400.0).abs() < 1e-6, "{}", area(&mesh));
+        assert!(
+            (0..mesh.face_count()).all(|face| mesh.flat_normal(face).z > 0.99),
+            "they face as those around them"
+        );
+        assert_eq!(fill(&mut mesh), 0, "the outline has 80 edges");
+    }
+
+    #[test]
+    fn a_large_hole_stays_open() {
+        let hole: Vec<(u32, u32)> = (5..15).flat_map(|y| (5..15).map(move |x| (x, y))).collect();
+        assert_eq!(fill(&mut sheet(20, &hole)), 0, "40 edges");
+    }
+}

@@ -1,0 +1,99 @@
+//! Signed distances from what the pictures saw: positive before the surface, negative behind it.
+
+use super::field::Block;
+use super::grid::{Grid, SAMPLES, SIDE, block, within};
+use super::picture::{DepthPicture, FREE, Observer};
+use glam::Vec3;
+use std::sync::LazyLock;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+
+/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and full
+/// weight would eat it away.
+const PASSING: f32 = 0.2;
+/// Distances behind a surface count fully up to this share of the truncation.
+const BEHIND: f32 = 0.25;
+/// Linear light of every code.
+static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb(code as f32 / 255.0)));
+
+/// How distances are fused.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fusion {
+    pub(super) grid: Grid,
+    /// Largest distance, units of the scene.
+    pub(super) truncation: f32,
+    /// Pictures that must have seen a sample.
+    pub(super) min_views: u32,
+}
+
+/// Sums over the pictures, for one sample.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    distance: f32,
+    weight: f32,
+    views: u32,
+    color: Vec3,
+    color_weight: f32,
+}
+
+impl Fusion {
+    /// The samples of the block of this number. Pictures are taken in their order, so the sums do not depend on threads.
+    pub(super) fn block(&self, number: u64, observers: &[Observer<'_>]) -> Block {
+        let first = block(number) * SIDE;
+        let side = self.grid.voxel * SIDE as f32;
+        let (center, radius) = (self.grid.sample(first) + side / 2.0, side * 0.5 * 3f32.sqrt());
+        let mut sums = [Sums::default(); SAMPLES];
+        for observer in observers.iter().filter(|observer| observer.sees(center, radius)) {
+            for (local, sums) in sums.iter_mut().enumerate() {
+                self.observe(observer.picture, self.grid.sample(first + within(local)), sums);
+            }
+        }
+        self.finish(&sums)
+    }
+
+    /// Adds a picture's observation of a sample.
+    fn observe(&self, picture: &DepthPicture, sample: Vec3, sums: &mut Sums) {
+        let q = picture.to_camera(sample);
+        let Some(seen) = picture.observe(q, self.truncation) else { return };
+        let distance = if seen.depth == FREE { FREE } else { (seen.depth - q.z) * seen.slant };
+        if distance < -self.truncation {
+            return;
+        }
+        let weight = seen.weight * self.trust(distance);
+        sums.distance += weight * distance.min(self.truncation);
+        sums.weight += weight;
+        sums.views += 1;
+        if distance < self.truncation {
+            let color = picture.rgb[seen.pixel].map(|code| LINEAR[usize::from(code)]);
+            // Where a ray is slanted, its colour is that of a place beside the sample.
+            let weight = weight * seen.weight;
+            sums.color += weight * Vec3::from(color);
+            sums.color_weight += weight;
+        }
+    }
+
+    /// How much a distance counts, from 0 to 1. A ray is free up to where it ends; it says less and less of what is
+    /// behind, and little of a surface that it passes.
+    fn trust(&self, distance: f32) -> f32 {
+        if distance >= self.truncation {
+            return PASSING;
+        }
+        // Behind an edge is soon free space again, which other rays see; depths that differ from picture to picture must count alike.
+        let left = (1.0 + distance / self.truncation) / (1.0 - BEHIND);
+        left.min(1.0).powi(4)
+    }
+
+    fn finish(&self, sums: &[Sums; SAMPLES]) -> Block {
+        let mut block = Block::UNOBSERVED;
+        for (local, sums) in sums.iter().enumerate() {
+            if sums.views >= self.min_views {
+                block.distance[local] = sums.distance / sums.weight;
+            }
+            if sums.color_weight > 0.0 {
+                block.rgb[local] = (sums.color / sums.color_weight).to_array().map(srgb8_from_linear);
+            }
+        }
+        block
+    }
+}

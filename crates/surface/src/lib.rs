@@ -1,0 +1,35 @@
+//! A connected, coloured surface in place of triangles that overlap: something to walk on and to collide with.
+//!
+//! ```text
+//! scene + cameras ──► depth pictures ──► signed distances on a sparse lattice ──► surface nets ──► components ──► fill ──► smooth ──► simplify ──► Mesh
+//! ```
+//!
+//! As in the supplement of Held et al. 2025 (mesh extraction from depth maps, after 2D Gaussian Splatting): the median depth of what
+//! each camera sees is fused into a truncated signed distance field (Curless and Levoy 1996), whose zero is the surface. What no
+//! camera has observed has no surface, so holes in the observation stay open, but for small ones.
+//!
+//! Surface nets are our own, as the crates there are take a dense box of known samples: they would invent a surface around what is
+//! unobserved, and double the vertices where the blocks of a sparse lattice meet.
+//!
+//! In: a scene. Out: a connected mesh.
+
+mod blocks;
+mod cluster;
+mod components;
+mod details;
+mod extract;
+mod field;
+mod fill;
+mod fuse;
+mod grid;
+mod nets;
+mod options;
+mod picture;
+mod pictures;
+mod sheets;
+mod simplify;
+mod smooth;
+
+pub use details::SurfaceDetails;
+pub use extract::surface;
+pub use options::SurfaceOptions;

@@ -1,0 +1,132 @@
+//! Surface nets (Gibson 1998): a vertex for every sheet of the surface in a cell, a quadrilateral across every edge of the lattice
+//! that it crosses. Cells with an unobserved corner have none.
+
+use super::field::Field;
+use super::grid::{Grid, SAMPLES, SIDE, block, within};
+use super::sheets::{CORNERS, EDGES, EdgeSet, edge, sheets};
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// Crossings stay this far from the samples, as a share of the edge, so that no two vertices fall together.
+const INSET: f32 = 1e-3;
+const AXES: [IVec3; 3] = [IVec3::X, IVec3::Y, IVec3::Z];
+
+/// The vertices of one block.
+#[derive(Default)]
+struct BlockVertices {
+    /// Number of the first.
+    first: u32,
+    /// Their cells, ascending, ...
+    cells: Vec<u16>,
+    /// ... and the edges of these that their sheets cross.
+    edges: Vec<EdgeSet>,
+    positions: Vec<Vec3>,
+    colors: Vec<[f32; 3]>,
+}
+
+/// The zero of `field` as a connected mesh with a colour per vertex; its fronts face what is free.
+pub(super) fn nets(field: &Field, grid: &Grid) -> Mesh {
+    let mut blocks: Vec<BlockVertices> =
+        (0..field.blocks.len()).into_par_iter().map(|i| block_vertices(field, grid, i)).collect();
+    let mut count = 0;
+    for block in &mut blocks {
+        block.first = count;
+        count += block.cells.len() as u32;
+    }
+    let indices: Vec<u32> =
+        (0..blocks.len()).into_par_iter().flat_map_iter(|i| block_faces(field, &blocks, i)).collect();
+    let positions = blocks.iter().flat_map(|block| block.positions.iter().copied()).collect();
+    let colors = Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
+    Mesh { positions, colors, indices, ..Mesh::default() }
+}
+
+fn corner(i: usize) -> IVec3 {
+    IVec3::new(i as i32 & 1, i as i32 >> 1 & 1, i as i32 >> 2)
+}
+
+/// Distances at the corners of a cell; `None` when one is not known or the surface is not in it.
+fn corners(field: &Field, index: usize, cell: IVec3, local: usize) -> Option<[f32; CORNERS]> {
+    let inner = within(local).max_element() < SIDE - 1;
+    let distance = |i: usize| match inner {
+        true => {
+            let step = corner(i).dot(IVec3::new(1, SIDE, SIDE * SIDE));
+            field.blocks[index].distance[local + step as usize]
+        }
+        false => field.distance(cell + corner(i)),
+    };
+    let first = distance(0);
+    if first.is_nan() {
+        return None;
+    }
+    let all: [f32; CORNERS] = std::array::from_fn(distance);
+    let mixed = all.iter().any(|d| (*d < 0.0) != (first < 0.0));
+    (mixed && all.iter().all(|d| !d.is_nan())).then_some(all)
+}
+
+fn block_vertices(field: &Field, grid: &Grid, index: usize) -> BlockVertices {
+    let first = block(field.numbers[index]) * SIDE;
+    let mut out = BlockVertices::default();
+    for local in 0..SAMPLES {
+        let cell = first + within(local);
+        let Some(distances) = corners(field, index, cell, local) else { continue };
+        for crossed in sheets(&distances) {
+            let (mut middle, mut color) = (Vec3::ZERO, Vec3::ZERO);
+            for (a, b) in (0..EDGES.len()).filter(|e| crossed >> e & 1 == 1).map(|e| EDGES[e]) {
+                let (from, to) = (distances[a], distances[b]);
+                let share = (from / (from - to)).clamp(INSET, 1.0 - INSET);
+                middle += corner(a).as_vec3().lerp(corner(b).as_vec3(), share);
+                color += field.color(cell + corner(a)).lerp(field.color(cell + corner(b)), share);
+            }
+            let crossings = crossed.count_ones() as f32;
+            out.cells.push(local as u16);
+            out.edges.push(crossed);
+            out.positions.push(grid.sample(cell) + middle / crossings * grid.voxel);
+            out.colors.push((color / crossings).clamp(Vec3::ZERO, Vec3::ONE).to_array());
+        }
+    }
+    out
+}
+
+/// Corners of the triangles across the edges that start at the samples of a block.
+fn block_faces(field: &Field, blocks: &[BlockVertices], index: usize) -> Vec<u32> {
+    let first = block(field.numbers[index]) * SIDE;
+    // The vertex of the sheet that crosses the edge from `sample` along `axis`.
+    let vertex = |cell: IVec3, sample: IVec3, axis: usize| -> Option<(u32, Vec3)> {
+        let (block, local) = field.find(cell)?;
+        let block = &blocks[block];
+        let edge = edge((sample - cell).dot(IVec3::new(1, 2, 4)) as usize, axis);
+        let from = block.cells.partition_point(|other| usize::from(*other) < local);
+        let of_cell = (from..block.cells.len()).take_while(|i| usize::from(block.cells[*i]) == local);
+        let at = of_cell.into_iter().find(|i| block.edges[*i] >> edge & 1 == 1)?;
+        Some((block.first + at as u32, block.positions[at]))
+    };
+    let mut indices = Vec::new();
+    for local in 0..SAMPLES {
+        let (sample, from) = (first + within(local), field.blocks[index].distance[local]);
+        if from.is_nan() {
+            continue;
+        }
+        for axis in 0..3 {
+            let to = field.distance(sample + AXES[axis]);
+            if to.is_nan() || (from < 0.0) == (to < 0.0) {
+                continue;
+            }
+            let (b, c) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
+            // The four cells around the edge, counter-clockwise as seen from its end.
+            let around = [sample - b - c, sample - c, sample, sample - b];
+            let around = around.map(|cell| vertex(cell, sample, axis));
+            let [Some(p), Some(q), Some(r), Some(s)] = around else { continue };
+            let ring = if from < 0.0 { [p, q, r, s] } else { [p, s, r, q] };
+            indices.extend(cut(ring));
+        }
+    }
+    indices
+}
+
+/// A quadrilateral cut along its shorter diagonal.
+fn cut(ring: [(u32, Vec3); 4]) -> [u32; 6] {
+    let [a, b, c, d] = ring.map(|(number, _)| number);
+    let length = |i: usize, j: usize| ring[i].1.distance_squared(ring[j].1);
+    if length(0, 2) <= length(1, 3) { [a, b, c, a, c, d] } else { [a, b, d, b, c, d] }
+}

@@ -1,0 +1,82 @@
+//! How a surface is made.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::error::Result;
+use trisplat_scene::ranges::{self, Called};
+
+/// Cells along the longest side, unless asked for more; ...
+const MOST_CELLS: u32 = 256;
+/// ... and with few triangles.
+const LEAST_CELLS: u32 = 48;
+/// Cells along it per root of the triangles that are to be left.
+const CELLS_PER_SIDE: f64 = 1.3;
+
+/// How a connected surface is made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceOptions {
+    /// Cells of the distance field along the longest side of what the cameras see, 8 or more; 256 unless given, or as few as
+    /// `--max-triangles` can show
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[schemars(range(min = 8))]
+    pub resolution: Option<u32>,
+    /// Side of a cell in units of the input, in place of `--resolution`
+    #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
+    pub voxel: Option<f64>,
+    /// Longest distance from the surface that counts, in cells; more smooths, less keeps thin things
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.truncation, value_name = "CELLS"))]
+    pub truncation: f64,
+    /// Number of cameras that must have seen a place, 1 or more; all of them where there are fewer
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_views, value_name = "N"))]
+    pub min_views: u32,
+    /// Drop connected pieces of fewer triangles, counted before `--max-triangles`
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_component, value_name = "N"))]
+    pub min_component: u32,
+    /// Simplify to at most this many triangles
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
+    #[schemars(range(min = 1))]
+    pub max_triangles: Option<u32>,
+    /// Count the shell of a trained soup, and the backdrop of a baked file, as part of the scene
+    #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.shell, num_args = 0..=1, require_equals = true,
+          default_missing_value = "true", action = clap::ArgAction::Set, value_name = "BOOL"))]
+    pub shell: bool,
+}
+
+impl SurfaceOptions {
+    /// 256 cells along the longest side, nothing simplified.
+    pub const DEFAULT: Self = Self {
+        resolution: None,
+        voxel: None,
+        truncation: 4.0,
+        min_views: 2,
+        min_component: 200,
+        max_triangles: None,
+        shell: false,
+    };
+
+    /// Cells along the longest side.
+    ///
+    /// Of a surface that is to have few triangles no more than these can show: what noise adds beyond costs triangles, and collapses of
+    /// edges tear it.
+    pub(super) fn cells(&self) -> u32 {
+        let shown = |most: u32| (CELLS_PER_SIDE * f64::from(most).sqrt()) as u32;
+        self.resolution
+            .unwrap_or_else(|| self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS))
+    }
+
+    /// Checks the ranges.
+    pub fn validate(&self) -> Result<()> {
+        // Surface nets need the distances of all corners of the cells that the surface runs through.
+        ranges::check("surface", self, Called::ByFlag)?;
+        ranges::check_given("surface.resolution", self.resolution.map(f64::from))?;
+        ranges::check_given("surface.voxel", self.voxel)
+    }
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

@@ -1,0 +1,195 @@
+//! What one camera sees: how far away, and in which colour.
+
+use glam::{Vec2, Vec3};
+use trisplat_scene::camera::Camera;
+
+/// Depth of a pixel whose ray hits nothing.
+pub(super) const FREE: f32 = f32::INFINITY;
+/// Depth of a pixel without observation.
+pub(super) const UNKNOWN: f32 = 0.0;
+/// Least share of the full distance that an observation at a grazing angle keeps.
+const LEAST_SLANT: f32 = 0.1;
+/// Weight of an observation beside an outline, where it is not sure which pixel a ray belongs to.
+const OUTLINE_WEIGHT: f32 = 0.05;
+/// Weight of an observation of empty space: it does not say how near the surface is.
+const FREE_WEIGHT: f32 = 0.5;
+
+/// A picture of depths.
+#[derive(Debug)]
+pub(super) struct DepthPicture {
+    pub(super) camera: Camera,
+    /// Depth z in the camera's frame, units of the scene; [`FREE`] or [`UNKNOWN`]. `[height * width]`
+    pub(super) depth: Vec<f32>,
+    /// sRGB codes. `[height * width]`
+    pub(super) rgb: Vec<[u8; 3]>,
+}
+
+/// A picture's observation at a place on one of its rays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Observation {
+    /// Depth of the surface there, or [`FREE`].
+    pub(super) depth: f32,
+    /// Distance from the surface's plane per difference of depth: small where the surface is seen at a grazing angle.
+    pub(super) slant: f32,
+    /// How much it counts.
+    pub(super) weight: f32,
+    /// The pixel nearest to it.
+    pub(super) pixel: usize,
+}
+
+impl DepthPicture {
+    /// A point of the scene in the camera's frame.
+    pub(super) fn to_camera(&self, point: Vec3) -> Vec3 {
+        self.camera.rotation * point + self.camera.translation
+    }
+
+    /// The point of the scene that a pixel shows; `None` where it shows none.
+    pub(super) fn point(&self, pixel: usize) -> Option<Vec3> {
+        let depth = self.depth[pixel];
+        if !(depth > 0.0 && depth.is_finite()) {
+            return None;
+        }
+        let width = self.camera.size.x as usize;
+        let middle = Vec2::new((pixel % width) as f32 + 0.5, (pixel / width) as f32 + 0.5);
+        let ray = ((middle - self.camera.center) / self.camera.focal).extend(1.0);
+        let point = self.camera.rotation.transpose() * (ray * depth - self.camera.translation);
+        point.is_finite().then_some(point)
+    }
+
+    /// What is seen on the ray to `q`, a point in the camera's frame. Between pixels whose depths differ by less than `step` the
+    /// surface is a plane, on which 1/z is linear in the picture; elsewhere the nearest pixel is taken.
+    pub(super) fn observe(&self, q: Vec3, step: f32) -> Option<Observation> {
+        let Camera { focal, center, size, .. } = self.camera;
+        if !(q.z > 0.0) {
+            return None;
+        }
+        let at = q.truncate() / q.z * focal + center;
+        if !(at.cmpge(Vec2::ZERO).all() && at.cmplt(size.as_vec2()).all()) {
+            return None;
+        }
+        let width = size.x as usize;
+        let pixel = at.y as usize * width + at.x as usize;
+        let depth = self.depth[pixel];
+        if depth == UNKNOWN {
+            return None;
+        }
+        let nearest = Observation { depth, slant: 1.0, weight: OUTLINE_WEIGHT, pixel };
+        let corner = (at - 0.5).floor();
+        let inside = corner.cmpge(Vec2::ZERO).all() && (corner + 1.0).cmplt(size.as_vec2()).all();
+        if !inside {
+            return Some(nearest);
+        }
+        let first = corner.y as usize * width + corner.x as usize;
+        let around = [first, first + 1, first + width, first + width + 1].map(|i| self.depth[i]);
+        let smooth = around.iter().all(|d| (*d - depth).abs() < step);
+        Some(match depth {
+            FREE if around == [FREE; 4] => Observation { weight: FREE_WEIGHT, ..nearest },
+            _ if smooth => self.on_plane(around, at, at - 0.5 - corner, pixel),
+            _ => nearest,
+        })
+    }
+
+    /// The plane through four pixels, at a place between them.
+    ///
+    /// ```text
+    /// 1/z = n · r    r = ((x - cx) / fx, (y - cy) / fy, 1)    a point p in front of the plane is (1 - n · p) / |n| away from it
+    /// ```
+    fn on_plane(&self, around: [f32; 4], at: Vec2, share: Vec2, pixel: usize) -> Observation {
+        let [a, b, c, d] = around.map(f32::recip);
+        let (top, bottom) = (a + (b - a) * share.x, c + (d - c) * share.x);
+        let inverse = top + (bottom - top) * share.y;
+        let across = ((b - a) * (1.0 - share.y) + (d - c) * share.y) * self.camera.focal.x;
+        let down = (bottom - top) * self.camera.focal.y;
+        let ray = (at - self.camera.center) / self.camera.focal;
+        let normal = Vec3::new(across, down, inverse - across * ray.x - down * ray.y);
+        let depth = inverse.recip();
+        let slant = (inverse / normal.length()).clamp(LEAST_SLANT, ray.extend(1.0).length());
+        // A surface that is seen at a grazing angle is seen badly.
+        Observation { depth, slant, weight: slant, pixel }
+    }
+}
+
+/// A picture and the sides of its pyramid of view.
+#[derive(Debug)]
+pub(super) struct Observer<'a> {
+    pub(super) picture: &'a DepthPicture,
+    /// Unit normals, inwards, of the four sides, in the camera's frame.
+    sides: [Vec3; 4],
+}
+
+impl<'a> Observer<'a> {
+    pub(super) fn new(picture: &'a DepthPicture) -> Self {
+        let camera = &picture.camera;
+        let low = -camera.center / camera.focal;
+        let high = (camera.size.as_vec2() - camera.center) / camera.focal;
+        let sides = [
+            Vec3::new(1.0, 0.0, -low.x),
+            Vec3::new(-1.0, 0.0, high.x),
+            Vec3::new(0.0, 1.0, -low.y),
+            Vec3::new(0.0, -1.0, high.y),
+        ];
+        Self { picture, sides: sides.map(Vec3::normalize) }
+    }
+
+    /// Whether some of a ball may be in view.
+    pub(super) fn sees(&self, center: Vec3, radius: f32) -> bool {
+        let center = self.picture.to_camera(center);
+        center.z > -radius && self.sides.iter().all(|side| side.dot(center) > -radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat3, UVec2};
+
+    /// A camera at the origin before the plane `normal · p = distance`.
+    fn before(normal: Vec3, distance: f32) -> DepthPicture {
+        let camera = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::new(60.0, 55.0),
+            center: Vec2::new(17.0, 15.0),
+            size: UVec2::new(32, 30),
+        };
+        let ray = |x: u32, y: u32| {
+            ((Vec2::new(x as f32, y as f32) + 0.5 - camera.center) / camera.focal).extend(1.0)
+        };
+        let depth = (0..30).flat_map(|y| (0..32).map(move |x| (x, y)));
+        let depth: Vec<f32> = depth.map(|(x, y)| distance / normal.dot(ray(x, y))).collect();
+        DepthPicture { camera, rgb: vec![[9; 3]; depth.len()], depth }
+    }
+
+    #[test]
+    fn distances_from_a_plane_are_exact() {
+        let normal = Vec3::new(0.5, -0.3, 0.8).normalize();
+        let picture = before(normal, 2.0);
+        for point in [Vec3::new(0.1, 0.2, 2.0), Vec3::new(-0.2, 0.1, 2.5), Vec3::new(0.2, -0.2, 1.2)] {
+            let seen = picture.observe(point, 1.0).unwrap();
+            let (got, wants) = ((seen.depth - point.z) * seen.slant, 2.0 - normal.dot(point));
+            assert!((got - wants).abs() < 1e-4, "{got} is not {wants}");
+        }
+    }
+
+    #[test]
+    fn a_pixel_shows_the_point_it_sees() {
+        let picture = before(Vec3::Z, 3.0);
+        let point = picture.point(32 * 7 + 20).unwrap();
+        let seen = picture.observe(point, 1.0).unwrap();
+        assert!((seen.depth - 3.0).abs() < 1e-5 && seen.pixel == 32 * 7 + 20, "{seen:?}");
+        assert_eq!(picture.observe(-point, 1.0), None, "behind");
+        assert_eq!(picture.observe(Vec3::new(9.0, 0.0, 1.0), 1.0), None, "beside");
+    }
+
+    #[test]
+    fn nothing_is_made_up_between_near_and_far() {
+        let mut picture = before(Vec3::Z, 3.0);
+        (0..picture.depth.len()).filter(|i| i % 32 >= 16).for_each(|i| picture.depth[i] = 9.0);
+        for x in [-0.1, -0.06, -0.05, -0.04, 0.0, 0.02] {
+            let depth = picture.observe(Vec3::new(x, 0.0, 3.0), 1.0).unwrap().depth;
+            assert!((depth - 3.0).abs() < 1e-5 || (depth - 9.0).abs() < 1e-5, "{depth} at {x}");
+        }
+        picture.depth.fill(UNKNOWN);
+        assert_eq!(picture.observe(Vec3::Z, 1.0), None);
+    }
+}

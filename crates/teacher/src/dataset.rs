@@ -1,0 +1,127 @@
+//! Soft pictures of a scene as a data set for training the solid scene.
+
+use super::drawing::Teacher;
+use super::stored;
+use super::viewpoints::Viewpoints;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use trisplat_dataset::picture_file::PictureFile;
+use trisplat_dataset::{Dataset, DatasetKind, Photo, View};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::placed;
+use trisplat_scene::scene::Loaded;
+
+/// One picture in this many is held out, to score the solid scene.
+const HELD_OUT: usize = 8;
+
+/// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its
+/// file. With many cameras, fewer pictures are drawn from between them. Above `max_bytes` of memory, pictures
+/// are kept in a temporary file. Calls `drawn` after each picture with the numbers of finished and of all
+/// pictures.
+///
+/// Errors: a scene without visible triangles; a full disk.
+pub fn dataset(
+    path: &Path,
+    scene: &Loaded,
+    options: &SoftOptions,
+    max_bytes: u64,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Dataset> {
+    let Some(Viewpoints { cameras, .. }) = Viewpoints::of(scene, max_bytes) else {
+        let wants = "photos of it: it stores no cameras and shows nothing from anywhere";
+        return Err(Error::invalid("from", path.display(), wants));
+    };
+    let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, options);
+    let mut views = draw(&cameras, max_bytes, |camera| teacher.picture(camera), drawn)?;
+    for (i, view) in views.iter_mut().enumerate() {
+        view.test = i % HELD_OUT == HELD_OUT / 2;
+    }
+    Ok(Dataset {
+        path: PathBuf::from(path),
+        kind: DatasetKind::Drawn,
+        views,
+        points: Vec::new(),
+        origin: DVec3::ZERO,
+        warnings: Vec::new(),
+    })
+}
+
+/// The photos of `photos` and soft pictures from between the training cameras, up to `share`, 0 to 1, of all
+/// training pictures. Each is the mean of the drawings of `scenes`, so that false surfaces of one scene are
+/// faint. `options`, `max_bytes` and `drawn` as for [`dataset`].
+///
+/// Errors: a full disk.
+pub fn beside(
+    photos: &Dataset,
+    scenes: &[Loaded],
+    options: &SoftOptions,
+    share: f64,
+    max_bytes: u64,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Dataset> {
+    let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
+    let between = stored::between(&cameras);
+    let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
+    let count = wanted.min(between.len());
+    let chosen: Vec<Camera> = (0..count).map(|i| between[i * between.len() / count]).collect();
+    let mut teachers: Vec<_> =
+        scenes.iter().map(|scene| Placed::new(scene, &cameras, photos.origin, options)).collect();
+    let pictures = draw(&chosen, max_bytes, |camera| mean_picture(&mut teachers, camera), drawn)?;
+    Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
+}
+
+/// A scene that is drawn for cameras of a data set.
+struct Placed<'a> {
+    scene: &'a Loaded,
+    origin: DVec3,
+    teacher: Teacher,
+}
+
+impl<'a> Placed<'a> {
+    /// Draws `scene` for `cameras` of a data set whose world has its origin at `origin`, and others near them.
+    fn new(scene: &'a Loaded, cameras: &[Camera], origin: DVec3, options: &SoftOptions) -> Self {
+        let to_file = |camera| placed::to_file(camera, &scene.provenance.placement, origin);
+        let near: Vec<Camera> = cameras.iter().map(to_file).collect();
+        Self { scene, origin, teacher: Teacher::new(scene.scene.to_soup(), &near, options) }
+    }
+
+    /// The view of `camera` of the data set. `[H * W]`
+    fn rgb(&mut self, camera: &Camera) -> &[[f32; 3]] {
+        &self.teacher.frame(&placed::to_file(camera, &self.scene.provenance.placement, self.origin)).rgb
+    }
+}
+
+/// The mean of the pictures that `camera` takes of several scenes.
+fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> Pixels {
+    let share = 1.0 / teachers.len() as f32;
+    let mut mean = vec![[0.0; 3]; camera.size.element_product() as usize];
+    for teacher in teachers {
+        for (sum, rgb) in mean.iter_mut().zip(teacher.rgb(camera)) {
+            *sum = std::array::from_fn(|c| sum[c] + share * rgb[c].clamp(0.0, 1.0));
+        }
+    }
+    Pixels::from_rgb(camera.size, &mean)
+}
+
+/// A view of each of `cameras` with its `picture`, none held out.
+fn draw(
+    cameras: &[Camera],
+    max_bytes: u64,
+    mut picture: impl FnMut(&Camera) -> Pixels,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<View>> {
+    let held = cameras.iter().map(stored::picture_bytes).sum::<u64>() <= max_bytes;
+    let file = Arc::new(PictureFile::default());
+    let mut views = Vec::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let picture = picture(camera);
+        let photo = if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
+        views.push(View { name: format!("teacher_{i:05}"), camera: *camera, photo, test: false });
+        drawn(i + 1, cameras.len());
+    }
+    Ok(views)
+}

@@ -1,0 +1,18 @@
+//! A soft scene teaches a solid one: pictures of it, drawn as it was trained, replace photos.
+//!
+//! They are drawn from the cameras that the scene stores and from between them. For a scene without cameras
+//! viewpoints are chosen: around an object, or within a room.
+//!
+//! In: a soft scene. Out: viewpoints around and inside it, and soft pictures from there.
+
+mod chosen;
+pub mod dataset;
+pub mod drawing;
+mod stored;
+mod survey;
+mod thin;
+pub mod viewpoints;
+
+pub use dataset::{beside, dataset};
+pub use drawing::Teacher;
+pub use viewpoints::{ViewpointKind, Viewpoints};

@@ -1,0 +1,48 @@
+//! The viewpoints for drawing a scene.
+
+use super::chosen::Search;
+use super::stored;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::scene::Loaded;
+
+/// Where viewpoints come from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ViewpointKind {
+    /// The cameras that the scene stores, and cameras between them.
+    #[default]
+    Stored,
+    /// Chosen around an object.
+    Around,
+    /// Chosen inside a scene that has surroundings.
+    Inside,
+}
+
+/// The viewpoints for a scene, in the frame of its file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Viewpoints {
+    /// Where they come from.
+    pub kind: ViewpointKind,
+    /// One camera per picture.
+    pub cameras: Vec<Camera>,
+}
+
+/// Cameras half way from each of `cameras` to its nearest neighbours that look the same way.
+pub fn between(cameras: &[Camera]) -> Vec<Camera> {
+    stored::between(cameras)
+}
+
+impl Viewpoints {
+    /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
+    /// chosen ones. `None` without stored cameras and without visible triangles.
+    pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
+        if scene.cameras.is_empty() {
+            let chosen = Search::new(scene)?.viewpoints()?;
+            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+            return Some(Self { kind, cameras: chosen.cameras });
+        }
+        Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
+    }
+}

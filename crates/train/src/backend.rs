@@ -1,0 +1,168 @@
+//! Where the scene is stored and optimised while it trains.
+//!
+//! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a
+//! graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs only the inner
+//! loop. Refinement exists once: it takes the state out, changes it and puts it back.
+
+use super::params::{Params, TrainState};
+use super::schedule::Rates;
+use glam::UVec2;
+use std::borrow::Cow;
+use trisplat_raster::soft::{Frame, Importance, SoftOptions};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::image::Pixels;
+
+/// A photo of one step.
+#[derive(Debug, Clone, Copy)]
+pub struct StepPhoto<'a> {
+    /// The camera, in training space, at the photo's size.
+    pub camera: &'a Camera,
+    /// The pixels; alpha is the weight of each. `[H * W]`
+    pub pixels: &'a Pixels,
+    /// The photo is drawn for the first time since the visibility statistics were reset.
+    pub first: bool,
+    /// Its name, for a backend that keeps photos; `None` for a photo of one step only.
+    pub id: Option<PhotoId>,
+}
+
+/// Identifies a photo at a size and an exposure. Equal names have the same pixels for a whole run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct PhotoId {
+    /// Which photo.
+    pub index: usize,
+    /// How often it was halved.
+    pub level: u32,
+    /// Number of the correction of its exposure; 0 for none.
+    pub corrected: u32,
+}
+
+/// Figures of one step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct StepStats {
+    /// The photometric loss.
+    pub loss: f64,
+    /// Mean squared error.
+    pub mse: f64,
+    /// Triangles whose gradient was not finite and therefore dropped.
+    pub dropped: u64,
+    /// Updated triangles: with `rates.sparse` those with a gradient, else all.
+    pub touched: u64,
+}
+
+/// Visibility of every triangle since the last call of [`TrainBackend::take_visibility`].
+#[derive(Debug, Clone, Default)]
+pub struct BackendVisibility {
+    /// In photos drawn for the first time.
+    pub first: Importance,
+    /// In photos drawn again.
+    pub again: Importance,
+    /// Squared error of the pixels, shared out by weight, in units of 2^-20 px: integers, so that the sum
+    /// does not depend on its order. `[N]`
+    pub error: Vec<u64>,
+}
+
+/// The final size of a run, which determines its memory.
+#[derive(Debug, Clone, Copy)]
+pub struct RunSize {
+    /// Triangles at most.
+    pub triangles: u64,
+    /// Degree of the view-dependent colour.
+    pub sh_degree: u8,
+    /// The largest photo, px.
+    pub photo: UVec2,
+    /// All training photos together, px.
+    pub photo_pixels: u64,
+}
+
+/// Stores a training scene and makes its steps.
+pub trait TrainBackend {
+    /// Moves a state in.
+    fn load(&mut self, state: TrainState) -> Result<()>;
+    /// Draws, compares, differentiates and updates the parameters once. A backend may run some steps behind;
+    /// it catches up before it returns other data. An error may come from an earlier step.
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()>;
+    /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
+    /// ones.
+    fn figures(&mut self, all: bool) -> Result<Vec<StepStats>>;
+    /// Returns and resets the visibility since the last call.
+    fn take_visibility(&mut self) -> Result<BackendVisibility>;
+    /// Moves the state out; [`TrainBackend::load`] must follow before the next step.
+    fn store(&mut self) -> Result<TrainState>;
+    /// The parameters as they are.
+    fn params(&mut self) -> Result<Cow<'_, Params>>;
+    /// True where the state can get lost: then [`TrainBackend::rescued`] has it.
+    fn can_be_lost(&self) -> bool {
+        false
+    }
+    /// The last loaded state, for when [`TrainBackend::store`] or the loading failed. It can be taken once.
+    fn rescued(&mut self) -> Option<TrainState> {
+        None
+    }
+    /// True where [`TrainBackend::picture`] draws the scene faster than the CPU.
+    fn draws(&self) -> bool {
+        false
+    }
+    /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour and
+    /// transmittance.
+    fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &Rates) -> Result<Frame> {
+        Err(Error::Gpu("the CPU draws pictures of a soup".into()))
+    }
+    /// Triangles held.
+    fn len(&self) -> usize;
+    /// True when it holds none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+macro_rules! forwards {
+    ($($owner:ty),*) => {$(
+        impl<T: TrainBackend + ?Sized> TrainBackend for $owner {
+            fn load(&mut self, state: TrainState) -> Result<()> {
+                (**self).load(state)
+            }
+
+            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+                (**self).step(photo, rates)
+            }
+
+            fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+                (**self).figures(all)
+            }
+
+            fn take_visibility(&mut self) -> Result<BackendVisibility> {
+                (**self).take_visibility()
+            }
+
+            fn store(&mut self) -> Result<TrainState> {
+                (**self).store()
+            }
+
+            fn params(&mut self) -> Result<Cow<'_, Params>> {
+                (**self).params()
+            }
+
+            fn can_be_lost(&self) -> bool {
+                (**self).can_be_lost()
+            }
+
+            fn rescued(&mut self) -> Option<TrainState> {
+                (**self).rescued()
+            }
+
+            fn draws(&self) -> bool {
+                (**self).draws()
+            }
+
+            fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &Rates) -> Result<Frame> {
+                (**self).picture(camera, drawing, rates)
+            }
+
+            fn len(&self) -> usize {
+                (**self).len()
+            }
+        }
+    )*};
+}
+forwards!(&mut T, Box<T>);

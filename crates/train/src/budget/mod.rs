@@ -1,0 +1,22 @@
+//! Budgets of time: chooses steps, triangles and pixels for the given seconds, and makes the run end with
+//! them.
+//!
+//! ```text
+//! calibrate ──► plan ──► run: at each milestone pace ──► steps that are left
+//!     └── cost ──┴──────────────────────────────┘
+//! ```
+//!
+//! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. `pace`
+//! may change the number of remaining steps only at a [milestone](super::timeline), so that options can
+//! describe the run.
+
+mod calibrate;
+mod cost;
+mod pace;
+mod plan;
+
+pub use calibrate::calibrate;
+pub use cost::{Calibration, CostModel, Workload, part_secs};
+pub use pace::{BudgetDetails, Correction, Pace, Paced};
+pub use plan::{Enough, Plan, PlanInput, plan};
+pub use trisplat_scene::budget::{Budget, BudgetClock, Seconds, Spending};

@@ -1,0 +1,168 @@
+//! The training scene in main memory, on all cores.
+
+use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
+use super::frame_loss::{FrameLoss, Supersampling};
+use super::params::{Params, TrainState};
+use super::schedule::Rates;
+use super::update::{Regularisers, update};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use trisplat_raster::kernel::normal::{Maps, MapsGrad, normal_grad};
+use trisplat_raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+
+/// A training scene in main memory.
+#[derive(Debug, Default)]
+pub struct CpuBackend {
+    options: SoftOptions,
+    state: TrainState,
+    soft: Soft,
+    frame_loss: FrameLoss,
+    d_maps: MapsGrad<f32>,
+    d_frame: FrameGrad,
+    d_soup: SoupGrad,
+    opacity: Vec<f32>,
+    sigma: Vec<f32>,
+    visibility: BackendVisibility,
+    figures: Vec<StepStats>,
+}
+
+impl CpuBackend {
+    /// A backend without a scene; draws with `options`.
+    pub fn new(options: SoftOptions) -> Self {
+        Self { options: SoftOptions { importance: true, ..options }, ..Self::default() }
+    }
+}
+
+impl TrainBackend for CpuBackend {
+    fn load(&mut self, state: TrainState) -> Result<()> {
+        self.state = state;
+        Ok(())
+    }
+
+    fn store(&mut self) -> Result<TrainState> {
+        Ok(std::mem::take(&mut self.state))
+    }
+
+    fn params(&mut self) -> Result<Cow<'_, Params>> {
+        Ok(Cow::Borrowed(&self.state.params))
+    }
+
+    fn len(&self) -> usize {
+        self.state.params.len()
+    }
+
+    fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        Ok(std::mem::take(&mut self.visibility))
+    }
+
+    fn figures(&mut self, _all: bool) -> Result<Vec<StepStats>> {
+        Ok(std::mem::take(&mut self.figures))
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+        activate(&self.state, rates, &mut self.opacity, &mut self.sigma);
+        let params = &self.state.params;
+        let soup = SoupRef {
+            vertices: &params.vertices,
+            opacity: &self.opacity,
+            sigma: &self.sigma,
+            sh: &params.sh,
+            sh_degree: params.sh_degree,
+            active_degree: rates.sh_degree.min(params.sh_degree),
+        };
+        let mut options = rates.drawing(&self.options);
+        options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
+        let sampling = Supersampling {
+            samples: rates.engine_shading.map_or(1, |shading| shading.samples),
+            linear: options.linear,
+        };
+        let camera = photo.camera.resized(photo.camera.size * sampling.samples);
+        let frame = self.soft.render(&soup, &camera, &options);
+        let d_rgb = &mut self.d_frame.d_rgb;
+        let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
+        self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
+        let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
+        self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
+        let n = params.len();
+        let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
+        if importance.max_weight.len() != n {
+            importance.reset(n);
+        }
+        self.soft.accumulate_importance(importance);
+        add_errors(&self.d_soup, &mut self.visibility.error);
+        let regularisers = Regularisers::new(&self.state, rates);
+        let (touched, broken) = update(&mut self.state, &self.d_soup, rates, &regularisers);
+        self.figures.push(StepStats {
+            loss: means.value(rates.dssim) + geometry,
+            mse: means.mse,
+            touched,
+            dropped: broken + self.d_soup.dropped as u64,
+        });
+        Ok(())
+    }
+}
+
+/// The losses on depth and normals (Held et al. 2025, eq. 3: β2 and β3), with their gradients in `d`.
+fn geometry_grad(
+    frame: &Frame,
+    camera: &Camera,
+    rates: &Rates,
+    d_maps: &mut MapsGrad<f32>,
+    d: &mut FrameGrad,
+) -> f64 {
+    for map in [&mut d.d_depth, &mut d.d_transmittance, &mut d.d_distortion] {
+        map.clear();
+    }
+    d.d_normal.clear();
+    let mut loss = 0.0;
+    if rates.beta_distortion > 0.0 {
+        let scale = rates.beta_distortion / frame.distortion.len().max(1) as f64;
+        loss += scale * frame.distortion.iter().map(|&x| f64::from(x)).sum::<f64>();
+        d.d_distortion.resize(frame.distortion.len(), scale as f32);
+    }
+    if rates.beta_normal > 0.0 {
+        let maps = Maps {
+            width: camera.size.x as usize,
+            focal: camera.focal.to_array(),
+            center: camera.center.to_array(),
+            depth: &frame.depth,
+            transmittance: &frame.transmittance,
+            normal: &frame.normal,
+        };
+        loss += normal_grad(&maps, rates.beta_normal, d_maps);
+        std::mem::swap(&mut d.d_depth, &mut d_maps.d_depth);
+        std::mem::swap(&mut d.d_transmittance, &mut d_maps.d_transmittance);
+        std::mem::swap(&mut d.d_normal, &mut d_maps.d_normal);
+    }
+    loss
+}
+
+/// Adds each triangle's share of the error.
+fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
+    if errors.len() != d_soup.error.len() {
+        errors.clear();
+        errors.resize(d_soup.error.len(), 0);
+    }
+    for &i in &d_soup.visible {
+        let sum = &mut errors[i as usize];
+        // A cast from a float saturates, and turns NaN into 0.
+        *sum = sum.saturating_add((d_soup.error[i as usize] * ERROR_UNITS) as u64);
+    }
+}
+
+/// Units of [`BackendVisibility::error`] per pixel.
+pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
+
+/// Opacity and σ of the raw parameters.
+fn activate(state: &TrainState, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
+    let (params, anneal, frozen) = (&state.params, rates.anneal, rates.frozen_look());
+    let raw = || params.opacity.par_iter().zip(&params.sigma).enumerate().with_min_len(4096);
+    raw()
+        .map(|(i, (&o, &s))| if i < state.frozen { frozen.opacity(o, s) } else { anneal.opacity(o) })
+        .collect_into_vec(opacity);
+    raw()
+        .map(|(i, (_, &s))| if i < state.frozen { frozen.sigma(s) } else { anneal.sigma(s) })
+        .collect_into_vec(sigma);
+}

@@ -1,0 +1,91 @@
+//! Pictures of a scene on the card: the passes of a step up to the frame.
+
+use super::backend::GpuBackend;
+use super::limits::GpuLimits;
+use super::pending_step::{first_counts, missing_capacity};
+use super::step_buffers::StepCapacity;
+use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
+use crate::backend::TrainBackend;
+use crate::params::{Params, TrainState};
+use trisplat_gpu::Gpu;
+use trisplat_gpu::readback::elements;
+use trisplat_raster::soft::{Frame, SoftOptions};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::soup::Soup;
+
+/// A soup on a graphics card, for drawing.
+#[derive(Debug)]
+pub struct CardScene {
+    backend: GpuBackend,
+    look: Look,
+}
+
+impl CardScene {
+    /// Moves `soup`, in training space, to an open card.
+    ///
+    /// Errors: the card or its driver cannot run the passes, or lacks memory.
+    pub fn new(gpu: Gpu, soup: &Soup) -> Result<Self> {
+        let limits = GpuLimits::of(&gpu);
+        Self::with_limits(gpu, soup, limits)
+    }
+
+    /// As [`CardScene::new`], within `limits`.
+    pub fn with_limits(gpu: Gpu, soup: &Soup, limits: GpuLimits) -> Result<Self> {
+        let Soup { vertices, opacity, sigma, sh, sh_degree, .. } = soup.clone();
+        let look = Look { anneal: None, frozen_flat: false, sh_degree };
+        let params = Params { vertices, opacity, sigma, sh, sh_degree };
+        let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits)?;
+        backend.load(TrainState { params, ..TrainState::default() })?;
+        Ok(Self { backend, look })
+    }
+
+    /// The card.
+    pub fn gpu(&self) -> &Gpu {
+        self.backend.gpu()
+    }
+
+    /// The view of `camera`, as [`Soft::render`](trisplat_raster::soft::Soft::render) draws it: colour and
+    /// transmittance.
+    ///
+    /// Errors: the card is lost, or lacks memory.
+    pub fn frame(&mut self, camera: &Camera, options: &SoftOptions) -> Result<Frame> {
+        self.backend.draw(camera, options, &self.look)
+    }
+}
+
+impl GpuBackend {
+    /// The view of `camera`, in training space: colour and transmittance. Waits for the card.
+    pub(super) fn draw(&mut self, camera: &Camera, options: &SoftOptions, look: &Look) -> Result<Frame> {
+        self.settle_all()?;
+        let shape = self.scene()?.shape;
+        let plan = StepPlan::of_picture(camera, options);
+        let mut needed = StepCapacity::of_picture(&plan, shape.triangles, self.limits().spare_splats);
+        loop {
+            self.reserve(needed)?;
+            let counts = self.submit_picture(&plan, look, shape)?;
+            match missing_capacity(&counts) {
+                Some(more) => needed = needed.union(more),
+                None => break,
+            }
+            self.go_on();
+        }
+        let pixels: Vec<[f32; 4]> =
+            elements(self.gpu(), &self.buffers()?.frame, plan.frame_pixels() as usize)?;
+        Ok(Frame {
+            size: camera.size,
+            rgb: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+            transmittance: pixels.iter().map(|&[.., t]| t).collect(),
+            ..Frame::default()
+        })
+    }
+
+    /// Draws into the frame of the step buffers; returns the counts.
+    fn submit_picture(&mut self, plan: &StepPlan, look: &Look, shape: SceneShape) -> Result<Vec<u32>> {
+        let mut step = StepUniform::of_picture(plan, look, shape);
+        let mut encoder = self.begin(&mut step, &first_counts(plan, shape))?;
+        self.record(plan, false, &mut encoder, |passes, to| passes.draw(to))?;
+        self.gpu().queue.submit([encoder.finish()]);
+        self.counted()
+    }
+}

@@ -1,0 +1,192 @@
+//! The scene and Adam's moments, on the card.
+
+use super::rows::{append, from_params, row_count};
+use super::source::GROUP;
+use super::uniform::SceneShape;
+use crate::backend::BackendVisibility;
+use crate::params::{Params, TrainState};
+use std::ops::Range;
+use trisplat_gpu::Gpu;
+use trisplat_gpu::readback::elements;
+use trisplat_gpu::storage::{storage, uniform};
+use trisplat_raster::soft::Importance;
+use trisplat_scene::error::{Error, Result};
+use wgpu::{BindingResource, Buffer, BufferBinding};
+
+/// The remedy when a scene does not fit.
+pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
+
+/// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
+pub(super) const VISIBILITY_NUMBERS: usize = 6;
+
+/// The scene, in chunks that fit a binding.
+#[derive(Debug)]
+pub(super) struct SceneBuffers {
+    pub(super) chunks: Vec<ChunkBuffers>,
+    pub(super) shape: SceneShape,
+    /// For each chunk, the parameters for counting and for writing: twins of `Chunk` in `passes/step.wgsl`.
+    parts: Buffer,
+    stride: u64,
+}
+
+/// A chunk: triangles whose rows have separate buffers.
+#[derive(Debug)]
+pub(super) struct ChunkBuffers {
+    pub(super) first: u32,
+    pub(super) count: u32,
+    /// Parameters, as rows.
+    pub(super) x: Buffer,
+    /// Adam's first moments.
+    pub(super) first_moments: Buffer,
+    /// Adam's second moments.
+    pub(super) second_moments: Buffer,
+}
+
+/// Bytes per upload; the driver keeps a copy of each during the transfer.
+const UPLOAD_BYTES: usize = 64 << 20;
+
+impl SceneBuffers {
+    /// Moves a state to the card, in chunks whose rows take `binding_bytes` at most.
+    pub(super) fn load(gpu: &Gpu, state: &TrainState, binding_bytes: u64) -> Result<Self> {
+        let count = |n: usize| {
+            u32::try_from(n)
+                .map_err(|_| Error::invalid("max_triangles", n, "fewer than 4294967296 on the card"))
+        };
+        let triangles = count(state.params.len())?;
+        let each = chunk_triangles(row_count(state.params.sh_count()), binding_bytes).min(triangles.max(1));
+        let mut chunks = Vec::new();
+        for first in (0..triangles.max(1)).step_by(each as usize) {
+            let chunk = first as usize..(first.saturating_add(each).min(triangles)) as usize;
+            chunks.push(ChunkBuffers {
+                first,
+                count: count(chunk.len())?,
+                x: upload(gpu, "parameters", &state.params, chunk.clone())?,
+                first_moments: moments(gpu, "first moments", &state.first, chunk.clone())?,
+                second_moments: moments(gpu, "second moments", &state.second, chunk)?,
+            });
+        }
+        let shape = SceneShape {
+            triangles,
+            pinned: count(state.pinned)?,
+            frozen: count(state.frozen)?,
+            sh_degree: state.params.sh_degree,
+            chunk: each,
+        };
+        let stride = u64::from(gpu.device.limits().min_uniform_buffer_offset_alignment).max(16);
+        let parts = uniform(gpu, "chunks", 2 * stride * chunks.len() as u64);
+        for (chunk, at) in chunks.iter().zip(0..) {
+            for writes in [0, 1] {
+                let part = [chunk.first, chunk.count, writes, 0];
+                let place = (2 * at + u64::from(writes)) * stride;
+                gpu.queue.write_buffer(&parts, place, bytemuck::cast_slice(&part));
+            }
+        }
+        gpu.check()?;
+        Ok(Self { chunks, shape, parts, stride })
+    }
+
+    /// Chunk `at`, for a pass that counts or writes.
+    pub(super) fn part(&self, at: usize, writes: u32) -> BindingResource<'_> {
+        let offset = (2 * at as u64 + u64::from(writes)) * self.stride;
+        let size = std::num::NonZeroU64::new(16);
+        BindingResource::Buffer(BufferBinding { buffer: &self.parts, offset, size })
+    }
+
+    /// Reads the state back.
+    pub(super) fn store(&self, gpu: &Gpu) -> Result<TrainState> {
+        Ok(TrainState {
+            params: self.params(gpu)?,
+            first: self.read(gpu, |chunk| &chunk.first_moments)?,
+            second: self.read(gpu, |chunk| &chunk.second_moments)?,
+            pinned: self.shape.pinned as usize,
+            frozen: self.shape.frozen as usize,
+        })
+    }
+
+    /// Reads the parameters back.
+    pub(super) fn params(&self, gpu: &Gpu) -> Result<Params> {
+        self.read(gpu, |chunk| &chunk.x)
+    }
+
+    fn read(&self, gpu: &Gpu, of: impl Fn(&ChunkBuffers) -> &Buffer) -> Result<Params> {
+        let mut params = Params { sh_degree: self.shape.sh_degree, ..Params::default() };
+        let numbers = row_count(params.sh_count());
+        for chunk in &self.chunks {
+            let n = chunk.count as usize;
+            append(&mut params, &elements(gpu, of(chunk), numbers * n)?, n);
+        }
+        Ok(params)
+    }
+}
+
+/// Triangles of `numbers` numbers in a chunk: whole workgroups.
+fn chunk_triangles(numbers: usize, binding_bytes: u64) -> u32 {
+    let most = binding_bytes / (4 * numbers as u64);
+    let most = u32::try_from(most).unwrap_or(u32::MAX - GROUP);
+    (most / GROUP * GROUP).max(GROUP)
+}
+
+/// Moments of a trained scene; one that is only drawn has none.
+fn moments(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {
+    if params.is_empty() { storage(gpu, what, 0, REMEDY) } else { upload(gpu, what, params, chunk) }
+}
+
+fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result<Buffer> {
+    let rows = from_params(params, chunk);
+    let buffer = storage(gpu, what, size_of_val(rows.as_slice()) as u64, REMEDY)?;
+    let bytes: &[u8] = bytemuck::cast_slice(&rows);
+    for (part, at) in bytes.chunks(UPLOAD_BYTES).zip((0u64..).step_by(UPLOAD_BYTES)) {
+        gpu.queue.write_buffer(&buffer, at, part);
+        if bytes.len() > UPLOAD_BYTES {
+            let submission = gpu.queue.submit([]);
+            gpu.wait(Some(submission))?;
+        }
+    }
+    Ok(buffer)
+}
+
+/// Visibility of every triangle: `[6, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
+#[derive(Debug)]
+pub(super) struct VisibilityBuffer {
+    pub(super) buffer: Buffer,
+    pub(super) triangles: usize,
+}
+
+impl VisibilityBuffer {
+    /// Nothing seen yet.
+    pub(super) fn new(gpu: &Gpu, triangles: usize) -> Result<Self> {
+        let bytes = (triangles * VISIBILITY_NUMBERS * size_of::<u32>()) as u64;
+        Ok(Self { buffer: storage(gpu, "visibility", bytes, REMEDY)?, triangles })
+    }
+
+    /// Reads it back and resets it.
+    pub(super) fn take(&self, gpu: &Gpu) -> Result<BackendVisibility> {
+        let n = self.triangles;
+        let numbers: Vec<u32> = elements(gpu, &self.buffer, n * VISIBILITY_NUMBERS)?;
+        let row = |j: usize| &numbers[j * n..(j + 1) * n];
+        let floats = |j: usize| row(j).iter().copied().map(f32::from_bits).collect();
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        encoder.clear_buffer(&self.buffer, 0, None);
+        gpu.queue.submit([encoder.finish()]);
+        let mut first = Importance::new(n);
+        (first.max_weight, first.max_radius_px) = (floats(0), floats(1));
+        first.views = row(2).to_vec();
+        first.sum_weight = floats(5);
+        let error = row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
+        Ok(BackendVisibility { first, again: Importance::default(), error: error.collect() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_whole_workgroups_that_can_be_bound() {
+        // SH degree 3: 59 numbers; 128 MiB, 2 GiB less a byte, and hardly anything.
+        assert_eq!(chunk_triangles(59, 128 << 20), 568_576);
+        assert_eq!(chunk_triangles(59, (2 << 30) - 1), 9_099_264 / GROUP * GROUP);
+        assert_eq!(chunk_triangles(59, 1), GROUP);
+        assert_eq!(chunk_triangles(14, u64::MAX) % GROUP, 0);
+    }
+}

@@ -1,0 +1,286 @@
+//! The buffers of one step on the card, and their capacity.
+
+use super::scene::REMEDY;
+use super::source::{BUCKET, GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
+use super::uniform::{SLOT_NUMBERS, StepPlan};
+use glam::UVec2;
+use trisplat_gpu::Gpu;
+use trisplat_gpu::storage::storage;
+use trisplat_raster::soft::tile_count;
+use trisplat_scene::error::Result;
+use wgpu::Buffer;
+
+/// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of `slot_part` in `passes/slot_part.wgsl`.
+pub(super) const SLOT_PARTS: u32 = 4;
+
+/// The capacity of all buffers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct StepCapacity {
+    pub(super) triangles: u32,
+    pub(super) splats: u32,
+    /// Pairs of splats and tiles.
+    pub(super) pairs: u32,
+    /// Layers of pixels with their own order.
+    pub(super) layers: u32,
+    pub(super) frame_pixels: u32,
+    pub(super) photo_pixels: u32,
+    /// Tiles of the frame, or of the photo if it has more.
+    pub(super) tiles: u32,
+    pub(super) slot_numbers: u32,
+    /// Depth planes are needed.
+    pub(super) planes: bool,
+    /// Bytes that one binding holds.
+    pub(super) binding_bytes: u64,
+    /// Depth, normals and distortion are needed.
+    pub(super) geometry: bool,
+}
+
+impl StepCapacity {
+    /// The needs of a plain step of `triangles`, for a frame and a photo of these sizes, with `spare` more
+    /// splats than a 64th of the triangles.
+    pub(super) fn new(triangles: u32, spare: u32, frame: UVec2, photo: UVec2) -> Self {
+        Self {
+            triangles,
+            splats: triangles.saturating_add(triangles / 64).saturating_add(spare),
+            pairs: 0,
+            layers: 0,
+            frame_pixels: frame.element_product(),
+            photo_pixels: photo.element_product(),
+            tiles: tile_count(frame).element_product().max(tile_count(photo).element_product()),
+            slot_numbers: SLOT_NUMBERS,
+            planes: false,
+            binding_bytes: 0,
+            geometry: false,
+        }
+    }
+
+    /// The known needs of a step of `triangles`.
+    pub(super) fn of(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
+        Self {
+            slot_numbers: plan.slot_numbers(),
+            planes: plan.by_pixel() || plan.options.geometry,
+            geometry: plan.options.geometry,
+            ..Self::new(triangles, spare, plan.camera.size, plan.photo)
+        }
+    }
+
+    /// The needs of a picture of `triangles`, without gradients.
+    pub(super) fn of_picture(plan: &StepPlan, triangles: u32, spare: u32) -> Self {
+        Self { slot_numbers: 0, ..Self::of(plan, triangles, spare) }
+    }
+
+    /// Room for both.
+    pub(super) fn union(self, other: Self) -> Self {
+        Self {
+            triangles: self.triangles.max(other.triangles),
+            splats: self.splats.max(other.splats),
+            pairs: self.pairs.max(other.pairs),
+            layers: self.layers.max(other.layers),
+            frame_pixels: self.frame_pixels.max(other.frame_pixels),
+            photo_pixels: self.photo_pixels.max(other.photo_pixels),
+            tiles: self.tiles.max(other.tiles),
+            slot_numbers: self.slot_numbers.max(other.slot_numbers),
+            planes: self.planes || other.planes,
+            binding_bytes: self.binding_bytes.max(other.binding_bytes),
+            geometry: self.geometry || other.geometry,
+        }
+    }
+
+    /// Pairs whose slots are in one binding.
+    pub(super) fn slot_pairs(&self) -> u32 {
+        let slot = 4 * u64::from(self.slot_numbers.max(1));
+        u32::try_from(self.binding_bytes / slot).unwrap_or(u32::MAX).max(1)
+    }
+
+    /// Bytes of part `part` of the slots; the last part has all the rest.
+    fn slot_bytes(&self, part: u32) -> u64 {
+        let before = self.slot_pairs().saturating_mul(part);
+        let left = self.pairs.saturating_sub(before);
+        let pairs = if part + 1 == SLOT_PARTS { left } else { left.min(self.slot_pairs()) };
+        u64::from(pairs) * 4 * u64::from(self.slot_numbers)
+    }
+
+    /// Bytes of the pixels in front of every bucket of pairs that is not the first of its tile.
+    fn checkpoint_bytes(&self) -> u64 {
+        u64::from(self.pairs / BUCKET) * u64::from(16 * GROUP)
+    }
+
+    /// Bytes of everything together.
+    pub(super) fn bytes(&self) -> u64 {
+        self.buffers().iter().map(|(_, bytes)| bytes).sum()
+    }
+
+    /// Names and bytes of the buffers, in the order of the fields of [`StepBuffers`].
+    fn buffers(&self) -> Vec<(&'static str, u64)> {
+        let mut all = self.of_splats().to_vec();
+        all.extend(self.of_pairs());
+        all.extend((0..SLOT_PARTS).map(|part| ("gradients of pairs", self.slot_bytes(part))));
+        all.extend(self.of_pixels());
+        all
+    }
+
+    fn of_splats(&self) -> [(&'static str, u64); 11] {
+        let each = |bytes: u64| u64::from(self.splats) * bytes;
+        [
+            ("first splats", 4 * u64::from(self.triangles) + 4),
+            ("splats", each(64)),
+            ("boxes of splats", each(16)),
+            ("depth planes", if self.planes { each(32) } else { 0 }),
+            ("pieces of triangles", each(4)),
+            ("depths", each(4)),
+            ("sorted depths", each(4)),
+            ("order", each(4)),
+            ("sorted order", each(4)),
+            ("first pairs", each(4) + 4),
+            ("gradients of splats", each(4 * u64::from(self.slot_numbers))),
+        ]
+    }
+
+    fn of_pairs(&self) -> [(&'static str, u64); 8] {
+        let each = |bytes: u64| u64::from(self.pairs) * bytes;
+        let block = GROUP * SORT_ITEMS;
+        let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
+        let longest = [self.triangles, self.splats, self.frame_pixels].into_iter().max().unwrap_or(0);
+        // A sort has its totals there.
+        let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS).max(RADIX);
+        [
+            ("tiles of pairs", each(4)),
+            ("sorted tiles", each(4)),
+            ("pairs", each(4)),
+            ("sorted pairs", each(4)),
+            ("splats of pairs", each(8)),
+            ("layers", 16 * u64::from(self.layers)),
+            ("digits", 4 * u64::from(digits)),
+            ("sums of blocks", 4 * u64::from(scanned) + 4),
+        ]
+    }
+
+    fn of_pixels(&self) -> [(&'static str, u64); 13] {
+        let (frame, photo) = (u64::from(self.frame_pixels), u64::from(self.photo_pixels));
+        let geometry = if self.geometry { frame } else { 0 };
+        let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
+        let partial = u64::from(partial.into_iter().max().unwrap_or(0));
+        [
+            ("frame", 16 * frame + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 }),
+            ("depth and normals", 48 * geometry),
+            ("gradients of depth and normals", 32 * geometry),
+            ("slopes of the depth map", 32 * geometry),
+            ("photo", 4 * photo),
+            ("picture", 32 * photo),
+            ("derivatives of SSIM", 36 * photo),
+            ("gradients of the picture", 16 * photo),
+            ("partial sums", 16 * partial),
+            ("table of tiles", 12 * u64::from(self.tiles) + 4 + 4 * u64::from(self.pairs / BUCKET)),
+            ("first layers", if self.planes { 4 * frame + 4 } else { 0 }),
+            ("first layers of pixels", if self.planes && self.slot_numbers > 0 { 32 * frame } else { 0 }),
+            ("room", 16),
+        ]
+    }
+}
+
+/// The buffers of one step.
+#[derive(Debug)]
+pub(super) struct StepBuffers {
+    pub(super) size: StepCapacity,
+    pub(super) splat_starts: Buffer,
+    pub(super) records: Buffer,
+    pub(super) bounds: Buffer,
+    pub(super) planes: Buffer,
+    pub(super) pieces: Buffer,
+    pub(super) depths: [Buffer; 2],
+    pub(super) order: [Buffer; 2],
+    pub(super) pair_starts: Buffer,
+    pub(super) splat_sums: Buffer,
+    pub(super) tiles: [Buffer; 2],
+    pub(super) pairs: [Buffer; 2],
+    pub(super) owners: Buffer,
+    pub(super) layers: Buffer,
+    pub(super) histogram: Buffer,
+    pub(super) block_sums: Buffer,
+    pub(super) slots: [Buffer; SLOT_PARTS as usize],
+    pub(super) frame: Buffer,
+    pub(super) geometry: Buffer,
+    pub(super) d_geometry: Buffer,
+    pub(super) slopes: Buffer,
+    pub(super) photo: Buffer,
+    pub(super) picture: Buffer,
+    pub(super) maps: Buffer,
+    pub(super) d_frame: Buffer,
+    pub(super) partial_sums: Buffer,
+    pub(super) table: Buffer,
+    pub(super) layer_starts: Buffer,
+    pub(super) kept: Buffer,
+    /// The capacity for splats, pairs and layers, as the card reads it.
+    pub(super) most: Buffer,
+}
+
+impl StepBuffers {
+    /// Makes the buffers.
+    ///
+    /// Errors: more than the card has, or binds at once.
+    pub(super) fn new(gpu: &Gpu, size: StepCapacity) -> Result<Self> {
+        let mut sizes = size.buffers().into_iter();
+        let mut next = || {
+            let (what, bytes) = sizes.next().unwrap_or_default();
+            storage(gpu, what, bytes, REMEDY)
+        };
+        let buffers = Self {
+            size,
+            splat_starts: next()?,
+            records: next()?,
+            bounds: next()?,
+            planes: next()?,
+            pieces: next()?,
+            depths: [next()?, next()?],
+            order: [next()?, next()?],
+            pair_starts: next()?,
+            splat_sums: next()?,
+            tiles: [next()?, next()?],
+            pairs: [next()?, next()?],
+            owners: next()?,
+            layers: next()?,
+            histogram: next()?,
+            block_sums: next()?,
+            slots: [next()?, next()?, next()?, next()?],
+            frame: next()?,
+            geometry: next()?,
+            d_geometry: next()?,
+            slopes: next()?,
+            photo: next()?,
+            picture: next()?,
+            maps: next()?,
+            d_frame: next()?,
+            partial_sums: next()?,
+            table: next()?,
+            layer_starts: next()?,
+            kept: next()?,
+            most: next()?,
+        };
+        let most = [size.splats, size.pairs, size.layers, 0];
+        gpu.queue.write_buffer(&buffers.most, 0, bytemuck::cast_slice(&most));
+        Ok(buffers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_are_in_parts_that_can_be_bound() {
+        let slot = 4 * u64::from(SLOT_NUMBERS);
+        let size = |pairs| StepCapacity {
+            pairs,
+            binding_bytes: 10 * slot + 3,
+            ..StepCapacity::new(100, 0, UVec2::ONE, UVec2::ONE)
+        };
+        let pairs =
+            |size: StepCapacity| (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>();
+        assert_eq!(pairs(size(0)), [0; 4]);
+        assert_eq!(pairs(size(25)), [10, 10, 5, 0]);
+        // Slots beyond all parts go to the last part, which then cannot be made.
+        assert_eq!(pairs(size(45)), [10, 10, 10, 15]);
+        // Blocks of splats and of pairs have the same number of counts.
+        assert_eq!(size(25).bytes() - size(0).bytes(), 25 * (slot + 24));
+    }
+}

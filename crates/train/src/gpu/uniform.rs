@@ -1,0 +1,224 @@
+//! Everything of one step that is not the scene or the photo, as the passes read it.
+
+use crate::backend::StepPhoto;
+use crate::params::Anneal;
+use crate::schedule::Rates;
+use bytemuck::{Pod, Zeroable};
+use glam::{UVec2, Vec3};
+use trisplat_raster::kernel::adam::Rate;
+use trisplat_raster::soft::{SoftOptions, Sort, Window, tile_count};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::color::linear_from_srgb;
+
+/// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
+pub(super) const SLOT_NUMBERS: u32 = 18;
+/// The same, with gradients by the depth plane.
+pub(super) const GEOMETRY_SLOT_NUMBERS: u32 = 24;
+
+/// The twin of `Step` in `passes/step.wgsl`, which explains the numbers.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct StepUniform {
+    rotation: [[f32; 4]; 3],
+    position: [f32; 4],
+    lens: [f32; 4],
+    frame: [u32; 4],
+    photo: [u32; 4],
+    limits: [f32; 4],
+    edges: [f32; 4],
+    modes: [u32; 4],
+    background: [f32; 4],
+    scene: [u32; 4],
+    anneal: [f32; 4],
+    rates: [f32; 4],
+    update: [f32; 4],
+    regularisers: [f32; 4],
+    loss: [f32; 4],
+    depths: [f32; 4],
+    parts: [u32; 4],
+}
+
+/// A step's drawing, and its sizes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StepPlan {
+    /// How the scene is drawn.
+    pub(super) options: SoftOptions,
+    /// The photo's camera, with a pixel for every sample.
+    pub(super) camera: Camera,
+    /// Size of the photo, px.
+    pub(super) photo: UVec2,
+    /// Samples per pixel and axis.
+    pub(super) samples: u32,
+    /// Tiles across and down.
+    pub(super) tiles: UVec2,
+}
+
+impl StepPlan {
+    /// A step of `rates` on `photo`, drawn with `options`.
+    pub(super) fn new(photo: &StepPhoto<'_>, rates: &Rates, options: &SoftOptions) -> Self {
+        let mut options = rates.drawing(options);
+        options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
+        let samples = rates.engine_shading.map_or(1, |shading| shading.samples);
+        let camera = photo.camera.resized(photo.camera.size * samples);
+        let tiles = tile_count(camera.size);
+        Self { options, camera, photo: photo.camera.size, samples, tiles }
+    }
+
+    /// A picture without a photo to compare with.
+    pub(super) fn of_picture(camera: &Camera, options: &SoftOptions) -> Self {
+        let options = SoftOptions { geometry: false, ..*options };
+        Self { options, camera: *camera, photo: camera.size, samples: 1, tiles: tile_count(camera.size) }
+    }
+
+    /// Samples of the frame.
+    pub(super) fn frame_pixels(&self) -> u32 {
+        self.camera.size.element_product()
+    }
+
+    /// Pixels of the photo.
+    pub(super) fn photo_pixels(&self) -> u32 {
+        self.photo.element_product()
+    }
+
+    /// True when every pixel has its own order.
+    pub(super) fn by_pixel(&self) -> bool {
+        self.options.sort == Sort::Pixel
+    }
+
+    /// The window's number in `passes/step.wgsl`.
+    pub(super) fn window(&self) -> u32 {
+        match self.options.window {
+            Window::Soft => 0,
+            Window::Coverage { .. } => 1,
+        }
+    }
+
+    /// Constants of the passes over tiles.
+    pub(super) fn constants(&self) -> String {
+        let (window, geometry, vectors) = (self.window(), self.options.geometry, self.slot_numbers() / 2);
+        format!(
+            "const WINDOW: u32 = {window}u;\nconst GEOMETRY: bool = {geometry};\nconst SLOT_VECTORS: u32 = {vectors}u;\n"
+        )
+    }
+
+    /// Numbers of a slot.
+    pub(super) fn slot_numbers(&self) -> u32 {
+        if self.options.geometry { GEOMETRY_SLOT_NUMBERS } else { SLOT_NUMBERS }
+    }
+}
+
+/// The meaning of a scene's numbers for drawing.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Look {
+    /// The map from raw numbers to opacity and σ; `None`: the numbers are physical.
+    pub(super) anneal: Option<Anneal>,
+    /// Frozen triangles are drawn without a window.
+    pub(super) frozen_flat: bool,
+    /// Degree of the colour in use.
+    pub(super) sh_degree: u8,
+}
+
+impl Look {
+    /// That of a step.
+    pub(super) fn of(rates: &Rates) -> Self {
+        Self { anneal: Some(rates.anneal), frozen_flat: rates.frozen_look().flat, sh_degree: rates.sh_degree }
+    }
+}
+
+/// The scene of a step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SceneShape {
+    pub(super) triangles: u32,
+    pub(super) pinned: u32,
+    pub(super) frozen: u32,
+    pub(super) sh_degree: u8,
+    /// Triangles of a chunk; the last may have fewer.
+    pub(super) chunk: u32,
+}
+
+impl StepUniform {
+    pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &Rates, scene: SceneShape) -> Self {
+        let rate = |rate: f64| Rate::new(rate, rates.time);
+        let flag = |is: bool| f32::from(u8::from(is));
+        let drawn = Self::of_picture(plan, &Look::of(rates), scene);
+        Self {
+            rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
+            update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
+            regularisers: regularisers(rates, scene),
+            loss: loss(rates, plan),
+            ..drawn
+        }
+    }
+
+    /// For only the passes up to the frame.
+    pub(super) fn of_picture(plan: &StepPlan, look: &Look, scene: SceneShape) -> Self {
+        let (options, camera) = (&plan.options, &plan.camera);
+        let column = |k: usize| camera.rotation.col(k).extend(camera.translation[k]).to_array();
+        let width = if let Window::Coverage { width_px } = options.window { width_px } else { 1.0 };
+        let decode = |c: f32| if options.linear { linear_from_srgb(c) } else { c };
+        let degree = u32::from(look.sh_degree.min(scene.sh_degree));
+        let stored = (u32::from(scene.sh_degree) + 1).pow(2);
+        let anneal = look.anneal.unwrap_or(Anneal::NONE);
+        let [near, far] = options.depth_range;
+        let flag = |is: bool| f32::from(u8::from(is));
+        let (size, [fx, fy], [cx, cy]) = (camera.size, camera.focal.to_array(), camera.center.to_array());
+        Self {
+            rotation: [0, 1, 2].map(column),
+            position: camera.position().extend(options.near).to_array(),
+            lens: [fx, fy, cx, cy],
+            frame: [size.x, size.y, plan.tiles.x, plan.tiles.y],
+            photo: [plan.photo.x, plan.photo.y, plan.samples, u32::from(options.linear)],
+            limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
+            edges: [options.fade_px, options.ratio_least, width, 0.0],
+            modes: [
+                plan.window(),
+                u32::from(plan.by_pixel()),
+                u32::from(options.geometry),
+                plan.slot_numbers(),
+            ],
+            background: Vec3::from(options.background.map(decode)).extend(0.0).to_array(),
+            scene: [scene.triangles, stored, degree, scene.pinned],
+            anneal: [
+                anneal.opacity_floor,
+                anneal.opacity_gain,
+                anneal.sigma_scale,
+                flag(look.anneal.is_none()),
+            ],
+            rates: [0.0; 4],
+            update: [0.0; 4],
+            regularisers: [0.0; 4],
+            loss: [0.0; 4],
+            depths: [far / (far - near), far * near / (far - near), 0.0, 0.0],
+            parts: [scene.frozen, u32::from(look.frozen_flat), scene.chunk, 0],
+        }
+    }
+
+    /// Degree of the colour in use.
+    pub(super) fn sh_degree(&self) -> u32 {
+        self.scene[2]
+    }
+
+    /// Number of pairs per binding of slots.
+    pub(super) fn set_slot_pairs(&mut self, pairs: u32) {
+        self.parts[3] = pairs;
+    }
+}
+
+/// Weights of the means over the scene; pinned triangles do not count.
+fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
+    let trained = f64::from((scene.triangles - scene.pinned).max(1));
+    [rates.beta_opacity, rates.beta_sigma, rates.beta_size, rates.beta_opaque]
+        .map(|weight| (weight / trained) as f32)
+}
+
+/// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.
+fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
+    let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
+    [
+        (1.0 - rates.dssim) / values,
+        -rates.dssim / values,
+        rates.beta_distortion / pixels,
+        rates.beta_normal / pixels,
+    ]
+    .map(|scale| scale as f32)
+}

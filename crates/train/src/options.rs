@@ -1,0 +1,291 @@
+//! Every number of the training, declared once: the library's struct, the flags and the config file.
+//!
+//! Positions in the run ("steps of a 30,000-step run") are scaled by `steps / 30,000`, so that a short
+//! preview and a long run follow one schedule. Lengths are in units of the scene: the median distance from
+//! the cameras to visible points. Numbers in brackets are those of the paper, its supplement and its code
+//! (TS), or of Triangle Splatting+ (TS+): see [`train`](mod@crate). Where the default is another,
+//! `docs/benchmarks/history.md` has the runs that chose it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_dataset::exposure::ExposureUse;
+use trisplat_raster::soft::{SoftOptions, Sort, Window};
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::ranges::{self, Called};
+
+/// The run all schedule positions are written for (Held et al. 2025, supplement).
+pub const REFERENCE_STEPS: f64 = 30_000.0;
+
+/// Depth range of the distortion, scene units (TS 0.2 and 100, in units about four times smaller).
+const DEPTH_RANGE: [f32; 2] = [0.05, 25.0];
+
+/// Depth at which triangles are clipped, scene units (TS 0.2, in COLMAP's arbitrary units).
+const NEAR: f32 = 0.01;
+
+/// Inradius from which a triangle has its full opacity, px; smaller ones fade (TS drops those below 1).
+const FADE_PX: f32 = 0.5;
+
+/// A complete set of options for a kind of scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum TrainPreset {
+    /// Opaque triangles of one colour each, as a game engine draws them.
+    #[default]
+    Solid,
+    /// Soft triangles, as in the paper, for research: open scenes with a far background; `outdoor` is its old name.
+    #[serde(rename = "soft-outdoor", alias = "outdoor")]
+    #[cfg_attr(feature = "cli", value(name = "soft-outdoor", alias = "outdoor"))]
+    Outdoor,
+    /// Soft triangles, as in the paper, for research: rooms, with more SSIM and flatter surfaces; `indoor` is its old name.
+    #[serde(rename = "soft-indoor", alias = "indoor")]
+    #[cfg_attr(feature = "cli", value(name = "soft-indoor", alias = "indoor"))]
+    Indoor,
+    /// The paper's own way to opaque triangles, for comparison.
+    PaperEngine,
+}
+
+/// Whether poses are corrected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum PoseUse {
+    /// By the tracks of a COLMAP model, where photos do not show its points where they should.
+    #[default]
+    Auto,
+    /// Never.
+    Off,
+}
+
+/// How a soup is trained.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(default, deny_unknown_fields)]
+#[cfg_attr(feature = "cli", command(next_help_heading = "Training"))]
+pub struct TrainOptions {
+    /// The kind of result: opaque triangles for engines, or soft ones.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub preset: TrainPreset,
+    /// Number of steps, one photo each; every schedule stretches with it.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
+    pub steps: u64,
+    /// Most triangles of the scene.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
+    pub max_triangles: u64,
+    /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = TrainOptions::default().sh_degree, value_parser = clap::value_parser!(u8).range(0..=3)))]
+    pub sh_degree: u8,
+    /// Seed of every random choice; the same seed gives the same bits on any number of threads.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
+    pub seed: u64,
+    /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub exposure: ExposureUse,
+    /// Whether the poses of photos are corrected.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub poses: PoseUse,
+    /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
+    /// budget choose them.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub milestones: [u64; 4],
+    /// How the scene is drawn.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub draw: TrainDrawOptions,
+    /// The size of the first triangles, and the shell.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub init: InitOptions,
+    /// What is minimised.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub loss: LossOptions,
+    /// The learning rates of each group of parameters.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub rates: RateOptions,
+    /// How triangles are added and removed.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub refine: RefineOptions,
+    /// How early steps save time on smaller photos.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub warmup: WarmupOptions,
+    /// How the scene becomes solid in the last part of the run.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub solid: SolidifyOptions,
+}
+
+/// How the scene is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainDrawOptions {
+    /// Blend the layers of a pixel by their depth there, not by their centres': exact, and slower.
+    pub sort_per_pixel: bool,
+}
+
+/// The size of the first triangles, and the shell.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct InitOptions {
+    /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2, supplement).
+    pub size: f64,
+    /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at most, 0 for none
+    /// (not in the paper). Small runs have fewer, photos with masks none.
+    pub shell_subdivisions: u32,
+}
+
+/// The loss (Held et al. 2025, eq. 3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LossOptions {
+    /// λ: weight of 1 - SSIM against L1 (TS 0.2 outdoor, 0.4 indoor).
+    pub dssim: f64,
+    /// β1: weight of the mean opacity (0.0055, supplement).
+    pub opacity: f64,
+    /// β2: weight of the distortion (TS 0 outdoor, 1 indoor).
+    pub distortion: f64,
+    /// β3: weight of the normal consistency (0.0001 outdoor, 0.00004 indoor, supplement).
+    pub normal: f64,
+    /// β4: weight of 1 / mean area, in squared scene units (1e-8 outdoor, 5e-8 indoor, supplement).
+    pub size: f64,
+}
+
+/// The learning rates of each group of parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RateOptions {
+    /// First rate of the corners, scene units (0.0018 outdoor, 0.0015 indoor, in COLMAP's arbitrary units).
+    pub vertices: f64,
+    /// Skip triangles without a gradient in the step's photo, moments included (3DGS's sparse Adam).
+    pub sparse: bool,
+}
+
+/// The weight for sampling triangles that grow (Held et al. 2025, section 3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SampleWeight {
+    /// By opacity and by 1/σ, alternately.
+    #[default]
+    Alternating,
+    /// By the squared error of the pixels that show it (not in the paper).
+    Error,
+}
+
+/// How triangles are added and removed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RefineOptions {
+    /// No triangle is added after this, steps of a 30,000-step run (25,000, supplement).
+    pub until: f64,
+    /// Steps between refinements, of a 30,000-step run (500, supplement).
+    pub every: f64,
+    /// Triangles added at a refinement, as a share of the present ones (0.3, supplement).
+    pub growth: f64,
+    /// The weight of a triangle's chance to grow.
+    pub sample_by: SampleWeight,
+    /// Share of the triangles removed at each refinement from `opacity_until` on, in a scene at its limit, to
+    /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
+    /// scene keep theirs).
+    pub relocate: f64,
+    /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
+    /// from the centre, px of the full photo (24, supplement: split_size).
+    pub split_px: f64,
+    /// τ_prune: triangles below this blending weight at every pixel are pruned (0.022 outdoor, 0.0256 indoor,
+    /// supplement).
+    pub prune_weight: f64,
+}
+
+/// How early steps save time on smaller photos (not in the paper). Without a warm-up, as in runs that start
+/// from a scene, the degree of view-dependent colour rises by one per step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct WarmupOptions {
+    /// Photos at a quarter of their size up to here, steps of a 30,000-step run.
+    pub quarter_until: f64,
+    /// Photos at half their size up to here, steps of a 30,000-step run.
+    pub half_until: f64,
+}
+
+/// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps);
+/// presets that stay soft ignore it. `train::hardening` has the constants.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SolidifyOptions {
+    /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
+    pub opacity_from: f64,
+    /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine shading;
+    /// steps of a 30,000-step run (TS+ 24,000).
+    pub opacity_until: f64,
+}
+
+impl Default for TrainOptions {
+    fn default() -> Self {
+        Self::preset(TrainPreset::default())
+    }
+}
+
+macro_rules! default_of_default_preset {
+    ($($options:ident . $field:ident),*) => {$(
+        impl Default for $options {
+            fn default() -> Self {
+                TrainOptions::preset(TrainPreset::default()).$field
+            }
+        }
+    )*};
+}
+default_of_default_preset!(
+    TrainDrawOptions.draw,
+    InitOptions.init,
+    LossOptions.loss,
+    RateOptions.rates,
+    RefineOptions.refine,
+    WarmupOptions.warmup,
+    SolidifyOptions.solid
+);
+
+impl TrainOptions {
+    /// Whether the scene becomes solid.
+    pub fn ends_solid(&self) -> bool {
+        matches!(self.preset, TrainPreset::Solid | TrainPreset::PaperEngine)
+    }
+
+    /// How the rasteriser draws the scene over `background`.
+    pub fn drawing(&self, background: [f32; 3]) -> SoftOptions {
+        SoftOptions {
+            window: Window::Soft,
+            background,
+            sort: if self.draw.sort_per_pixel { Sort::Pixel } else { Sort::Tile },
+            near: NEAR,
+            fade_px: FADE_PX,
+            depth_range: DEPTH_RANGE,
+            ..SoftOptions::default()
+        }
+    }
+
+    /// Checks the range of every number.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check("", self, Called::ByKey)?;
+        let milestones = &self.milestones;
+        let rising = milestones.is_sorted() && milestones[3] <= self.steps;
+        if *milestones != [0; 4] && !(rising && milestones[0] > 0) {
+            let wants = "four steps of the run that do not fall, the first above 0, or [0, 0, 0, 0]";
+            return Err(Error::invalid("milestones", format!("{milestones:?}"), wants));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    /// The most options of a training, by their keys.
+    const MOST_KEYS: usize = 30;
+
+    fn keys(value: &Value) -> usize {
+        value.as_object().map_or(1, |group| group.values().map(keys).sum())
+    }
+
+    #[test]
+    fn a_training_has_few_keys() {
+        let value = serde_json::to_value(TrainOptions::default()).unwrap();
+        assert!(keys(&value) <= MOST_KEYS, "{} keys: {value:#}", keys(&value));
+    }
+}

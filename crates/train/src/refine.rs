@@ -1,0 +1,494 @@
+//! Adding and removing triangles (Held et al. 2025, section 3.2), every few hundred steps.
+//!
+//! Useless triangles are pruned. Then weighted sampling, by opacity and by 1/σ alternately, picks triangles
+//! to grow: a large one is split into the four of its midpoint subdivision, a small one is cloned within its
+//! plane. The scene keeps its look: four children cover their parent's area with the same mean window
+//! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
+
+use super::core::Core;
+use super::options::{RefineOptions, SampleWeight};
+use super::params::{Anneal, Params, TrainState};
+use super::relocate::{Relocation, make_room};
+use super::visibility::VisibilityStats;
+use glam::Vec3;
+use rayon::prelude::*;
+use trisplat_scene::rng::Rng;
+
+/// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
+const MIN_VIEWS: u32 = 2;
+/// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
+const CLONE_SHIFT: f32 = 1.5;
+
+/// What one refinement works with.
+#[derive(Debug, Clone, Copy)]
+pub struct RefinePlan<'a> {
+    /// The constants.
+    pub options: &'a RefineOptions,
+    /// Never more triangles than this.
+    pub max_triangles: usize,
+    /// The box with its own budget, when only a part of a scene is trained.
+    pub core: Option<Core>,
+    /// Triangles may be added.
+    pub grow: bool,
+    /// τ_prune of this refinement.
+    pub prune_weight: f32,
+    /// Triangles fainter than this are pruned.
+    pub prune_opacity: f64,
+    /// Triangles of at least this σ are pruned.
+    pub prune_sigma: f64,
+    /// Number of the refinement: alternating sampling goes by opacity at odd ones.
+    pub refinement: u64,
+    /// Grow by cutting triangles in two where the picture is wrong, which does not change the look of a solid
+    /// scene.
+    pub bisect: bool,
+    /// How solid the scene is.
+    pub anneal: Anneal,
+    /// The user's seed.
+    pub seed: u64,
+    /// Steps made.
+    pub step: u64,
+}
+
+/// What one refinement did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Refined {
+    /// Removed: no longer finite.
+    pub broken: usize,
+    /// Removed: too faint.
+    pub faint: usize,
+    /// Removed: too soft for a solid scene.
+    pub soft: usize,
+    /// Removed: too little weight at every pixel.
+    pub unimportant: usize,
+    /// Removed: visible in too few photos.
+    pub unseen: usize,
+    /// Removed: least summed weight, in a scene at its limit of triangles.
+    pub relocated: usize,
+    /// Split into four.
+    pub split: usize,
+    /// Cloned.
+    pub cloned: usize,
+    /// Triangles afterwards.
+    pub triangles: usize,
+}
+
+/// Refines `state` and `visibility` together; complete statistics are reset. The most important triangle
+/// always stays.
+pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &RefinePlan<'_>) -> Refined {
+    let mut done = Refined::default();
+    let complete = visibility.is_complete();
+    let mut alive = prune(state, visibility, complete, plan, &mut done);
+    if complete && plan.grow && plan.bisect && plan.core.is_none() {
+        let RefineOptions { relocate, growth, .. } = *plan.options;
+        let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
+        done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
+    }
+    let grown = match plan.grow {
+        true => sample_growth(state, &alive, visibility, plan),
+        false => vec![false; alive.len()],
+    };
+
+    let (mut next, mut next_visibility) = (state.empty_like(), visibility.without_triangles());
+    for i in (0..alive.len()).filter(|&i| alive[i] && !grown[i]) {
+        next.push(state, i);
+        next_visibility.push(visibility, i);
+    }
+    let rng = Rng::new(plan.seed, "clone", plan.step);
+    for i in (0..alive.len()).filter(|&i| grown[i]) {
+        let children = match (plan.bisect, is_large(visibility, i, plan)) {
+            (true, _) => {
+                done.split += 1;
+                bisect(&state.params, i)
+            }
+            (false, true) => {
+                done.split += 1;
+                split(&state.params, i)
+            }
+            (false, false) => {
+                done.cloned += 1;
+                clone(&state.params, i, plan, rng)
+            }
+        };
+        for child in 0..children.len() {
+            next.push_fresh(&children, child);
+            next_visibility.push_exempt();
+        }
+    }
+    done.triangles = next.params.len();
+    if complete {
+        next_visibility = VisibilityStats::new(done.triangles, visibility.drawn.len());
+    }
+    (*state, *visibility) = (next, next_visibility);
+    done
+}
+
+/// Which triangles stay, by the rules in their order.
+fn prune(
+    state: &TrainState,
+    visibility: &VisibilityStats,
+    complete: bool,
+    plan: &RefinePlan<'_>,
+    done: &mut Refined,
+) -> Vec<bool> {
+    let params = &state.params;
+    let mut alive = vec![true; params.len()];
+    for (i, alive) in alive.iter_mut().enumerate().skip(state.pinned) {
+        let observed = complete && !visibility.exempt[i];
+        let cause = if !params.is_finite(i) {
+            &mut done.broken
+        } else if f64::from(plan.anneal.opacity(params.opacity[i])) < plan.prune_opacity {
+            &mut done.faint
+        } else if f64::from(plan.anneal.sigma(params.sigma[i])) >= plan.prune_sigma {
+            &mut done.soft
+        } else if observed && visibility.max_weight[i] < plan.prune_weight {
+            &mut done.unimportant
+        } else if observed && visibility.views[i] < MIN_VIEWS.min(visibility.drawn.len() as u32) {
+            &mut done.unseen
+        } else {
+            continue;
+        };
+        *cause += 1;
+        *alive = false;
+    }
+    if !alive.iter().skip(state.frozen).any(|a| *a) {
+        let finite = (state.frozen..alive.len()).filter(|&i| params.is_finite(i));
+        if let Some(best) =
+            finite.max_by(|&a, &b| visibility.max_weight[a].total_cmp(&visibility.max_weight[b]))
+        {
+            alive[best] = true;
+        }
+    }
+    alive
+}
+
+/// Samples triangles by weight, without replacement, until the growth is spent: a split adds three, a clone one.
+fn sample_growth(
+    state: &TrainState,
+    alive: &[bool],
+    visibility: &VisibilityStats,
+    plan: &RefinePlan<'_>,
+) -> Vec<bool> {
+    // Frozen triangles do not count against a budget.
+    let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
+    let target = ((count as f64 * (1.0 + plan.options.growth)) as usize).min(plan.max_triangles);
+    let mut budget = target.saturating_sub(count);
+    let in_core = |i: usize| plan.core.is_some_and(|core| core.holds(&state.params, i));
+    let mut core_budget = plan.core.map_or(usize::MAX, |core| {
+        let held = (state.frozen..alive.len()).filter(|&i| alive[i] && in_core(i)).count();
+        usize::try_from(core.triangles).unwrap_or(usize::MAX).saturating_sub(held)
+    });
+    let mut grown = vec![false; alive.len()];
+    // Efraimidis and Spirakis 2006: the smallest of -ln(u) / weight is a sample in proportion to the weights.
+    // The purpose's name is part of the random numbers.
+    let rng = Rng::new(plan.seed, "lottery", plan.step);
+    let opacity = |i: usize| f64::from(plan.anneal.opacity(state.params.opacity[i]));
+    let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
+    let rule = if plan.bisect { SampleWeight::Error } else { plan.options.sample_by };
+    let weight = |i: usize| match rule {
+        SampleWeight::Alternating if plan.refinement % 2 == 1 => opacity(i),
+        SampleWeight::Alternating => 1.0 / softness(i),
+        SampleWeight::Error => visibility.error[i] as f64,
+    };
+    let mut keys: Vec<(f64, u32)> = (0..alive.len())
+        .into_par_iter()
+        .filter(|&i| i >= state.pinned && alive[i] && weight(i) > 0.0)
+        .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
+        .collect();
+    keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    for &(_, i) in &keys {
+        // The surroundings of a full core do not grow alone.
+        if budget == 0 || core_budget == 0 {
+            break;
+        }
+        let cost = if is_large(visibility, i as usize, plan) && !plan.bisect { 3 } else { 1 };
+        let core_cost = if in_core(i as usize) { cost } else { 0 };
+        if cost <= budget && core_cost <= core_budget {
+            budget -= cost;
+            core_budget -= core_cost;
+            grown[i as usize] = true;
+        }
+    }
+    grown
+}
+
+fn is_large(visibility: &VisibilityStats, i: usize, plan: &RefinePlan<'_>) -> bool {
+    f64::from(visibility.radius_px[i]) > plan.options.split_px
+}
+
+/// The four triangles of the midpoint subdivision, with their parent's opacity, σ and colour.
+fn split(params: &Params, i: usize) -> Params {
+    let [a, b, c] = params.vertices[i];
+    let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = corners;
+        }
+    }
+    children
+}
+
+/// The two halves of a triangle, cut from the middle of its longest side.
+fn bisect(params: &Params, i: usize) -> Params {
+    let corners = params.vertices[i];
+    let length = |c: usize| corners[c].distance_squared(corners[(c + 1) % 3]);
+    let from = (1..3).fold(0, |best, c| if length(c) > length(best) { c } else { best });
+    let [a, b, c] = [0, 1, 2].map(|k| corners[(from + k) % 3]);
+    let middle = a.midpoint(b);
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for half in [[a, middle, c], [middle, b, c]] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = half;
+        }
+    }
+    children
+}
+
+/// The triangle and a copy shifted within its plane.
+fn clone(params: &Params, i: usize, plan: &RefinePlan<'_>, rng: Rng) -> Params {
+    let corners = params.vertices[i];
+    let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
+    let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
+    let noise = Vec3::new(at(0), at(1), at(2)) * size * CLONE_SHIFT;
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+    let shift = noise - normal * normal.dot(noise);
+
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for offset in [Vec3::ZERO, shift] {
+        children.push(params, i);
+        if let Some(last) = children.vertices.last_mut() {
+            *last = corners.map(|v| v + offset);
+        }
+    }
+    let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
+    let half = 1.0 - (1.0 - opacity).sqrt();
+    if let Some(raw) = plan.anneal.opacity_raw(half) {
+        children.opacity.fill(raw);
+    }
+    children
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::logit;
+    use trisplat_scene::soup::Soup;
+
+    fn state(n: usize) -> TrainState {
+        let rng = Rng::new(5, "soup", 0);
+        let corner = |i: usize, c: usize| {
+            let at = |k: usize| rng.uniform((9 * i + 3 * c + k) as u64);
+            Vec3::new(at(0), at(1), at(2)) + Vec3::X * i as f32
+        };
+        let soup = Soup {
+            vertices: (0..n).map(|i| std::array::from_fn(|c| corner(i, c))).collect(),
+            opacity: vec![0.5; n],
+            sigma: vec![1.0; n],
+            sh: vec![[0.1, 0.2, 0.3]; n],
+            sh_degree: 0,
+            ..Soup::default()
+        };
+        TrainState::new(Params::from_soup(&soup, 1))
+    }
+
+    /// Statistics in which every triangle was visible in all `photos` photos.
+    fn visible(n: usize, photos: usize) -> VisibilityStats {
+        let mut visibility = VisibilityStats::new(n, photos);
+        visibility.max_weight.fill(0.5);
+        visibility.views.fill(photos as u32);
+        visibility.radius_px.fill(10.0);
+        visibility.drawn.fill(true);
+        visibility
+    }
+
+    fn plan(options: &RefineOptions) -> RefinePlan<'_> {
+        RefinePlan {
+            options,
+            max_triangles: 1000,
+            core: None,
+            grow: true,
+            prune_weight: 0.022,
+            prune_opacity: 0.014,
+            prune_sigma: f64::INFINITY,
+            refinement: 1,
+            bisect: false,
+            anneal: Anneal::NONE,
+            seed: 1,
+            step: 500,
+        }
+    }
+
+    #[test]
+    fn grows_by_thirty_per_cent_and_never_above_the_limit() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.cloned, done.split, s.params.len(), w.len()), (30, 0, 130, 130));
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        refine(&mut s, &mut w, &RefinePlan { max_triangles: 111, ..plan(&options) });
+        assert_eq!(s.params.len(), 111);
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        w.radius_px.fill(100.0);
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
+    }
+
+    #[test]
+    fn a_core_that_is_full_ends_the_growth_around_it_too() {
+        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        // The middles of the first ten of twenty are below 10.5.
+        let core = |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
+        let grown = |triangles| {
+            let (mut s, mut w) = (state(20), visible(20, 3));
+            refine(&mut s, &mut w, &RefinePlan { core: core(triangles), ..plan(&options) });
+            let held =
+                core(0).map_or(0, |core| (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count());
+            (held, s.params.len())
+        };
+        let (before, _) = grown(0);
+        assert_eq!(grown(0), (before, 20));
+        assert_eq!(grown(before as u64), (before, 20));
+        let (held, all) = grown(before as u64 + 4);
+        assert!(held.abs_diff(before + 4) <= 1 && all > 24, "{held} and {all}");
+    }
+
+    #[test]
+    fn triangles_are_sampled_by_their_weight() {
+        let grown_opaque = |refinement: u64| {
+            let options = RefineOptions { sample_by: SampleWeight::Alternating, ..RefineOptions::default() };
+            let mut s = state(1000);
+            s.params.opacity[..500].fill(logit(0.9));
+            s.params.opacity[500..].fill(logit(0.03));
+            let grown = sample_growth(
+                &s,
+                &[true; 1000],
+                &visible(1000, 3),
+                &RefinePlan { refinement, max_triangles: 5000, ..plan(&options) },
+            );
+            assert_eq!(grown.iter().filter(|g| **g).count(), 300);
+            grown[..500].iter().filter(|g| **g).count()
+        };
+        assert!(grown_opaque(1) > 270, "by opacity");
+        let opaque = grown_opaque(2);
+        assert!((110..190).contains(&opaque), "by 1/σ, the same for all: {opaque}");
+    }
+
+    #[test]
+    fn a_split_keeps_area_and_a_clone_keeps_plane_and_opacity() {
+        let s = state(7);
+        let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]).length();
+        for i in 0..7 {
+            let parent = s.params.vertices[i];
+            let children = split(&s.params, i);
+            let total: f32 = children.vertices.iter().map(area).sum();
+            assert!((total / area(&parent) - 1.0).abs() < 1e-4);
+            let options = RefineOptions::default();
+            let cloned = clone(&s.params, i, &plan(&options), Rng::new(1, "clone", 0));
+            let normal = (parent[1] - parent[0]).cross(parent[2] - parent[0]).normalize();
+            assert!(cloned.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
+            let o = Anneal::NONE.opacity(cloned.opacity[0]);
+            assert!((1.0 - (1.0 - o) * (1.0 - o) - 0.5).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_solid_scene_is_cut_in_two_where_it_is_wrong() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(10), visible(10, 3));
+        let parent = s.params.vertices[3];
+        w.error[3] = 7;
+        let solid = RefinePlan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let done = refine(&mut s, &mut w, &solid);
+        assert_eq!((done.split, done.cloned, s.params.len()), (1, 0, 11));
+        let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
+        for half in &s.params.vertices[9..] {
+            // The same plane and winding, and half the area.
+            assert!((2.0 * area(half) - area(&parent)).length() < 1e-5 * area(&parent).length().max(1.0));
+        }
+    }
+
+    #[test]
+    fn a_full_scene_moves_the_least_seen_to_where_it_is_wrong() {
+        let options = RefineOptions { relocate: 0.1, ..RefineOptions::default() };
+        let full = RefinePlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
+        // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
+        // is trained, or if it is soft.
+        for (drawn, grow, core, moved) in
+            [(true, true, None, 10), (true, false, None, 0), (false, true, None, 0), (true, true, core, 0)]
+        {
+            let (mut s, mut w) = (state(100), visible(100, 3));
+            w.sum_weight = (0..100).map(|i| 200.0 - i as f32).collect();
+            w.error[50..60].fill(7);
+            w.drawn[1] = drawn;
+            let before = s.params.clone();
+            let done = refine(&mut s, &mut w, &RefinePlan { grow, core, ..full });
+            assert_eq!((done.relocated, done.split, s.params.len()), (moved, moved, 100));
+            let gone = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
+            assert_eq!(gone, moved > 0, "the least seen");
+        }
+        let (mut s, mut w) = (state(100), visible(100, 3));
+        let done = refine(&mut s, &mut w, &RefinePlan { bisect: false, anneal: Anneal::NONE, ..full });
+        assert_eq!((done.relocated, s.params.len()), (0, 100));
+    }
+
+    #[test]
+    fn pinned_triangles_stay_as_they_are() {
+        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        let (mut s, mut w) = (state(10), visible(10, 3));
+        s.pinned = 4;
+        let before = s.params.clone();
+        w.max_weight.fill(0.0);
+        w.max_weight[9] = 0.5;
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.unimportant, done.cloned), (5, 1));
+        assert_eq!((s.params.len(), s.pinned), (6, 4));
+        assert_eq!(s.params.vertices[..4], before.vertices[..4]);
+    }
+
+    #[test]
+    fn rules_count_what_they_remove() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(10), visible(10, 5));
+        s.params.vertices[0][1].x = f32::NAN;
+        s.params.opacity[1] = logit(0.001);
+        w.max_weight[2] = 0.01;
+        w.views[3] = 1;
+        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        assert_eq!((done.broken, done.faint, done.unimportant, done.unseen), (1, 1, 1, 1));
+        assert_eq!((done.triangles, w.len()), (6, 6));
+        assert!(!w.is_complete(), "complete statistics are reset");
+    }
+
+    #[test]
+    fn nothing_is_pruned_on_an_incomplete_pass_of_five_thousand_photos() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(50), VisibilityStats::new(50, 5000));
+        for photo in 0..500 {
+            w.record_photo(photo);
+        }
+        let done = refine(&mut s, &mut w, &plan(&options));
+        assert_eq!((done.unimportant, done.unseen, s.params.len()), (0, 0, 65));
+        (500..5000).for_each(|photo| {
+            w.record_photo(photo);
+        });
+        // The 15 clones and their 15 originals are younger than the statistics; the other 35 were visible in no photo.
+        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        assert_eq!((done.unimportant, s.params.len()), (35, 30));
+    }
+
+    #[test]
+    fn one_photo_and_scenes_of_useless_triangles_keep_something() {
+        let options = RefineOptions::default();
+        let (mut s, mut w) = (state(4), visible(4, 1));
+        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        assert_eq!(s.params.len(), 4, "one photo shows every triangle at most once");
+        let (mut s, mut w) = (state(4), VisibilityStats::new(4, 2));
+        w.drawn.fill(true);
+        w.max_weight[2] = 0.001;
+        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        assert_eq!(s.params.len(), 1);
+    }
+}

@@ -1,0 +1,424 @@
+//! The schedule of a run: rates, resolution, SH degree, regularisers, refinements and the anneal at each
+//! step.
+
+use super::hardening::{Hardening, PruneFaint};
+use super::options::{REFERENCE_STEPS, TrainOptions};
+use super::params::{Anneal, FrozenLook};
+use super::timeline::Timeline;
+use trisplat_raster::soft::{SoftOptions, Sort, Window};
+
+/// Largest alpha of a layer of the soft scene (3DGS).
+pub const ALPHA_CAP: f32 = 0.99;
+
+/// Largest alpha of a layer with engine shading, before the scene is opaque. Layers behind must show a
+/// little, or the loss has no gradient towards removing a layer.
+pub const ENGINE_ALPHA_CAP: f32 = 0.995;
+
+/// Rate of the opacity's logit (0.014, supplement).
+const OPACITY_RATE: f64 = 0.03;
+/// Rate of the logarithm of σ (0.0008, supplement).
+const SIGMA_RATE: f64 = 0.0008;
+/// Rate of the colour (0.0025, supplement).
+const SH_RATE: f64 = 0.008;
+/// Rate of the view-dependent colour as a share of that of the colour (TS 1/20).
+const SH_REST_SHARE: f64 = 0.05;
+/// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
+const VERTICES_FINAL_SHARE: f64 = 0.01;
+/// Rate of the corners when engine shading begins, as a factor of the rate just before.
+const ENGINE_VERTICES_SCALE: f64 = 2.0;
+/// Last rate of the corners, as a factor of that, reached log-linearly.
+const ENGINE_VERTICES_FINAL_SHARE: f64 = 0.1;
+/// Steps between degrees of the view-dependent colour, of a 30,000-step run (TS 1000).
+const SH_EVERY: f64 = 1000.0;
+/// First step of the losses on distortion and normals, of a 30,000-step run (TS 5000).
+const GEOMETRY_FROM: f64 = 5000.0;
+/// Last step of the loss on size, of a 30,000-step run (TS 25,000).
+const SIZE_UNTIL: f64 = 25_000.0;
+/// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
+const PRUNE_OPACITY: f64 = 0.014;
+/// First refinement, steps of a 30,000-step run (500, supplement).
+pub const REFINE_FROM: f64 = 500.0;
+
+/// Everything of one step that is not the scene or the photo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rates {
+    /// Number of this step for Adam, from 1.
+    pub time: u64,
+    /// Rate of the corners.
+    pub vertices: f64,
+    /// Rate of the opacity's logit.
+    pub opacity: f64,
+    /// Rate of the logarithm of σ.
+    pub sigma: f64,
+    /// Rate of SH degree 0.
+    pub sh: f64,
+    /// Rate of the higher SH degrees.
+    pub sh_rest: f64,
+    /// SH degree in use.
+    pub sh_degree: u8,
+    /// λ: the weight of 1 - SSIM; L1 has the weight 1 - λ.
+    pub dssim: f64,
+    /// β1, of the mean opacity.
+    pub beta_opacity: f64,
+    /// β2, of the distortion.
+    pub beta_distortion: f64,
+    /// β3, of the normals.
+    pub beta_normal: f64,
+    /// β4, of 1 / mean area.
+    pub beta_size: f64,
+    /// Weight of the mean σ.
+    pub beta_sigma: f64,
+    /// Weight of 1 / mean opacity.
+    pub beta_opaque: f64,
+    /// Skip triangles without a gradient.
+    pub sparse: bool,
+    /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not leak.
+    pub alpha_cap: f32,
+    /// How solid the scene is.
+    pub anneal: Anneal,
+    /// The engine shading; `None` before it begins.
+    pub engine_shading: Option<EngineShading>,
+    /// Replaces the background of the run, sRGB-encoded: behind an object it changes from step to step.
+    pub background: Option<[f32; 3]>,
+}
+
+impl Rates {
+    /// How frozen triangles are drawn, independent of the anneal.
+    pub fn frozen_look(&self) -> FrozenLook {
+        FrozenLook { flat: self.engine_shading.is_some() }
+    }
+
+    /// How the rasteriser draws the scene at this step.
+    pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
+        let background = self.background.unwrap_or(options.background);
+        let soft = SoftOptions { alpha_cap: self.alpha_cap, background, ..*options };
+        match self.engine_shading {
+            Some(shading) => SoftOptions {
+                window: Window::Coverage { width_px: shading.edge_width_samples },
+                sort: Sort::Pixel,
+                linear: shading.linear,
+                ..soft
+            },
+            None => soft,
+        }
+    }
+}
+
+/// Engine shading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EngineShading {
+    /// Samples per pixel and axis.
+    pub samples: u32,
+    /// Width of an edge's antialiasing ramp, samples.
+    pub edge_width_samples: f32,
+    /// Blend in linear light.
+    pub linear: bool,
+}
+
+impl EngineShading {
+    /// As in training: one sample per pixel (2 by 2 gained 0.03 dB at 1.37 times the seconds), edges one
+    /// pixel wide, colours mixed in linear light as engines do.
+    pub const TRAINED: Self = Self { samples: 1, edge_width_samples: 1.0, linear: true };
+}
+
+/// The plan of a run: a pure function of the step.
+#[derive(Debug, Clone, Copy)]
+pub struct Schedule<'a> {
+    options: &'a TrainOptions,
+    timeline: Timeline,
+}
+
+impl<'a> Schedule<'a> {
+    /// The plan these options describe.
+    pub fn new(options: &'a TrainOptions) -> Self {
+        Self { options, timeline: Timeline::new(options) }
+    }
+
+    /// A position in a 30,000-step run as a step of this run.
+    pub fn scaled(&self, position: f64) -> u64 {
+        self.timeline.step_at(position)
+    }
+
+    /// Progress of the run after `step`.
+    fn share(&self, step: u64) -> f64 {
+        match self.timeline.has_milestones() {
+            true => self.timeline.position(step) / REFERENCE_STEPS,
+            false => step as f64 / self.options.steps.max(1) as f64,
+        }
+    }
+
+    /// How often `every`, in steps of a 30,000-step run, has passed after `step` steps.
+    fn passed(&self, step: u64, every: f64) -> u64 {
+        match self.timeline.has_milestones() {
+            // In a run this short a step is longer than `every`.
+            true => (self.timeline.position(step) / every.max(1.0)).floor() as u64,
+            false => step / self.scaled(every).max(1),
+        }
+    }
+
+    /// The values for step `step` (from 0).
+    pub fn rates(&self, step: u64) -> Rates {
+        let (o, l, hardening) = (self.options, &self.options.loss, Hardening::of(self.options));
+        let engine = self.is_engine_shaded(step);
+        let annealing = self.annealed(step) > 0.0;
+        let geometry = step >= self.scaled(GEOMETRY_FROM);
+        Rates {
+            time: step + 1,
+            vertices: self.vertices_rate(step),
+            opacity: OPACITY_RATE,
+            sigma: self.sigma_rate(step),
+            sh: SH_RATE,
+            sh_rest: SH_RATE * SH_REST_SHARE,
+            sh_degree: self.sh_degree(step),
+            dssim: l.dssim,
+            beta_opacity: l.opacity,
+            beta_distortion: if geometry { l.distortion } else { 0.0 },
+            beta_normal: if geometry { l.normal } else { 0.0 },
+            beta_size: if step < self.scaled(SIZE_UNTIL) { l.size } else { 0.0 },
+            beta_sigma: if annealing { hardening.loss_sigma } else { 0.0 },
+            beta_opaque: if annealing { hardening.loss_opacity } else { 0.0 },
+            sparse: o.rates.sparse && !(annealing && hardening.loss_sigma + hardening.loss_opacity > 0.0),
+            alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
+            anneal: self.anneal(step),
+            engine_shading: engine.then_some(EngineShading::TRAINED),
+            background: None,
+        }
+    }
+
+    /// Degrees of view-dependent colour in use: one more every thousand steps of a 30,000-step run, none with
+    /// engine shading.
+    pub fn sh_degree(&self, step: u64) -> u8 {
+        let o = self.options;
+        if self.is_engine_shaded(step) {
+            return 0;
+        }
+        // Without a warm-up, one more every step.
+        let every = if o.warmup.half_until > 0.0 { SH_EVERY } else { 0.0 };
+        u8::try_from(self.passed(step, every)).unwrap_or(u8::MAX).min(o.sh_degree)
+    }
+
+    /// Times the photo is halved at this step: 2, 1 or 0.
+    pub fn level(&self, step: u64) -> u32 {
+        let w = &self.options.warmup;
+        if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
+    }
+
+    /// True from the beginning of engine shading.
+    pub fn is_engine_shaded(&self, step: u64) -> bool {
+        self.is_opaque(step)
+    }
+
+    /// True once every triangle is opaque.
+    pub fn is_opaque(&self, step: u64) -> bool {
+        self.is_past(step, self.options.solid.opacity_until)
+    }
+
+    /// Progress from one position to another after `step`: 0 to 1, linearly.
+    fn done(&self, step: u64, [start, end]: [f64; 2]) -> f64 {
+        if self.timeline.has_milestones() && self.options.ends_solid() {
+            let length = (end - start).max(1.0);
+            return ((self.timeline.position(step + 1) - start) / length).clamp(0.0, 1.0);
+        }
+        let (from, until) = (self.scaled(start), self.scaled(end).max(self.scaled(start) + 1));
+        if !self.options.ends_solid() || step < from {
+            return 0.0;
+        }
+        ((step - from + 1) as f64 / (until - from) as f64).min(1.0)
+    }
+
+    /// Progress of the opacity's anneal after `step`.
+    fn annealed(&self, step: u64) -> f64 {
+        self.done(step, [self.options.solid.opacity_from, self.options.solid.opacity_until])
+    }
+
+    /// The state of the anneal at `step`: opacities move to 0 or 1 and σ falls, log-linearly.
+    pub fn anneal(&self, step: u64) -> Anneal {
+        if self.is_opaque(step) {
+            return Anneal::SOLID;
+        }
+        let hardening = Hardening::of(self.options);
+        let sigma = self.done(step, [0.0, self.options.solid.opacity_until]);
+        Anneal {
+            opacity_floor: 0.0,
+            opacity_gain: hardening.opacity_gain.powf(self.annealed(step)) as f32,
+            sigma_scale: hardening.sigma_scale.powf(sigma) as f32,
+        }
+    }
+
+    /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights, which the
+    /// threshold of a solid one would delete at once.
+    pub fn prune_weight(&self, step: u64) -> f64 {
+        let (soft, solid) = (self.options.refine.prune_weight, Hardening::of(self.options).prune_weight);
+        soft + (solid - soft) * self.annealed(step)
+    }
+
+    /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
+    pub fn prune_opacity(&self, step: u64) -> f64 {
+        let hardening = Hardening::of(self.options);
+        let risen = PRUNE_OPACITY + (hardening.prune_opacity - PRUNE_OPACITY).max(0.0) * self.annealed(step);
+        let reached = |prune: &PruneFaint| self.is_past(step, prune.from_step).then_some(prune.min_opacity);
+        hardening.prune_faint.iter().flatten().filter_map(reached).fold(risen, f64::max)
+    }
+
+    /// The σ from which triangles are pruned after `step`.
+    pub fn prune_sigma(&self, step: u64) -> f64 {
+        let soft = Hardening::of(self.options).prune_soft.filter(|soft| self.is_past(step, soft.from_step));
+        soft.map_or(f64::INFINITY, |soft| soft.max_sigma)
+    }
+
+    /// True when the scene becomes solid, and `step` is at or beyond a position.
+    fn is_past(&self, step: u64, position: f64) -> bool {
+        self.options.ends_solid() && step >= self.scaled(position)
+    }
+
+    /// Rate of the corners: log-linear over the run, and again from the beginning of engine shading.
+    fn vertices_rate(&self, step: u64) -> f64 {
+        let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
+        let soft = |step: u64| o.rates.vertices * VERTICES_FINAL_SHARE.powf(self.share(step));
+        if !self.is_engine_shaded(step) {
+            return soft(step);
+        }
+        let from = self.scaled(s.opacity_until);
+        let done = match self.timeline.has_milestones() {
+            true => (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6),
+            false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
+        };
+        soft(from) * ENGINE_VERTICES_SCALE * ENGINE_VERTICES_FINAL_SHARE.powf(done)
+    }
+
+    /// Rate of the logarithm of σ.
+    fn sigma_rate(&self, step: u64) -> f64 {
+        match Hardening::of(self.options).sigma_rate.filter(|_| self.annealed(step) > 0.0) {
+            Some(rate) => rate * REFERENCE_STEPS / self.timeline.density(step),
+            None => SIGMA_RATE,
+        }
+    }
+
+    /// True when the scene is refined after `step` steps have been made.
+    pub fn refines_after(&self, step: u64) -> bool {
+        let r = &self.options.refine;
+        let due = match self.timeline.has_milestones() {
+            true => step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every),
+            false => step.is_multiple_of(self.scaled(r.every).max(1)),
+        };
+        due && step >= self.scaled(REFINE_FROM).max(1) && step < self.options.steps
+    }
+
+    /// True while a refinement after `step` steps may add triangles.
+    pub fn grows_after(&self, step: u64) -> bool {
+        step < self.scaled(self.options.refine.until)
+    }
+
+    /// Number of the refinement after `step` steps, counted over the whole run.
+    pub fn refinement(&self, step: u64) -> u64 {
+        self.passed(step, self.options.refine.every)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::TrainPreset;
+
+    #[test]
+    fn positions_scale_with_the_run() {
+        for steps in [300u64, 3000, 30_000] {
+            let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Indoor) };
+            let plan = Schedule::new(&options);
+            let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
+            assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
+            assert!((share(&|s| plan.rates(s).beta_normal > 0.0) - 5.0 / 6.0).abs() < 0.01);
+            assert_eq!((0..steps).filter(|&s| plan.refines_after(s)).count(), 59);
+            let (first, last) = (plan.rates(0), plan.rates(steps - 1));
+            assert!((last.vertices / first.vertices / 0.01 - 1.0).abs() < 0.02);
+            assert_eq!((first.sh_degree, last.sh_degree), (0, 3));
+        }
+    }
+
+    #[test]
+    fn the_solid_preset_ends_opaque_without_view_dependence() {
+        let options = TrainOptions::preset(TrainPreset::Solid);
+        let plan = Schedule::new(&options);
+        let before = plan.scaled(options.solid.opacity_from) - 1;
+        assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
+        assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
+        let hardening = Hardening::of(&options);
+        let last = options.steps - 1;
+        assert_eq!(plan.anneal(last), Anneal::SOLID);
+        let rates = plan.rates(last);
+        assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
+        let drawing = rates.drawing(&SoftOptions::default());
+        assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
+        assert!((plan.prune_weight(last) - hardening.prune_weight).abs() < 1e-12);
+        let soft = 0..plan.scaled(options.solid.opacity_until);
+        let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
+        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * hardening.opacity_gain as f32));
+        let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
+        assert!(sigmas.is_sorted());
+    }
+
+    #[test]
+    fn the_papers_engine_mode_follows_its_script() {
+        let options = TrainOptions { steps: 30_000, ..TrainOptions::preset(TrainPreset::PaperEngine) };
+        let plan = Schedule::new(&options);
+        let at = |step| (plan.rates(step).beta_sigma, plan.rates(step).beta_opaque);
+        assert_eq!((at(24_999), at(25_000)), ((0.0, 0.0), (1.0, 20.0)));
+        let faintest = [24_999, 25_000, 28_999, 29_000].map(|step| plan.prune_opacity(step));
+        assert_eq!(faintest, [0.014, 0.1, 0.1, 0.7]);
+        assert_eq!((plan.prune_sigma(27_999), plan.prune_sigma(28_000)), (f64::INFINITY, 1.0));
+        assert_eq!(plan.rates(29_999).sigma, 0.0008);
+        assert!(
+            (0..30_000)
+                .all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).engine_shading.is_none())
+        );
+        // A run with a tenth of the steps changes σ equally.
+        let short = TrainOptions { steps: 3000, ..options };
+        assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_follows_a_milestone_changes_nothing_before_it() {
+        for preset in [TrainPreset::Solid, TrainPreset::Indoor, TrainPreset::PaperEngine] {
+            let options =
+                |steps, milestones| TrainOptions { steps, milestones, ..TrainOptions::preset(preset) };
+            let (planned, corrected) =
+                (options(1003, [401, 669, 802, 903]), options(700, [401, 669, 670, 680]));
+            let at = |options: &TrainOptions, step: u64| {
+                let plan = Schedule::new(options);
+                let refines =
+                    (plan.refines_after(step + 1), plan.refinement(step + 1), plan.grows_after(step + 1));
+                let pruned = (plan.prune_weight(step), plan.prune_opacity(step), plan.prune_sigma(step));
+                (plan.rates(step), plan.level(step), refines, pruned)
+            };
+            assert!((0..669).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
+        }
+    }
+
+    #[test]
+    fn a_stretched_run_passes_what_a_plain_one_passes() {
+        let options = TrainOptions {
+            steps: 2000,
+            milestones: [300, 900, 950, 1900],
+            ..TrainOptions::preset(TrainPreset::Solid)
+        };
+        let plan = Schedule::new(&options);
+        assert_eq!((0..2000).filter(|&s| plan.refines_after(s)).count(), 59);
+        assert_eq!([299, 300, 899, 900].map(|s| plan.level(s)), [2, 1, 1, 1]);
+        assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
+        assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
+        let last = plan.rates(1999).vertices / plan.rates(900).vertices;
+        assert!((last / ENGINE_VERTICES_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
+    }
+
+    #[test]
+    fn runs_of_any_length_have_a_plan() {
+        for steps in [1u64, 2, 7, 59] {
+            let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Solid) };
+            let plan = Schedule::new(&options);
+            for step in 0..steps {
+                assert!(plan.rates(step).vertices > 0.0);
+                let _ = (plan.level(step), plan.refines_after(step), plan.anneal(step));
+            }
+        }
+    }
+}

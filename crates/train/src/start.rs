@@ -1,0 +1,200 @@
+//! The state before the first step: triangles at the points of a data set, or those of a scene.
+
+use super::core::Core;
+use super::from_scene;
+use super::init::{InitPoint, first_soup};
+use super::light::Light;
+use super::options::TrainOptions;
+use super::params::{Params, TrainState};
+use super::pyramid::Pyramid;
+use super::schedule::Schedule;
+use super::shell;
+use super::visibility::VisibilityStats;
+use glam::Vec3;
+use std::borrow::Cow;
+use trisplat_dataset::{Dataset, DatasetKind, Point, View, cloud};
+use trisplat_scene::asset::Placement;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::scene::Loaded;
+use trisplat_scene::soup::Soup;
+use trisplat_scene::space::Space;
+
+/// Points drawn at random inside the views of the cameras when the data set has none.
+const RANDOM_POINTS: usize = 10_000;
+
+/// A run that trains a part of a scene, in agreement with the runs of the other parts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Training space of the whole scene, so that lengths and rates agree in all parts.
+    pub space: Space,
+    /// Number of triangles at the front of the starting scene that are drawn but not trained; `max_triangles` does not count them.
+    /// The shell follows them.
+    pub frozen: usize,
+    /// The box of the part that stays after merging, with its own limit of triangles.
+    pub core: Option<Core>,
+    /// The first step of its schedule; earlier ones trained the whole scene.
+    pub first_step: u64,
+}
+
+/// The scene that a run starts from.
+#[derive(Debug, Clone, Copy)]
+pub struct FirstScene<'a> {
+    /// All its triangles.
+    pub scene: &'a Loaded,
+    /// The part to train, if not all.
+    pub part: Option<Part>,
+}
+
+impl<'a> FirstScene<'a> {
+    /// A scene that is trained as a whole.
+    pub fn whole(scene: &'a Loaded) -> Self {
+        Self { scene, part: None }
+    }
+}
+
+/// The state of a run between two steps.
+pub(super) struct Position {
+    pub(super) options: TrainOptions,
+    pub(super) space: Space,
+    pub(super) state: TrainState,
+    pub(super) visibility: VisibilityStats,
+    pub(super) step: u64,
+    pub(super) dropped: u64,
+    pub(super) core: Option<Core>,
+    pub(super) light: Light,
+}
+
+/// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
+///
+/// Errors: photos that cannot be decoded.
+pub(super) fn from_points(
+    views: &[&View],
+    points: &[Point],
+    photos: &mut Pyramid,
+    options: &TrainOptions,
+) -> Result<Position> {
+    let random;
+    let cloud = if points.is_empty() {
+        random = cloud::random(views, RANDOM_POINTS, options.seed);
+        &random
+    } else {
+        points
+    };
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    let space = Space::of(&cameras, cloud.len(), |i| cloud[i].position);
+    // Points are first thinned to the limit of triangles, because sizes come from the gaps between the
+    // remaining points.
+    let cloud = thinned(cloud, usize::try_from(options.max_triangles).unwrap_or(usize::MAX));
+    let init_points: Vec<InitPoint> = cloud
+        .iter()
+        .map(|p| InitPoint {
+            position: space.to_training(p.position),
+            rgb: p.rgb.map(|c| f32::from(c) / 255.0),
+        })
+        .collect();
+    // Random points do not show the extent of the scene.
+    let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
+        Some(subdivisions) => {
+            let cameras: Vec<Camera> = cameras.iter().map(|c| space.camera_to_training(c)).collect();
+            let positions: Vec<Vec3> = init_points.iter().map(|p| p.position).collect();
+            shell::shell(&positions, &cameras, photos, subdivisions)?
+        }
+        None => Soup::default(),
+    };
+    let pinned = soup.len();
+    let mut first = first_soup(&init_points, &options.init, options.seed);
+    let most = usize::try_from(options.max_triangles).unwrap_or(usize::MAX).saturating_sub(soup.len());
+    let count = first.len();
+    first.retain(|i| is_among(i, most, count));
+    soup.append(first);
+    let mut position = at_first_step(views, options, space, &soup);
+    position.state.pinned = pinned;
+    Ok(position)
+}
+
+/// At most `most` of the points.
+fn thinned(cloud: &[Point], most: usize) -> Cow<'_, [Point]> {
+    match cloud.len() > most {
+        true => {
+            let kept = cloud.iter().enumerate().filter(|(i, _)| is_among(*i, most, cloud.len()));
+            Cow::Owned(kept.map(|(_, point)| *point).collect())
+        }
+        false => Cow::Borrowed(cloud),
+    }
+}
+
+/// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has no
+/// meaning.
+fn is_among(i: usize, most: usize, count: usize) -> bool {
+    count <= most || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
+}
+
+/// The triangles of an existing scene.
+///
+/// Errors: more triangles than the options permit, none at all.
+pub(super) fn from_scene(
+    views: &[&View],
+    from: &FirstScene<'_>,
+    dataset: &Dataset,
+    options: &TrainOptions,
+) -> Result<Position> {
+    let (scene, frozen) = (from.scene, from.part.map_or(0, |part| part.frozen));
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    // Pictures drawn of the scene are in the frame of its file.
+    let placement = match dataset.kind {
+        DatasetKind::Drawn => Placement::IDENTITY,
+        _ => scene.provenance.placement,
+    };
+    let positions = || match dataset.points.is_empty() {
+        true => from_scene::centers(scene, &placement, dataset.origin),
+        false => dataset.points.iter().map(|p| p.position).collect(),
+    };
+    let space = from.part.map_or_else(|| Space::new(&cameras, &positions()), |part| part.space);
+    let most = options.max_triangles.saturating_add(frozen as u64);
+    let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
+    // Those of a part come in this order: frozen ones, its part of the shell, the rest.
+    let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
+    let mut position = at_first_step(views, options, space, &soup);
+    position.state.frozen = frozen.min(soup.len());
+    if let Some(part) = from.part {
+        let schedule = Schedule::new(options);
+        position.core = part.core;
+        position.step = part.first_step.min(options.steps.saturating_sub(1));
+        if let Some(last) = position.step.checked_sub(1) {
+            position.state.params.go_on_at(&schedule.anneal(last), frozen);
+        }
+    }
+    position.state.pinned = (frozen + shell).min(soup.len());
+    Ok(position)
+}
+
+fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {
+    Position {
+        options: options.clone(),
+        space,
+        visibility: VisibilityStats::new(soup.len(), views.len()),
+        state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
+        step: 0,
+        dropped: 0,
+        core: None,
+        light: Light::first(views, options.exposure),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cloud_is_thinned_evenly_and_only_where_it_has_too_many_points() {
+        let point = |i: usize| Point { position: Vec3::X * i as f32, rgb: [0; 3], error: None };
+        let cloud: Vec<Point> = (0..1000).map(point).collect();
+        assert!(matches!(thinned(&cloud, 1000), Cow::Borrowed(_)));
+        let kept = thinned(&cloud, 130);
+        assert_eq!(kept.len(), 130);
+        let gaps = kept.windows(2).map(|pair| pair[1].position.x - pair[0].position.x);
+        assert!(gaps.into_iter().all(|gap| (7.0..=8.0).contains(&gap)));
+        assert!(thinned(&cloud, 0).is_empty());
+    }
+}

@@ -1,0 +1,178 @@
+//! The storage of vertices in GPU memory, in the smallest form that shaders can read.
+//!
+//! | layout | bytes per triangle | what is stored |
+//! |---|---|---|
+//! | corner | 48, or 16 per vertex and 12 per face with indices | f32 position and colour per corner |
+//! | face | 40 | f32 position per corner, colour per face |
+//! | grid | 28 | position of 21 bits per axis on the chunk's grid, colour per face |
+//! | texture | 60, and its pictures | f32 position and place on the picture per corner |
+//!
+//! Colours are linear light in 10 bits per channel, stored as their square root: off by at most 0.2 of an 8-bit sRGB
+//! code, and decoded by one multiplication.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use trisplat_scene::asset::{Asset, Chunk};
+use trisplat_scene::mesh::{Colors, Mesh};
+
+/// How vertices are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum VertexLayout {
+    /// Position and colour per corner: for indexed and vertex-coloured meshes.
+    Corner,
+    /// Position per corner, colour per face.
+    Face,
+    /// Position on a grid of the chunk, colour per face.
+    Grid,
+    /// Position and place on the picture per corner: for textured meshes, and only for these.
+    Texture,
+}
+
+impl VertexLayout {
+    /// The smallest layout that stores every position exactly.
+    pub fn exact(mesh: &Mesh) -> Self {
+        let kinds = [VertexLayout::Texture, VertexLayout::Face];
+        kinds.into_iter().find(|layout| layout.fits(mesh)).unwrap_or(VertexLayout::Corner)
+    }
+
+    /// Whether a mesh can be stored this way.
+    pub fn fits(self, mesh: &Mesh) -> bool {
+        match self {
+            VertexLayout::Texture => mesh.texture.is_some(),
+            VertexLayout::Corner => mesh.texture.is_none(),
+            VertexLayout::Face | VertexLayout::Grid => {
+                mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
+            }
+        }
+    }
+}
+
+/// A corner of the layout [`VertexLayout::Corner`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CornerVertex {
+    /// World position.
+    pub position: [f32; 3],
+    /// See [`pack_color`].
+    pub color: u32,
+}
+
+/// A corner of the layout [`VertexLayout::Texture`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TextureVertex {
+    /// World position.
+    pub position: [f32; 3],
+    /// Place on the page: (0, 0) is the upper left corner.
+    pub uv: [f32; 2],
+}
+
+/// The positions that a chunk can store: `origin + step * (0..2^21)` on each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ChunkGrid {
+    /// Multiples of the step.
+    pub origin: [f32; 3],
+    /// A power of two.
+    pub step: f32,
+}
+
+const GRID_BITS: i32 = 21;
+
+/// Linear light to 10 bits per channel, red lowest, stored as the square root.
+pub fn pack_color(linear: [f32; 3]) -> u32 {
+    let [r, g, b] = linear.map(|c| (c.clamp(0.0, 1.0).sqrt() * 1023.0 + 0.5) as u32);
+    r | g << 10 | b << 20
+}
+
+/// The grid of a chunk whose corners lie in a box.
+pub fn grid(bounds: &Aabb) -> ChunkGrid {
+    let extent = f64::from((bounds.max - bounds.min).max_element()).max(f64::MIN_POSITIVE);
+    // One step is kept for the origin, which is rounded down to a multiple of the step.
+    let exponent = (extent / f64::from((1 << GRID_BITS) - 2)).log2().ceil().clamp(-120.0, 120.0);
+    let step = exponent.exp2();
+    let origin = (bounds.min.as_dvec3() / step).floor() * step;
+    ChunkGrid { origin: origin.as_vec3().to_array(), step: step as f32 }
+}
+
+/// The point of a grid nearest to a position: 21 bits per axis, x lowest.
+pub fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
+    let steps = (position.as_dvec3() - DVec3::from(grid.origin.map(f64::from))) / f64::from(grid.step);
+    let [x, y, z] = (steps + 0.5).to_array().map(|s| (s as u32).min((1 << GRID_BITS) - 1));
+    [x | y << 21, y >> 11 | z << 10]
+}
+
+/// An axis-aligned bounding box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Least coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// The empty box.
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The box around both.
+    pub fn union(self, other: Self) -> Self {
+        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The box around the corners of a run of faces.
+    pub fn of(mesh: &Mesh, chunk: &Chunk) -> Self {
+        let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
+        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(Aabb { min: v, max: v }))
+    }
+}
+
+/// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
+pub fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
+    let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
+    let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
+    chunks.par_iter().map(|chunk| (*chunk, Aabb::of(&asset.mesh, chunk))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+
+    #[test]
+    fn ten_bits_of_square_root_keep_every_8_bit_colour() {
+        for code in 0..=255u32 {
+            let linear = linear_from_srgb(code as f32 / 255.0);
+            let bits = pack_color([linear, 0.0, linear]);
+            assert_eq!(bits & 1023, bits >> 20);
+            let root = (bits & 1023) as f32 / 1023.0;
+            let off = srgb_from_linear(root * root) * 255.0 - code as f32;
+            assert!(off.abs() < 0.2, "code {code} moved by {off}");
+        }
+        assert_eq!(pack_color([2.0, -1.0, f32::NAN]), 1023);
+    }
+
+    #[test]
+    fn a_grid_holds_its_box_to_a_two_millionth() {
+        for (min, max) in [
+            (Vec3::ZERO, Vec3::ONE),
+            (Vec3::new(-3.0, 17.0, 1e6), Vec3::new(9.0, 17.5, 1.000_001e6)),
+            (Vec3::splat(-1e-9), Vec3::splat(1e-9)),
+            (Vec3::splat(5.0), Vec3::splat(5.0)),
+        ] {
+            let grid = grid(&Aabb { min, max });
+            assert_eq!(grid.step.log2().fract(), 0.0);
+            for corner in [min, max, min.lerp(max, 0.37)] {
+                let [low, high] = pack_position(&grid, corner);
+                let xyz = [low & 0x1f_ffff, low >> 21 | (high & 0x3ff) << 11, high >> 10];
+                let back = DVec3::from(grid.origin.map(f64::from))
+                    + f64::from(grid.step) * DVec3::from(xyz.map(f64::from));
+                let off = (back - corner.as_dvec3()).abs().max_element();
+                let extent = f64::from((max - min).max_element());
+                assert!(off <= extent / 2e6 + f64::from(corner.length()) * 6e-8, "{corner} is off by {off}");
+            }
+        }
+    }
+}

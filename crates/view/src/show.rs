@@ -1,0 +1,68 @@
+//! Pictures of depth, normals, layers per pixel and errors.
+
+use glam::UVec2;
+use trisplat_raster::soft::Frame;
+use trisplat_scene::image::Pixels;
+
+/// A pixel with less coverage counts as background.
+const LEAST_COVERAGE: f32 = 0.05;
+
+/// The frame's colours in 8 bits, clamped and rounded.
+pub fn color(frame: &Frame) -> Pixels {
+    picture(frame, |i| frame.rgb[i])
+}
+
+/// Expected depth, near bright and far dark, stretched over the middle 98% of the picture's inverse
+/// depths; black for background. The frame must have been drawn with geometry.
+pub fn depth(frame: &Frame) -> Pixels {
+    let inverse = |i: usize| {
+        let coverage = 1.0 - frame.transmittance[i];
+        (coverage > LEAST_COVERAGE && frame.depth[i] > 0.0).then(|| coverage / frame.depth[i])
+    };
+    let mut seen: Vec<f32> = (0..frame.depth.len()).filter_map(inverse).collect();
+    seen.sort_by(f32::total_cmp);
+    let last = seen.len().saturating_sub(1);
+    let at = |i: usize| seen.get(i).copied().unwrap_or(0.0);
+    let (far, near) = (at(last / 100), at(last - last / 100));
+    let stretched = |x: f32| if near > far { (x - far) / (near - far) } else { 0.5 };
+    // Slightly above black, so that the farthest surface differs from the background.
+    picture(frame, |i| inverse(i).map_or([0.0; 3], |x| ramp(0.08 + 0.92 * stretched(x).clamp(0.0, 1.0))))
+}
+
+/// Normals towards the camera: red to the right, green up, blue to the viewer; black for background.
+/// The frame must have been drawn with geometry.
+pub fn normal(frame: &Frame) -> Pixels {
+    picture(frame, |i| {
+        let [x, y, z] = frame.normal[i];
+        let length = (x * x + y * y + z * z).sqrt();
+        let seen = length > 0.0 && 1.0 - frame.transmittance[i] > LEAST_COVERAGE;
+        // The camera's axes are x right, y down, z forward.
+        if seen { [x, -y, -z].map(|c| 0.5 + 0.5 * c / length) } else { [0.0; 3] }
+    })
+}
+
+/// Layers per pixel, from black for none to white for the 99th percentile of pixels with layers.
+pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
+    let mut seen: Vec<u32> = layers.iter().copied().filter(|&n| n > 0).collect();
+    seen.sort_unstable();
+    let most = seen.get(seen.len().saturating_sub(1) - seen.len() / 100).copied().unwrap_or(1).max(1);
+    picture(frame, |i| ramp((layers[i] as f32 / most as f32).min(1.0)))
+}
+
+/// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.
+pub fn heat(size: UVec2, errors: &[f32]) -> Pixels {
+    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) }).map(code);
+    Pixels { size, rgb: errors.iter().map(shown).collect(), alpha: None }
+}
+
+fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> Pixels {
+    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let count = frame.size.x as usize * frame.size.y as usize;
+    Pixels { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
+}
+
+/// The colour map magma of FLIP: black, violet, orange, white; for values in [0, 1].
+fn ramp(value: f32) -> [f32; 3] {
+    flip_rs::MAGMA[(value * 255.0).round() as usize]
+}

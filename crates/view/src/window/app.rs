@@ -1,0 +1,470 @@
+//! Events in, pictures out.
+
+use super::background::{self, Letter, LoadedScene, Message, Outbox, Screenshot};
+use super::options::WindowOptions;
+use super::pick::pick;
+use super::scene::{SceneFiles, SceneLoader};
+use super::screen::Screen;
+use super::session::{self, PhotoPlacement, Session};
+use crate::renderer::DisplayMode;
+use glam::{UVec2, Vec2};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use trisplat_scene::error::{Error, Result};
+use winit::application::ApplicationHandler;
+use winit::error::EventLoopError;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::keyboard::{KeyCode, PhysicalKey};
+use winit::window::WindowId;
+
+/// Largest movement of a click, px.
+const CLICK: f32 = 4.0;
+/// Widest soft picture, px: a second or less on a processor.
+const SOFT_WIDTH: f32 = 480.0;
+
+/// Opens a window and returns when it is closed.
+///
+/// Errors: no display, no graphics card, the scene cannot be loaded, the device is lost.
+pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> Result<()> {
+    let remedy = options.remedy;
+    let no_window = |e: &EventLoopError| {
+        Error::Gpu(format!("no window can be opened: {}; {remedy}", without_place(&e.to_string())))
+    };
+    let events = EventLoop::<Letter>::with_user_event().build().map_err(|e| no_window(&e))?;
+    let proxy = events.create_proxy();
+    let mut app = App { options, files, loader, proxy, window: None, failure: None, mouse: Mouse::default() };
+    events.run_app(&mut app).map_err(|e| no_window(&e))?;
+    app.failure.map_or(Ok(()), Err)
+}
+
+/// The message of the windowing library, without the file and line of its source.
+fn without_place(said: &str) -> &str {
+    let reason =
+        said.split_once(".rs:").and_then(|(_, place)| place.split_once(": ")).map_or(said, |(_, why)| why);
+    reason.trim_end_matches('.')
+}
+
+struct App {
+    options: WindowOptions,
+    /// What is shown first.
+    files: SceneFiles,
+    loader: SceneLoader,
+    proxy: EventLoopProxy<Letter>,
+    window: Option<(Screen, Session)>,
+    failure: Option<Error>,
+    mouse: Mouse,
+}
+
+#[derive(Default)]
+struct Mouse {
+    at: Vec2,
+    /// The button that is down, where it went down, and whether it has moved since.
+    down: Option<(MouseButton, Vec2, bool)>,
+}
+
+impl ApplicationHandler<Letter> for App {
+    /// A wait that timed out must draw again, to remove a note.
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
+            screen.window.request_redraw();
+        }
+    }
+
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.window.is_some() {
+            return;
+        }
+        match Screen::open(events, &self.options, self.files.title()) {
+            Ok(screen) => {
+                let outbox = Outbox { proxy: self.proxy.clone(), scene: 0 };
+                outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), self.files.clone());
+                let session = Session::new(screen.gpu.describe(), self.files.clone());
+                screen.window.request_redraw();
+                self.window = Some((screen, session));
+            }
+            Err(error) => self.fail(events, error),
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some((screen, _)) = &mut self.window else { return };
+        let response = screen.input.on_window_event(&screen.window, &event);
+        // A picture must not request the next one, or a window at rest would draw for ever.
+        if response.repaint && event != WindowEvent::RedrawRequested {
+            screen.window.request_redraw();
+        }
+        let result = match event {
+            WindowEvent::CloseRequested => {
+                events.exit();
+                Ok(())
+            }
+            WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
+            WindowEvent::RedrawRequested => self.redraw(events),
+            // Keys that were held when the window got the focus are not commands.
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
+                self.key(events, &event);
+                Ok(())
+            }
+            WindowEvent::HoveredFile(path) => {
+                self.hovered(&path);
+                Ok(())
+            }
+            WindowEvent::DroppedFile(path) => {
+                self.dropped(&path);
+                Ok(())
+            }
+            other => {
+                self.pointer(&other, response.consumed);
+                Ok(())
+            }
+        };
+        if let Err(error) = result {
+            self.fail(events, error);
+        }
+    }
+
+    fn user_event(&mut self, events: &ActiveEventLoop, Letter { scene, message }: Letter) {
+        let Some((screen, session)) = &mut self.window else { return };
+        screen.window.request_redraw();
+        let context = screen.input.egui_ctx().clone();
+        match message {
+            Message::Progress(what) => session.notify(what),
+            Message::Loaded(result) => self.loaded(events, scene, result),
+            Message::Changed(Ok(changed)) => session.change(*changed),
+            Message::Final(Some(what)) => session.status = Some(what),
+            Message::Final(None) => events.exit(),
+            // Results for a scene that is no longer shown.
+            _ if scene != session.scene => {}
+            Message::Indexed(Ok(asset)) => {
+                if let Some(shown) = &mut session.shown {
+                    shown.asset = Some(Arc::from(asset));
+                }
+            }
+            Message::Photo(index, result) => {
+                session.decoding = None;
+                match result {
+                    Ok(picture) => {
+                        session.photo = Some((index, session::texture(&context, "photo", &picture)))
+                    }
+                    Err(error) => {
+                        session.settings.photo = PhotoPlacement::Off;
+                        session.notify(error.to_string());
+                    }
+                }
+            }
+            Message::Soft(camera, picture) => {
+                let texture = session::texture(&context, "soft", &picture);
+                (session.soft, session.soft_is_old) = (Some((camera, texture, picture)), false);
+            }
+            Message::Rested(renderer) => {
+                if let Some(shown) = &mut session.shown {
+                    shown.soft_renderer = Some(renderer);
+                }
+            }
+            Message::Picked(picked) => {
+                if let Some(picked) = &picked {
+                    session.controls.set_pivot_distance(picked.depth);
+                }
+                session.picked = picked;
+            }
+            Message::Subset(Ok(subset)) => {
+                (session.subset, session.filtering) = (Some(Arc::new(subset)), false);
+            }
+            Message::Cropped(Ok(what)) => session.notify(what),
+            Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
+            Message::Changed(Err(error))
+            | Message::Indexed(Err(error))
+            | Message::Subset(Err(error))
+            | Message::Cropped(Err(error))
+            | Message::Saved(Err(error)) => {
+                session.notify(error.to_string());
+            }
+        }
+    }
+}
+
+impl App {
+    fn fail(&mut self, events: &ActiveEventLoop, error: Error) {
+        self.failure.get_or_insert(error);
+        events.exit();
+    }
+
+    /// Shows the loaded scene. A failed first scene is an error; a failed dropped file keeps the present
+    /// scene.
+    fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<LoadedScene>>) {
+        let Some((screen, session)) = &mut self.window else { return };
+        session.loading = None;
+        match result {
+            Ok(loaded) => {
+                session.scene = scene;
+                screen.window.set_title(&loaded.files.title());
+                session.show(*loaded);
+                if scene == 0 {
+                    let outbox = Outbox { proxy: self.proxy.clone(), scene };
+                    let files = self.files.clone();
+                    outbox.follow(screen.gpu.clone(), screen.groups(), &self.loader, files);
+                }
+            }
+            Err(error) if session.shown.is_some() => session.notify(error.to_string()),
+            Err(error) => self.fail(events, error),
+        }
+    }
+
+    /// The effect of dropping a file, as a hint.
+    fn hovered(&mut self, path: &Path) {
+        let Some((screen, session)) = &mut self.window else { return };
+        let files = session.files.with_dropped(path);
+        let what = if files.file == session.files.file { "photos of this scene" } else { "another scene" };
+        session.notify(format!("drop to open {what}"));
+        screen.window.request_redraw();
+    }
+
+    /// Loads a scene, or photos of the shown one.
+    fn dropped(&mut self, path: &Path) {
+        let Some((screen, session)) = &mut self.window else { return };
+        screen.window.request_redraw();
+        if session.loading.is_some() {
+            return session
+                .notify("another file is being loaded: drop this one again when it is shown".into());
+        }
+        let scene = session.next_number();
+        session.loading = Some(scene);
+        session.notify("loading".into());
+        let outbox = Outbox { proxy: self.proxy.clone(), scene };
+        let files = session.files.with_dropped(path);
+        outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), files);
+    }
+
+    /// The channel for messages about the shown scene.
+    fn outbox(&self) -> Outbox {
+        let scene = self.window.as_ref().map_or(0, |(_, session)| session.scene);
+        Outbox { proxy: self.proxy.clone(), scene }
+    }
+
+    fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
+        let Some((screen, session)) = &mut self.window else { return Ok(()) };
+        let moving = session.is_moving();
+        let secs = session.meter.tick(moving || self.mouse.down.is_some());
+        session.controls.fly(&session.keys, secs as f32);
+        let again = screen.draw(session, moving || self.mouse.down.is_some_and(|(_, _, moved)| moved))?;
+        self.start_work();
+        let Some((screen, session)) = &self.window else { return Ok(()) };
+        // A picture of fewer pixels, drawn in motion, is drawn again.
+        let dragged = self.mouse.down.is_some();
+        if session.is_moving() || again.is_zero() || (session.reduced.is_some() && !dragged) {
+            screen.window.request_redraw();
+            events.set_control_flow(ControlFlow::Wait);
+        } else if again < Duration::from_secs(3600) {
+            events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + again));
+        } else {
+            events.set_control_flow(ControlFlow::Wait);
+        }
+        Ok(())
+    }
+
+    /// Starts the background work for the picture.
+    fn start_work(&mut self) {
+        let outbox = self.outbox();
+        let Some((screen, session)) = &mut self.window else { return };
+        let filter = session.filter();
+        let Some(shown) = &mut session.shown else { return };
+        if let Some(index) = session.current
+            && session.settings.photo != PhotoPlacement::Off
+            && session.decoding.is_none()
+            && session.photo.as_ref().is_none_or(|(shown, _)| *shown != index)
+            && let Some(photo) = shown.photos.get(index)
+        {
+            session.decoding = Some(index);
+            let load = photo.load.clone();
+            outbox.spawn(move || Message::Photo(index, load()));
+        }
+        if session.settings.soft
+            && let Some(camera) = session.camera
+        {
+            let scale = (SOFT_WIDTH / session.pane.size.x).min(1.0);
+            let small = (session.pane.size * scale).round().max(Vec2::ONE);
+            let mut of_pane = camera;
+            of_pane.center -= session.pane.min;
+            of_pane.size = session.pane.size.round().as_uvec2().max(UVec2::ONE);
+            let wanted = of_pane.resized(small.as_uvec2());
+            let is_drawn = session.soft.as_ref().is_some_and(|(drawn, ..)| *drawn == wanted);
+            if (!is_drawn || session.soft_is_old)
+                && let Some(mut renderer) = shown.soft_renderer.take()
+            {
+                let (messages, rest) = (outbox.clone(), shown.soft_rest);
+                outbox.spawn(move || {
+                    let clock = Instant::now();
+                    messages.send(Message::Soft(wanted, renderer(&wanted)));
+                    std::thread::sleep(clock.elapsed().mul_f64(rest));
+                    Message::Rested(renderer)
+                });
+            }
+        }
+        if let Some(wanted) = filter
+            && !session.filtering
+            && session.filtered != filter
+            && let Some(asset) = shown.asset.clone()
+        {
+            let (gpu, model, placement) = (screen.gpu.clone(), shown.model.clone(), shown.placement);
+            (session.filtered, session.filtering) = (filter, true);
+            outbox.spawn(move || {
+                let centroid = |face: u32| placement.to_world_f64(asset.mesh.centroid(face as usize));
+                let keep = |face: u32| wanted.region.is_none_or(|region| region.holds(centroid(face), &[]));
+                Message::Subset(model.subset(&gpu, &asset.mesh, wanted.share, 0, keep))
+            });
+        }
+        if std::mem::take(&mut session.saving_crop)
+            && let Some(region) = shown.crop.region()
+        {
+            let save = shown.save_crop.clone();
+            outbox.spawn(move || Message::Cropped(save(&region)));
+        }
+    }
+
+    fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent) {
+        let Some((screen, session)) = &mut self.window else { return };
+        let PhysicalKey::Code(code) = event.physical_key else { return };
+        let down = if event.state == ElementState::Pressed { 1.0 } else { 0.0 };
+        screen.window.request_redraw();
+        let keys = &mut session.keys;
+        match code {
+            KeyCode::KeyW => keys.forward = down,
+            KeyCode::KeyS => keys.forward = -down,
+            KeyCode::KeyD => keys.right = down,
+            KeyCode::KeyA => keys.right = -down,
+            KeyCode::KeyE => keys.up = down,
+            KeyCode::KeyQ => keys.up = -down,
+            KeyCode::ShiftLeft | KeyCode::ShiftRight => keys.fast = down > 0.0,
+            _ if event.state == ElementState::Pressed && !event.repeat => self.press(events, code),
+            _ => {}
+        }
+    }
+
+    fn press(&mut self, events: &ActiveEventLoop, code: KeyCode) {
+        let Some((_, session)) = &mut self.window else { return };
+        let settings = &mut session.settings;
+        match code {
+            KeyCode::Escape => events.exit(),
+            KeyCode::KeyF => session.frame(),
+            KeyCode::KeyN => session.step(1),
+            KeyCode::KeyP => session.step(-1),
+            KeyCode::KeyO => session.next_photo_placement(),
+            KeyCode::KeyC => settings.cameras = !settings.cameras,
+            KeyCode::KeyH => settings.panel = !settings.panel,
+            KeyCode::Digit1 => settings.display = DisplayMode::Color,
+            KeyCode::Digit2 => settings.display = DisplayMode::Normals,
+            KeyCode::Digit3 => settings.display = DisplayMode::Chunks,
+            KeyCode::Digit4 => settings.wireframe = !settings.wireframe,
+            KeyCode::Digit5 => settings.subset = !settings.subset,
+            KeyCode::Digit6 => {
+                settings.soft = !settings.soft && session.shown.as_ref().is_some_and(|s| s.has_soft)
+            }
+            KeyCode::KeyX => {
+                if let Some(shown) = &mut session.shown {
+                    shown.crop.on = !shown.crop.on;
+                }
+            }
+            KeyCode::Enter | KeyCode::NumpadEnter => session.saving_crop = true,
+            KeyCode::F12 => self.screenshot(),
+            _ => {}
+        }
+    }
+
+    fn pointer(&mut self, event: &WindowEvent, consumed: bool) {
+        let Some((screen, session)) = &mut self.window else { return };
+        let height = screen.window.inner_size().height.max(1) as f32;
+        match *event {
+            WindowEvent::CursorMoved { position, .. } => {
+                let at = Vec2::new(position.x as f32, position.y as f32);
+                let drag = (at - self.mouse.at) / height;
+                self.mouse.at = at;
+                if let Some((button, from, moved)) = &mut self.mouse.down {
+                    *moved |= at.distance(*from) > CLICK;
+                    if *moved {
+                        match *button {
+                            MouseButton::Left => session.controls.orbit(drag),
+                            MouseButton::Right => session.controls.turn(drag),
+                            _ => session.controls.pan(drag),
+                        }
+                        screen.window.request_redraw();
+                    }
+                }
+            }
+            WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if !consumed => {
+                self.mouse.down = Some((button, self.mouse.at, false));
+            }
+            WindowEvent::MouseInput { state: ElementState::Released, .. } => {
+                // A picture of fewer pixels, drawn during a drag, is drawn again.
+                screen.window.request_redraw();
+                if let Some((MouseButton::Left, _, false)) = self.mouse.down.take() {
+                    self.click();
+                }
+            }
+            WindowEvent::MouseWheel { delta, .. } if !consumed => {
+                let steps = match delta {
+                    MouseScrollDelta::LineDelta(_, y) => y,
+                    MouseScrollDelta::PixelDelta(by) => by.y as f32 / 60.0,
+                };
+                session.controls.zoom(steps);
+                screen.window.request_redraw();
+            }
+            WindowEvent::PinchGesture { delta, .. } if delta.is_finite() => {
+                session.controls.zoom(8.0 * delta as f32);
+                screen.window.request_redraw();
+            }
+            _ => {}
+        }
+    }
+
+    /// Picks the triangle under the mouse.
+    fn click(&mut self) {
+        let outbox = self.outbox();
+        let Some((_, session)) = &self.window else { return };
+        let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
+        let Some(asset) = shown.asset.clone() else { return };
+        let (soup, to_soup, pixel) = (shown.soup.clone(), shown.to_soup.clone(), self.mouse.at);
+        outbox.spawn(move || {
+            let source = match (&soup, &to_soup) {
+                (Some(soup), Some(to_soup)) => {
+                    Some((&**soup, &**to_soup as &dyn Fn(glam::Vec3) -> glam::Vec3))
+                }
+                _ => None,
+            };
+            Message::Picked(pick(&asset, &camera, pixel, source).map(Box::new))
+        });
+    }
+
+    /// Saves a picture without the panel.
+    fn screenshot(&mut self) {
+        let outbox = self.outbox();
+        let Some((screen, session)) = &self.window else { return };
+        let Some(shown) = &session.shown else { return };
+        // The current camera: the last picture may still show the one before.
+        let size = screen.window.inner_size();
+        let camera = session.controls.camera(UVec2::new(size.width, size.height), session.pane);
+        let folder = self.options.screenshots.clone();
+        if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
+            let picture = soft.clone();
+            outbox.spawn(move || Message::Saved(background::save(&folder, &picture)));
+            return;
+        }
+        let screenshot = Screenshot {
+            model: shown.model.clone(),
+            subset: session.drawn_subset().cloned(),
+            camera,
+            near: session.controls.near(),
+            background: self.options.background,
+            display: session.settings.display,
+            wireframe: session.settings.wireframe,
+            msaa: self.options.msaa,
+        };
+        let gpu = screen.gpu.clone();
+        outbox.spawn(move || {
+            Message::Saved(
+                background::draw_screenshot(&gpu, &screenshot).and_then(|p| background::save(&folder, &p)),
+            )
+        });
+    }
+}

@@ -1,0 +1,273 @@
+//! The panel over the picture: figures, settings, photos, cameras, the picked triangle.
+
+use super::controls::Pane;
+use super::crop::CropClick;
+use super::help;
+use super::reduced;
+use super::session::{PhotoPlacement, Session, Settings};
+use crate::renderer::DisplayMode;
+use egui::{Color32, Pos2, Rect, Stroke, Ui};
+use glam::{Vec2, Vec3};
+use indicatif::HumanCount;
+use trisplat_scene::camera::Camera;
+
+/// Width of the panel, points.
+const WIDTH: f32 = 320.0;
+const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
+
+/// Draws everything and takes input; sets the session's pane, in pixels.
+pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
+    let scale = ui.ctx().pixels_per_point();
+    if let Some((id, _)) = session.reduced {
+        reduced::show(ui, id);
+    }
+    if session.settings.panel {
+        egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
+    }
+    let free = ui.available_rect_before_wrap();
+    let pane = Pane {
+        min: Vec2::new(free.min.x, free.min.y) * scale,
+        size: (Vec2::new(free.width(), free.height()) * scale).max(Vec2::ONE),
+    };
+    session.pane = session.picture_pane(pane);
+    let painter = ui.painter().clone();
+    photo(&painter, session, pane, scale);
+    if session.settings.cameras {
+        cameras(&painter, session, scale);
+    }
+    region(&painter, session, scale);
+    picked(&painter, session, scale);
+    if let Some(left) = session.expire_note() {
+        ui.ctx().request_repaint_after(left);
+    }
+    if let Some((note, _)) = &session.note {
+        let at = Pos2::new(free.center().x, free.max.y - 24.0);
+        let text = painter.layout_no_wrap(note.clone(), egui::FontId::proportional(16.0), Color32::WHITE);
+        let area = egui::Align2::CENTER_CENTER.anchor_size(at, text.size());
+        painter.rect_filled(area.expand(6.0), 4.0, Color32::from_black_alpha(200));
+        painter.galley(area.min, text, Color32::WHITE);
+    }
+}
+
+fn side(ui: &mut Ui, session: &mut Session) {
+    egui::ScrollArea::vertical().show(ui, |ui| {
+        figures(ui, session);
+        ui.separator();
+        settings(ui, session);
+        crop(ui, session);
+        photos(ui, session);
+        if let Some(picked) = &session.picked {
+            ui.separator();
+            ui.label(described(picked));
+        }
+        ui.separator();
+        help::show(ui);
+    });
+}
+
+fn figures(ui: &mut Ui, session: &Session) {
+    let fps = session.meter.fps().map_or("at rest".to_owned(), |fps| format!("{fps:.0} FPS"));
+    let gpu = session.meter.gpu_ms.map_or(String::new(), |ms| format!(" · GPU {ms:.2} ms"));
+    ui.strong(format!("{fps}{gpu}"));
+    if let Some(shown) = &session.shown {
+        let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
+        ui.label(format!("{} of {} triangles drawn", HumanCount(drawn), HumanCount(all)));
+        let chunks = shown.model.chunks.len();
+        let bytes = shown.model.bytes as f64;
+        ui.label(format!(
+            "{} draws, {chunks} chunks, {:.1} MB, {:.0} B per triangle",
+            session.drawn.draws,
+            bytes * 1e-6,
+            bytes / all.max(1) as f64
+        ));
+    }
+    if let Some((fps, would_do)) = session.held {
+        let size =
+            session.reduced.map_or("all pixels".into(), |(_, size)| format!("{}×{} px", size.x, size.y));
+        let held = match (would_do, &session.shown) {
+            (Some(share), Some(shown)) => {
+                let few = (share * shown.model.triangles() as f64 / 1000.0).floor() * 1000.0;
+                format!("{fps:.0} FPS need about {} triangles: bake --max-triangles", HumanCount(few as u64))
+            }
+            _ => format!("{size} for {fps:.0} FPS"),
+        };
+        ui.label(held);
+    }
+    if let Some(status) = &session.status {
+        ui.label(status);
+    }
+    ui.label(egui::RichText::new(&session.gpu_name).small().weak());
+}
+
+fn settings(ui: &mut Ui, session: &mut Session) {
+    let has_soft = session.shown.as_ref().is_some_and(|s| s.has_soft);
+    let Settings { soft, display, wireframe, subset, share, continuous, .. } = &mut session.settings;
+    ui.horizontal_wrapped(|ui| {
+        ui.radio_value(display, DisplayMode::Color, "colour");
+        ui.radio_value(display, DisplayMode::Normals, "normals");
+        ui.radio_value(display, DisplayMode::Chunks, "chunks");
+    });
+    ui.checkbox(wireframe, "wireframe");
+    ui.horizontal_wrapped(|ui| {
+        ui.checkbox(subset, "random subset");
+        ui.add_enabled(*subset, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
+    });
+    ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
+    ui.checkbox(continuous, "draw continuously");
+}
+
+fn crop(ui: &mut Ui, session: &mut Session) {
+    let Some(shown) = &mut session.shown else { return };
+    ui.separator();
+    match shown.crop.show(ui) {
+        Some(CropClick::Here) => session.move_crop_here(),
+        Some(CropClick::Save) => session.saving_crop = true,
+        None => {}
+    }
+}
+
+fn photos(ui: &mut Ui, session: &mut Session) {
+    let Some(shown) = &session.shown else { return };
+    if shown.photos.is_empty() {
+        return;
+    }
+    ui.separator();
+    let name = session.current.and_then(|i| shown.photos.get(i)).map_or("free view", |p| p.name.as_str());
+    let place = session.current.map_or("–".to_owned(), |i| (i + 1).to_string());
+    ui.label(format!("{name} ({place} of {})", shown.photos.len()));
+    let mut step = 0;
+    ui.horizontal_wrapped(|ui| {
+        step -= isize::from(ui.button("previous").clicked());
+        step += isize::from(ui.button("next").clicked());
+        ui.checkbox(&mut session.settings.cameras, "cameras");
+    });
+    ui.horizontal_wrapped(|ui| {
+        ui.label("photo");
+        let photo = &mut session.settings.photo;
+        ui.radio_value(photo, PhotoPlacement::Off, "off");
+        ui.radio_value(photo, PhotoPlacement::Beside, "beside");
+        ui.radio_value(photo, PhotoPlacement::Over, "over");
+    });
+    if session.settings.photo == PhotoPlacement::Over {
+        ui.add(egui::Slider::new(&mut session.settings.photo_opacity, 0.0..=1.0).text("opacity"));
+    }
+    if step != 0 {
+        session.step(step);
+    }
+}
+
+/// The soft picture and the photo, in their places.
+fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
+    if session.settings.soft
+        && let Some((_, soft, _)) = &session.soft
+    {
+        painter.image(soft.id(), rect(session.pane, scale), EVERYTHING, Color32::WHITE);
+    }
+    let Some((index, photo)) = &session.photo else { return };
+    if session.current != Some(*index) {
+        return;
+    }
+    match session.settings.photo {
+        PhotoPlacement::Off => {}
+        PhotoPlacement::Over => {
+            let tint = Color32::WHITE.gamma_multiply(session.settings.photo_opacity);
+            painter.image(photo.id(), rect(session.controls.picture(session.pane), scale), EVERYTHING, tint);
+        }
+        PhotoPlacement::Beside => {
+            let half = Vec2::new(0.5 * pane.size.x, 0.0);
+            let right = Pane { min: pane.min + half, size: pane.size - half };
+            painter.rect_filled(rect(right, scale), 0.0, Color32::BLACK);
+            painter.image(
+                photo.id(),
+                rect(session.controls.picture(right), scale),
+                EVERYTHING,
+                Color32::WHITE,
+            );
+        }
+    }
+}
+
+/// The cameras of the photos, each as a small pyramid.
+fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
+    let length = 0.025 * (shown.bounds.max - shown.bounds.min).length();
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for (i, photo) in shown.photos.iter().enumerate() {
+        let is_current = session.current == Some(i);
+        let color = if is_current { ORANGE } else { Color32::from_rgb(90, 200, 255) };
+        let stroke = Stroke::new(if is_current { 2.0 } else { 1.0 }, color);
+        let from = &photo.camera;
+        let (position, to_world) = (from.position(), from.rotation.transpose());
+        let corner = |x: f32, y: f32| {
+            let pixel = from.size.as_vec2() * Vec2::new(x, y);
+            position + to_world * ((pixel - from.center) / from.focal).extend(1.0) * length
+        };
+        let ring = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
+        for k in 0..4 {
+            line(&painter, camera, session.controls.near(), [ring[k], ring[(k + 1) % 4]], stroke, scale);
+            line(&painter, camera, session.controls.near(), [position, ring[k]], stroke, scale);
+        }
+    }
+}
+
+/// The edges of the cropped region.
+fn region(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
+    if !shown.crop.on {
+        return;
+    }
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for ends in shown.crop.lines() {
+        let ends = ends.map(|p| shown.placement.to_file(p.as_vec3()));
+        line(&painter, camera, session.controls.near(), ends, Stroke::new(1.5, ORANGE), scale);
+    }
+}
+
+/// The outline of the picked triangle.
+fn picked(painter: &egui::Painter, session: &Session, scale: f32) {
+    let (Some(picked), Some(camera)) = (&session.picked, &session.camera) else { return };
+    let painter = painter.with_clip_rect(rect(session.pane, scale));
+    for k in 0..3 {
+        let ends = [picked.corners[k], picked.corners[(k + 1) % 3]];
+        line(&painter, camera, session.controls.near(), ends, Stroke::new(2.0, ORANGE), scale);
+    }
+}
+
+/// A line of the world, clipped at the near plane.
+fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], stroke: Stroke, scale: f32) {
+    let [a, b] = ends.map(|p| camera.rotation * p + camera.translation);
+    if a.z.max(b.z) <= near {
+        return;
+    }
+    let cut = |p: Vec3, other: Vec3| {
+        if p.z >= near { p } else { p + (other - p) * ((near - p.z) / (other.z - p.z)) }
+    };
+    let place = |p: Vec3| {
+        let at = (p.truncate() / p.z * camera.focal + camera.center) / scale;
+        Pos2::new(at.x, at.y)
+    };
+    painter.line_segment([place(cut(a, b)), place(cut(b, a))], stroke);
+}
+
+fn described(picked: &super::pick::Picked) -> String {
+    let [r, g, b] = picked.rgb;
+    let mut text = format!("depth {:.4}\ncolour {r} {g} {b}  #{r:02x}{g:02x}{b:02x}", picked.depth);
+    if let Some(origin) = picked.source {
+        text = format!(
+            "triangle {}\nσ {:.4} · opacity {:.4}\n{text}",
+            HumanCount(origin.triangle as u64),
+            origin.sigma,
+            origin.opacity
+        );
+    }
+    for (name, v) in ["a", "b", "c"].iter().zip(picked.corners) {
+        text += &format!("\n{name} {:.4} {:.4} {:.4}", v.x, v.y, v.z);
+    }
+    text
+}
+
+fn rect(pane: Pane, scale: f32) -> Rect {
+    let (min, size) = (pane.min / scale, pane.size / scale);
+    Rect::from_min_size(Pos2::new(min.x, min.y), egui::vec2(size.x, size.y))
+}

@@ -1,0 +1,137 @@
+//! The content of a window, and the threads that load it.
+
+use glam::{DVec3, Vec3};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use trisplat_scene::asset::{Asset, Placement};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::error::Result;
+use trisplat_scene::image::Pixels;
+use trisplat_scene::region::Region;
+use trisplat_scene::soup::Soup;
+
+/// What a window shows.
+pub struct WindowScene {
+    /// The triangles.
+    pub asset: Asset,
+    /// The axis of the asset that points up.
+    pub up: Vec3,
+    /// Posed photos, in the frame of the asset.
+    pub photos: Vec<WindowPhoto>,
+    /// Its original soup, if any.
+    pub source: Option<SoupSource>,
+    /// The placement from the file's frame to the asset's.
+    pub placement: Placement,
+    /// Saves a region of the file for the bake; returns a note for the user.
+    pub save_crop: CropSaver,
+    /// Its present state, as a line of the panel.
+    pub status: Option<String>,
+}
+
+impl WindowScene {
+    /// From the frame of the asset to that of the file.
+    pub(super) fn to_file(&self) -> impl Fn(Vec3) -> DVec3 + use<> {
+        let placement = self.placement;
+        move |point| placement.to_world_f64(point)
+    }
+}
+
+/// The files to open: a scene, and photos of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneFiles {
+    /// A scene of any format that is read.
+    pub file: PathBuf,
+    /// A data set, if any.
+    pub dataset: Option<PathBuf>,
+}
+
+impl SceneFiles {
+    /// The files to open when `path` is dropped on the window: a folder or a `.json` is a data set of the
+    /// same scene, any other file is another scene.
+    pub fn with_dropped(&self, path: &Path) -> Self {
+        let is_dataset = path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        match is_dataset {
+            true => Self { dataset: Some(path.to_owned()), ..self.clone() },
+            false => Self { file: path.to_owned(), dataset: None },
+        }
+    }
+
+    /// The title of their window.
+    pub fn title(&self) -> String {
+        let name = self.file.file_name().unwrap_or(self.file.as_os_str()).to_string_lossy();
+        format!("{name} – trisplat")
+    }
+}
+
+/// A posed photo.
+#[derive(Clone)]
+pub struct WindowPhoto {
+    /// Its name.
+    pub name: String,
+    /// Its camera, in the frame of the asset.
+    pub camera: Camera,
+    /// Decodes it; called on a thread of its own.
+    pub load: Arc<dyn Fn() -> Result<Pixels> + Send + Sync>,
+}
+
+/// The soup behind an asset.
+pub struct SoupSource {
+    /// The soup as it was read.
+    pub soup: Arc<Soup>,
+    /// A point of the asset in the frame of the soup.
+    pub to_soup: Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>,
+    /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
+    pub renderer: SoftRenderer,
+    /// Pause after a picture, as a multiple of its duration: more than 0 if other work needs the CPU.
+    pub rest: f64,
+}
+
+/// Saves a region of a file for the bake; returns a note for the user. Called on a thread of its own.
+pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
+
+/// Draws what a camera sees.
+pub type SoftRenderer = Box<dyn FnMut(&Camera) -> Pixels + Send>;
+
+/// Loads what a window shows.
+#[derive(Clone)]
+pub struct SceneLoader {
+    /// Makes the scene of some files and reports its progress; called on a thread of its own.
+    #[allow(clippy::type_complexity, reason = "it is called once, here")]
+    pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
+    /// Adds the BVH for picking; called on a thread of its own once the scene is shown.
+    pub add_bvh: fn(Asset) -> Result<Asset>,
+    /// Waits for the next change of the first scene; `None` for a static one. Called repeatedly on a thread
+    /// of its own, until the scene has ended.
+    pub follow: Option<SceneFollower>,
+}
+
+/// Waits for the changes of a scene.
+pub type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Sync>;
+
+/// A change of a shown scene.
+pub enum SceneChange {
+    /// It has changed.
+    Changed(Box<WindowScene>),
+    /// It will not change any more, with a final note.
+    Final(String),
+    /// There is nothing more to show: the window closes.
+    Gone,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_dropped_is_a_data_set_of_the_same_scene_and_a_file_another_scene() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files = SceneFiles { file: "a.glb".into(), dataset: Some("photos".into()) };
+        let with = files.with_dropped(folder.path());
+        assert_eq!(with, SceneFiles { dataset: Some(folder.path().into()), ..files.clone() });
+        let with = files.with_dropped(Path::new("x/transforms.JSON"));
+        assert_eq!(with.dataset.as_deref(), Some(Path::new("x/transforms.JSON")));
+        let with = files.with_dropped(Path::new("x/b.ply"));
+        assert_eq!(with, SceneFiles { file: "x/b.ply".into(), dataset: None });
+        assert_eq!(with.title(), "b.ply – trisplat");
+    }
+}

@@ -1,0 +1,277 @@
+//! The window's surface: pictures of the scene with the panel over them.
+
+use super::super::model::{ChunkOrder, ModelGroups};
+use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
+use super::options::WindowOptions;
+use super::panel;
+use super::reduced::Reduced;
+use super::session::Session;
+use crate::frame_rate::FrameRate;
+use glam::UVec2;
+use std::sync::Arc;
+use std::time::Duration;
+use trisplat_gpu::Gpu;
+use trisplat_gpu::timer::Timer;
+use trisplat_scene::error::{Error, Result};
+use wgpu::*;
+use winit::event_loop::ActiveEventLoop;
+use winit::window::{Window, WindowAttributes};
+
+/// A window and its renderers.
+pub(super) struct Screen {
+    pub(super) window: Arc<Window>,
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) input: egui_winit::State,
+    renderer: Renderer,
+    timer: Option<Timer>,
+    rate: Option<FrameRate>,
+    reduced: Option<Reduced>,
+    surface: Surface<'static>,
+    config: SurfaceConfiguration,
+    attachments: Attachments,
+    panel: egui_wgpu::Renderer,
+    msaa: u32,
+    background: [f32; 3],
+}
+
+impl Screen {
+    /// Opens a window. Errors: no window, or no card that can draw in it.
+    pub(super) fn open(events: &ActiveEventLoop, options: &WindowOptions, title: String) -> Result<Self> {
+        let size = winit::dpi::PhysicalSize::new(options.size.x, options.size.y);
+        let attributes = WindowAttributes::default().with_title(title).with_inner_size(size);
+        let no_window = |e: &dyn std::fmt::Display| Error::Gpu(format!("no window can be opened: {e}"));
+        let window = Arc::new(events.create_window(attributes).map_err(|e| no_window(&e))?);
+        let instance = options.adapter.instance(Some(Box::new(events.owned_display_handle())));
+        let surface = instance.create_surface(window.clone()).map_err(|e| no_window(&e))?;
+        let adapter = options.adapter.choose(&instance, Some(&surface))?;
+        let gpu = Arc::new(Gpu::open(&adapter)?);
+        let config = configuration(&surface, &adapter, &window, options.vsync)?;
+        surface.configure(&gpu.device, &config);
+        gpu.check()?;
+        let attachments =
+            Attachments::new(&gpu, UVec2::new(config.width, config.height), config.format, options.msaa)?;
+        let context = egui::Context::default();
+        let limit = gpu.device.limits().max_texture_dimension_2d as usize;
+        let input = egui_winit::State::new(
+            context,
+            egui::ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            None,
+            Some(limit),
+        );
+        let panel =
+            egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
+        let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
+        let (msaa, background) = (options.msaa, options.background);
+        // Only timestamps tell the duration of a frame.
+        let rate = options.fps.filter(|_| timer.is_some()).map(|fps| FrameRate::new(fps, msaa));
+        Ok(Self {
+            window,
+            gpu,
+            input,
+            renderer,
+            timer,
+            rate,
+            reduced: None,
+            surface,
+            config,
+            attachments,
+            panel,
+            msaa,
+            background,
+        })
+    }
+
+    /// The layouts of the bind groups of models.
+    pub(super) fn groups(&self) -> ModelGroups {
+        self.renderer.groups().clone()
+    }
+
+    /// Takes a new size of the window.
+    pub(super) fn resize(&mut self, size: UVec2) -> Result<()> {
+        if size.min_element() == 0 {
+            return Ok(()); // minimised
+        }
+        let limit = self.gpu.device.limits().max_texture_dimension_2d;
+        (self.config.width, self.config.height) = (size.x.min(limit), size.y.min(limit));
+        self.surface.configure(&self.gpu.device, &self.config);
+        let size = UVec2::new(self.config.width, self.config.height);
+        self.attachments = Attachments::new(&self.gpu, size, self.config.format, self.msaa)?;
+        self.gpu.check()
+    }
+
+    /// Draws a picture and shows it; when `moving` is too slow, with fewer pixels. Returns how long the panel
+    /// can wait for the next.
+    pub(super) fn draw(&mut self, session: &mut Session, moving: bool) -> Result<Duration> {
+        self.reduce(session, moving)?;
+        let mut output = self.run_panel(session);
+        for (id, deltas) in output.textures_delta.set.drain() {
+            for delta in deltas {
+                self.panel.update_texture(&self.gpu.device, &self.gpu.queue, id, &delta);
+            }
+        }
+        let unused = std::mem::take(&mut output.textures_delta.free);
+        let again = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        let frame = match self.surface.get_current_texture() {
+            CurrentSurfaceTexture::Success(frame) | CurrentSurfaceTexture::Suboptimal(frame) => Some(frame),
+            CurrentSurfaceTexture::Outdated | CurrentSurfaceTexture::Lost => {
+                self.surface.configure(&self.gpu.device, &self.config);
+                self.window.request_redraw();
+                None
+            }
+            CurrentSurfaceTexture::Timeout => {
+                self.window.request_redraw();
+                None
+            }
+            // An event says when it can be seen again.
+            CurrentSurfaceTexture::Occluded | CurrentSurfaceTexture::Validation => None,
+        };
+        if let Some(frame) = frame {
+            let view = frame.texture.create_view(&TextureViewDescriptor::default());
+            let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
+            let timed = self.draw_scene(&mut encoder, &view, session)?;
+            let shapes = std::mem::take(&mut output.shapes);
+            let more = self.draw_panel(&mut encoder, &view, shapes, output.pixels_per_point);
+            self.gpu.queue.submit(more.into_iter().chain([encoder.finish()]));
+            if let (Some(timer), true) = (&mut self.timer, timed) {
+                timer.submitted();
+            }
+            self.window.pre_present_notify();
+            self.gpu.queue.present(frame);
+        }
+        for id in &unused {
+            self.panel.free_texture(id);
+        }
+        // Timestamps arrive later; this does not wait.
+        let _ = self.gpu.device.poll(PollType::Poll);
+        for ms in self.timer.as_mut().map(Timer::collect).unwrap_or_default() {
+            session.meter.gpu_ms = Some(ms);
+            if let Some(rate) = &mut self.rate {
+                rate.took(ms);
+            }
+        }
+        self.gpu.check()?;
+        Ok(again)
+    }
+
+    /// Makes a picture of a size that is fast enough, and lets the panel show it; none when all pixels are
+    /// drawn.
+    fn reduce(&mut self, session: &mut Session, moving: bool) -> Result<()> {
+        let Some(rate) = &mut self.rate else { return Ok(()) };
+        if !moving {
+            rate.rests();
+        }
+        session.held = Some((rate.fps(), rate.triangles_that_would_do()));
+        let size = rate.size(self.attachments.size).filter(|_| moving && session.shown.is_some());
+        session.reduced = None;
+        if let Some(size) = size {
+            let reduced = match self.reduced.take() {
+                Some(reduced) if reduced.size() == size => reduced,
+                other => {
+                    other.into_iter().for_each(|reduced| self.panel.free_texture(&reduced.id));
+                    Reduced::new(&self.gpu, &mut self.panel, size)?
+                }
+            };
+            session.reduced = Some((reduced.id, size));
+            self.reduced = Some(reduced);
+        }
+        Ok(())
+    }
+
+    fn run_panel(&mut self, session: &mut Session) -> egui::FullOutput {
+        let input = self.input.take_egui_input(&self.window);
+        let context = self.input.egui_ctx().clone();
+        let mut output = context.run_ui(input, |ui| panel::draw(ui, session));
+        let platform = std::mem::take(&mut output.platform_output);
+        self.input.handle_platform_output(&self.window, platform);
+        output
+    }
+
+    /// Draws the scene with the session's settings, or background; returns whether it is timed.
+    fn draw_scene(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        view: &TextureView,
+        session: &mut Session,
+    ) -> Result<bool> {
+        let camera = session.controls.camera(self.attachments.size, session.pane);
+        session.camera = Some(camera);
+        let reduced = self.reduced.as_ref().filter(|_| session.reduced.is_some());
+        if reduced.is_some() {
+            clear(encoder, view, &self.attachments, self.background);
+        }
+        let (view, attachments) =
+            reduced.map_or((view, &self.attachments), |reduced| (&reduced.view, &reduced.attachments));
+        let params = FrameParams {
+            camera: camera.resized(attachments.size),
+            near: session.controls.near(),
+            background: self.background,
+            display: session.settings.display,
+            wireframe: session.settings.wireframe,
+            subset: session.drawn_subset().map(|subset| &**subset),
+            order: ChunkOrder::File,
+            level_bias: 0.0,
+        };
+        let Some(shown) = &session.shown else {
+            clear(encoder, view, attachments, self.background);
+            return Ok(false);
+        };
+        let slot = self.timer.as_mut().and_then(Timer::begin);
+        let timestamps = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
+        let output = FrameOutput { picture: view, attachments, timestamps };
+        session.drawn = self.renderer.draw(&self.gpu, encoder, output, &shown.model, &params)?;
+        if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
+            timer.end(slot, encoder);
+        }
+        Ok(slot.is_some())
+    }
+
+    fn draw_panel(
+        &mut self,
+        encoder: &mut CommandEncoder,
+        view: &TextureView,
+        shapes: Vec<egui::epaint::ClippedShape>,
+        pixels_per_point: f32,
+    ) -> Vec<CommandBuffer> {
+        let primitives = self.input.egui_ctx().tessellate(shapes, pixels_per_point);
+        let size_in_pixels = [self.config.width, self.config.height];
+        let screen = egui_wgpu::ScreenDescriptor { size_in_pixels, pixels_per_point };
+        let Gpu { device, queue, .. } = &*self.gpu;
+        let more = self.panel.update_buffers(device, queue, encoder, &primitives, &screen);
+        let pass = encoder.begin_render_pass(&RenderPassDescriptor {
+            label: Some("panel"),
+            color_attachments: &[Some(RenderPassColorAttachment {
+                view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: Operations { load: LoadOp::Load, store: StoreOp::Store },
+            })],
+            ..RenderPassDescriptor::default()
+        });
+        self.panel.render(&mut pass.forget_lifetime(), &primitives, &screen);
+        more
+    }
+}
+
+/// An sRGB format if available, so that the card encodes, and averages in linear light.
+fn configuration(
+    surface: &Surface<'_>,
+    adapter: &Adapter,
+    window: &Window,
+    vsync: bool,
+) -> Result<SurfaceConfiguration> {
+    let size = window.inner_size();
+    let limit = adapter.limits().max_texture_dimension_2d;
+    let mut config = surface
+        .get_default_config(adapter, size.width.clamp(1, limit), size.height.clamp(1, limit))
+        .ok_or_else(|| Error::Gpu("the card cannot show pictures in this window".into()))?;
+    let formats = surface.get_capabilities(adapter).formats;
+    let eight_bits = |f: &&TextureFormat| {
+        matches!(f.remove_srgb_suffix(), TextureFormat::Rgba8Unorm | TextureFormat::Bgra8Unorm)
+    };
+    let best = formats.iter().filter(eight_bits).max_by_key(|f| f.is_srgb());
+    config.format = best.copied().unwrap_or(config.format);
+    config.present_mode = if vsync { PresentMode::AutoVsync } else { PresentMode::AutoNoVsync };
+    Ok(config)
+}

@@ -1,0 +1,401 @@
+//! The present content of the window, and its settings.
+
+use super::super::model::{Model, Subset};
+use super::super::renderer::{DisplayMode, DrawStats};
+use super::background::LoadedScene;
+use super::controls::{CameraControls, Keys, Pane};
+use super::crop::CropEditor;
+use super::pick::Picked;
+use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
+use crate::layout::Aabb;
+use egui::{ColorImage, Context, TextureHandle, TextureId, TextureOptions};
+use glam::{UVec2, Vec2, Vec3};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use trisplat_scene::asset::{Asset, Placement};
+use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::image::Pixels;
+use trisplat_scene::region::Region;
+use trisplat_scene::soup::Soup;
+
+/// Duration of a note.
+const NOTE_TIME: Duration = Duration::from_secs(4);
+
+/// What the user can set.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Settings {
+    /// The soup as it was trained instead of the solid triangles.
+    pub(super) soft: bool,
+    pub(super) display: DisplayMode,
+    pub(super) wireframe: bool,
+    /// Only a random share of the triangles.
+    pub(super) subset: bool,
+    /// That share, of 1.
+    pub(super) share: f64,
+    /// Draw the cameras of the photos.
+    pub(super) cameras: bool,
+    pub(super) photo: PhotoPlacement,
+    /// Opacity of the photo over the picture.
+    pub(super) photo_opacity: f32,
+    pub(super) panel: bool,
+    /// Draw continuously.
+    pub(super) continuous: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            soft: false,
+            display: DisplayMode::Color,
+            wireframe: false,
+            subset: false,
+            share: 0.1,
+            cameras: false,
+            photo: PhotoPlacement::Off,
+            photo_opacity: 0.5,
+            panel: true,
+            continuous: false,
+        }
+    }
+}
+
+/// Where a photo is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PhotoPlacement {
+    Off,
+    Beside,
+    Over,
+}
+
+/// The scene that is shown.
+pub(super) struct Shown {
+    pub(super) model: Arc<Model>,
+    pub(super) bounds: Aabb,
+    /// The first viewpoint, and the distance from its target at which the scene is closed.
+    pub(super) viewpoint: Option<(Viewpoint, f32)>,
+    pub(super) photos: Vec<WindowPhoto>,
+    pub(super) soup: Option<Arc<Soup>>,
+    pub(super) to_soup: Option<Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>>,
+    /// Not here while it draws.
+    pub(super) soft_renderer: Option<SoftRenderer>,
+    pub(super) has_soft: bool,
+    /// Pause after a picture, as a multiple of its duration.
+    pub(super) soft_rest: f64,
+    /// The asset with its BVH, after it is built.
+    pub(super) asset: Option<Arc<Asset>>,
+    /// From the file's frame to the asset's.
+    pub(super) placement: Placement,
+    pub(super) crop: CropEditor,
+    pub(super) save_crop: CropSaver,
+}
+
+impl Shown {
+    /// `scene`, whose triangles are in `model`, without its asset.
+    fn new(
+        scene: WindowScene,
+        model: Model,
+        bounds: Aabb,
+        viewpoint: Option<(Viewpoint, f32)>,
+        crop: CropEditor,
+    ) -> Self {
+        let (soup, to_soup, soft_renderer, soft_rest) = match scene.source {
+            Some(SoupSource { soup, to_soup, renderer, rest }) => {
+                (Some(soup), Some(to_soup), Some(renderer), rest)
+            }
+            None => (None, None, None, 0.0),
+        };
+        Self {
+            model: Arc::new(model),
+            bounds,
+            viewpoint,
+            photos: scene.photos,
+            soup,
+            to_soup,
+            has_soft: soft_renderer.is_some(),
+            soft_renderer,
+            soft_rest,
+            asset: None,
+            placement: scene.placement,
+            crop,
+            save_crop: scene.save_crop,
+        }
+    }
+}
+
+impl Shown {
+    /// The photo taken nearest to the first viewpoint; the first one when there is none.
+    fn first_photo(&self) -> Option<usize> {
+        let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
+        let away = |i: &usize| eye.map_or(0.0, |eye| self.photos[*i].camera.position().distance(eye));
+        (0..self.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+}
+
+/// The drawn triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Filter {
+    /// A random share of them, of 1.
+    pub(super) share: f64,
+    /// Those in a region of the file.
+    pub(super) region: Option<Region>,
+}
+
+/// The state of the window, except what is on the graphics card.
+pub(super) struct Session {
+    pub(super) settings: Settings,
+    pub(super) controls: CameraControls,
+    pub(super) keys: Keys,
+    pub(super) shown: Option<Shown>,
+    /// The files shown, or loaded first.
+    pub(super) files: SceneFiles,
+    /// The number of the shown scene or state: 0 for the first.
+    pub(super) scene: u32,
+    /// The last assigned number.
+    last_number: u32,
+    /// The number of the scene that is being loaded.
+    pub(super) loading: Option<u32>,
+    /// The present state of the scene.
+    pub(super) status: Option<String>,
+    /// The shown note, and its start time.
+    pub(super) note: Option<(String, Instant)>,
+    /// The photo whose camera was taken last.
+    pub(super) current: Option<usize>,
+    /// The photo that is decoded.
+    pub(super) photo: Option<(usize, TextureHandle)>,
+    /// The photo being decoded.
+    pub(super) decoding: Option<usize>,
+    /// The soft picture and the camera it was drawn for.
+    pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
+    /// That picture shows an older state of the scene.
+    pub(super) soft_is_old: bool,
+    pub(super) subset: Option<Arc<Subset>>,
+    /// The choice of that subset, or of the one being made.
+    pub(super) filtered: Option<Filter>,
+    /// Whether to save the region.
+    pub(super) saving_crop: bool,
+    /// Whether a subset is being made.
+    pub(super) filtering: bool,
+    pub(super) picked: Option<Box<Picked>>,
+    pub(super) meter: Meter,
+    pub(super) drawn: DrawStats,
+    /// The frame rate to hold, and the share of the triangles that would reach it otherwise.
+    pub(super) held: Option<(f64, Option<f64>)>,
+    /// The picture of fewer pixels that is shown, and its size.
+    pub(super) reduced: Option<(TextureId, UVec2)>,
+    pub(super) gpu_name: String,
+    /// The camera of the last picture.
+    pub(super) camera: Option<Camera>,
+    /// The part of the window for the picture.
+    pub(super) pane: Pane,
+}
+
+impl Session {
+    pub(super) fn new(gpu_name: String, files: SceneFiles) -> Self {
+        let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
+        Self {
+            settings: Settings::default(),
+            controls: CameraControls::new(&bounds, Vec3::Y),
+            keys: Keys::default(),
+            shown: None,
+            files,
+            scene: 0,
+            last_number: 0,
+            loading: Some(0),
+            status: None,
+            note: Some(("loading".into(), Instant::now())),
+            current: None,
+            photo: None,
+            decoding: None,
+            soft: None,
+            soft_is_old: false,
+            subset: None,
+            filtered: None,
+            filtering: false,
+            saving_crop: false,
+            picked: None,
+            meter: Meter::default(),
+            drawn: DrawStats::default(),
+            held: None,
+            reduced: None,
+            gpu_name,
+            camera: None,
+            pane: Pane { min: Vec2::ZERO, size: Vec2::ONE },
+        }
+    }
+
+    /// Shows a scene: from the photo nearest to its first viewpoint, from there, or as a whole.
+    pub(super) fn show(&mut self, loaded: LoadedScene) {
+        let LoadedScene { files, mut scene, model, bounds, viewpoint } = loaded;
+        let status = scene.status.take();
+        let same = self.files.file == files.file;
+        self.files = files;
+        (self.photo, self.soft, self.subset, self.picked) = (None, None, None, None);
+        (self.current, self.decoding, self.filtered, self.filtering) = (None, None, None, false);
+        // The same scene may come again with other photos.
+        let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
+        let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
+        self.controls = CameraControls::new(&bounds, scene.up);
+        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
+        self.shown = Some(Shown::new(scene, model, bounds, viewpoint, crop));
+        (self.note, self.status) = (None, status);
+        if let Some(nearest) = self.shown.as_ref().and_then(Shown::first_photo) {
+            self.jump(nearest);
+        } else if let Some((viewpoint, _)) = viewpoint {
+            self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
+            self.controls.set_pivot_distance(viewpoint.distance());
+        }
+    }
+
+    /// Shows the new state of the scene, from the present view.
+    pub(super) fn change(&mut self, changed: LoadedScene) {
+        let LoadedScene { files, mut scene, model, bounds, viewpoint } = changed;
+        // Another file may have been dropped on the window meanwhile.
+        let Some(before) = self.shown.take_if(|_| self.files == files) else { return };
+        self.scene = self.next_number();
+        (self.decoding, self.subset, self.filtered, self.filtering) = (None, None, None, false);
+        (self.picked, self.soft_is_old, self.status) = (None, true, scene.status.take());
+        self.controls.change_frame(&before.placement, &scene.placement);
+        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
+        let asset = std::mem::take(&mut scene.asset);
+        let shown = Shown::new(scene, model, bounds, viewpoint, before.crop);
+        self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
+    }
+
+    /// The number of the next scene or state.
+    pub(super) fn next_number(&mut self) -> u32 {
+        self.last_number += 1;
+        self.last_number
+    }
+
+    /// The triangles to draw; `None` for all.
+    pub(super) fn filter(&self) -> Option<Filter> {
+        let region = self.shown.as_ref().and_then(|shown| shown.crop.region());
+        let share = if self.settings.subset { self.settings.share } else { 1.0 };
+        (self.settings.subset || region.is_some()).then_some(Filter { share, region })
+    }
+
+    /// The subset that is drawn instead of the whole model.
+    pub(super) fn drawn_subset(&self) -> Option<&Arc<Subset>> {
+        self.filter().and(self.subset.as_ref())
+    }
+
+    /// Moves the region to the pivot of the view.
+    pub(super) fn move_crop_here(&mut self) {
+        if let Some(shown) = &mut self.shown {
+            shown.crop.move_to(shown.placement.to_world_f64(self.controls.pivot()));
+        }
+    }
+
+    /// Shows a note for a while.
+    pub(super) fn notify(&mut self, what: String) {
+        self.note = Some((what, Instant::now()));
+    }
+
+    /// Removes an expired note; returns the remaining time of a shown one.
+    pub(super) fn expire_note(&mut self) -> Option<Duration> {
+        let (_, since) = self.note.as_ref().filter(|_| self.shown.is_some())?;
+        let left = NOTE_TIME.checked_sub(since.elapsed());
+        if left.is_none() {
+            self.note = None;
+        }
+        left
+    }
+
+    /// Takes the camera of photo `index`.
+    pub(super) fn jump(&mut self, index: usize) {
+        let Some(photo) = self.shown.as_ref().and_then(|s| s.photos.get(index)) else { return };
+        self.controls.move_to(&photo.camera);
+        if let Some((viewpoint, _)) = self.shown.as_ref().and_then(|shown| shown.viewpoint) {
+            self.controls.orbit_at_depth_of(glam::DVec3::from(viewpoint.target).as_vec3());
+        }
+        self.current = Some(index);
+    }
+
+    /// Jumps to the next photo, or with -1 to the previous one.
+    pub(super) fn step(&mut self, by: isize) {
+        let count = self.shown.as_ref().map_or(0, |s| s.photos.len());
+        if count > 0 {
+            let from = self.current.map_or(if by > 0 { -1 } else { 0 }, |i| i as isize);
+            self.jump((from + by).rem_euclid(count as isize) as usize);
+        }
+    }
+
+    /// Brings the subject, or the cropped region, into view.
+    pub(super) fn frame(&mut self) {
+        if let Some(shown) = &self.shown {
+            let of_crop = || {
+                let ends = shown.crop.lines().into_iter().flatten();
+                let at = |p: glam::DVec3| shown.placement.to_file(p.as_vec3());
+                ends.map(at).fold(Aabb::EMPTY, |all, p| all.union(Aabb { min: p, max: p }))
+            };
+            let subject = shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
+            match subject.filter(|_| !shown.crop.on) {
+                Some((target, radius, room)) => {
+                    self.controls.frame_ball(glam::DVec3::from(target).as_vec3(), radius, room);
+                }
+                None => self.controls.frame(&if shown.crop.on { of_crop() } else { shown.bounds }),
+            }
+            self.current = None;
+        }
+    }
+
+    /// Switches to the next placement of the photo.
+    pub(super) fn next_photo_placement(&mut self) {
+        self.settings.photo = match self.settings.photo {
+            PhotoPlacement::Off => PhotoPlacement::Beside,
+            PhotoPlacement::Beside => PhotoPlacement::Over,
+            PhotoPlacement::Over => PhotoPlacement::Off,
+        };
+    }
+
+    /// The part of a pane for the picture beside a photo.
+    pub(super) fn picture_pane(&self, pane: Pane) -> Pane {
+        let beside = self.settings.photo == PhotoPlacement::Beside && self.current.is_some();
+        let share = if beside { Vec2::new(0.5, 1.0) } else { Vec2::ONE };
+        Pane { size: pane.size * share, ..pane }
+    }
+
+    /// Whether the next picture will differ from this one.
+    pub(super) fn is_moving(&self) -> bool {
+        self.settings.continuous || self.keys.any()
+    }
+}
+
+/// Uploads a picture as a texture of the panel.
+pub(super) fn texture(context: &Context, name: &str, picture: &Pixels) -> TextureHandle {
+    let limit = context.input(|i| i.max_texture_side) as u32;
+    let shrink = picture.size.max_element().div_ceil(limit.clamp(1, 4096));
+    let small = picture.downscaled((picture.size / shrink.max(1)).max(UVec2::ONE));
+    let size = small.size.as_usizevec2().to_array();
+    let image = ColorImage::from_rgb(size, small.rgb.as_flattened());
+    context.load_texture(name, image, TextureOptions::LINEAR)
+}
+
+/// Pictures per second, and time by the card's timestamps.
+#[derive(Debug, Default)]
+pub(super) struct Meter {
+    last: Option<Instant>,
+    frame_secs: Option<f64>,
+    /// Milliseconds the card worked on the last picture.
+    pub(super) gpu_ms: Option<f64>,
+}
+
+impl Meter {
+    /// Call this for each picture; `moving` if it follows the last one without pause. Returns the seconds
+    /// since the last.
+    pub(super) fn tick(&mut self, moving: bool) -> f64 {
+        let now = Instant::now();
+        let secs = self.last.replace(now).map_or(0.0, |last| (now - last).as_secs_f64());
+        if !moving {
+            self.frame_secs = None;
+        } else if secs > 0.0 {
+            self.frame_secs = Some(self.frame_secs.map_or(secs, |mean| mean + 0.1 * (secs - mean)));
+        }
+        secs
+    }
+
+    /// Pictures per second; `None` while nothing moves.
+    pub(super) fn fps(&self) -> Option<f64> {
+        self.frame_secs.map(|secs| 1.0 / secs)
+    }
+}
