@@ -33,3 +33,32 @@ fn no_files_import_each_other_in_a_circle() {
     }
     assert!(report.is_empty(), "files import each other:\n{report}");
 }
+
+/// What a crate's manifest imports of the workspace, apart from its tests.
+fn imports(manifest: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(manifest).expect("a manifest");
+    let mut inside = false;
+    let mut names = Vec::new();
+    for line in text.lines() {
+        if line.starts_with('[') {
+            inside = line == "[dependencies]";
+        } else if let (true, Some(name)) = (inside, line.strip_prefix("trisplat-")) {
+            let end = name.find(['.', ' ']).expect("a dependency has a value");
+            names.push(name[..end].to_owned());
+        }
+    }
+    names.sort();
+    names
+}
+
+#[test]
+fn the_table_of_crates_in_the_docs_is_true() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let docs = std::fs::read_to_string(root.join("docs/architecture.md")).expect("the page");
+    for entry in std::fs::read_dir(root.join("crates")).expect("the crates of the workspace") {
+        let folder = entry.unwrap().path();
+        let name = folder.file_name().unwrap().to_string_lossy().into_owned();
+        let row = format!("| `{name}` | {} |", imports(&folder.join("Cargo.toml")).join(" "));
+        assert!(docs.contains(&row), "docs/architecture.md has no row that begins with {row}");
+    }
+}
