@@ -26,7 +26,7 @@ use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 /// Raises OSError for errors of the system, ValueError for an unknown or broken file.
 #[pyfunction]
 fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
-    let loaded = py.detach(|| trisplat::read(&path, &ReadOptions::default())).map_err(raised)?;
+    let loaded = py.detach(|| trisplat_formats::read(&path, &ReadOptions::default())).map_err(raised)?;
     arrays::of_scene(py, &loaded.scene)
 }
 

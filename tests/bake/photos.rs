@@ -385,11 +385,13 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     let mut apart = BakeOptions::DEFAULT;
     apart.backdrop.backdrop = BackdropWhen::File;
     let folder = tempfile::tempdir().unwrap();
-    let written = trisplat::write(&again(&apart), &folder.path().join("a.glb"), &apart.output).unwrap();
+    let written =
+        trisplat_formats::write(&again(&apart), &folder.path().join("a.glb"), &apart.output).unwrap();
     let names: Vec<&str> = written.files.iter().filter_map(|f| f.path.rsplit(['/', '\\']).next()).collect();
     assert_eq!(names, ["a.glb", "a.backdrop.glb"]);
     let faces = |name: &str| {
-        let file = trisplat::read(&folder.path().join(name), &trisplat::ReadOptions::default()).unwrap();
+        let file =
+            trisplat_formats::read(&folder.path().join(name), &trisplat::ReadOptions::default()).unwrap();
         file.scene.triangle_count()
     };
     assert_eq!((faces("a.glb"), faces("a.backdrop.glb")), (scene, 128));

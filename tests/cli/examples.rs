@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat::{ReadOptions, read};
+use trisplat::read;
 
 /// Runs an example in `folder` and returns what it prints.
 fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
@@ -14,40 +14,65 @@ fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(done.stdout).expect("it prints text")
 }
 
-#[test]
-fn bake_bytes_drops_the_faint_and_makes_a_glb() {
-    let folder = tempfile::tempdir().unwrap();
-    let printed = run("bake_bytes", folder.path(), &[]);
-    let pruned = printed.lines().find(|line| line.starts_with("prune")).expect("the stage is listed");
-    assert!(pruned.contains("64 -> ") && !pruned.contains("-> 64 "), "{printed}");
-    assert!(printed.contains("bytes of GLB"), "{printed}");
+/// A file of the samples.
+fn sample(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("samples")
+        .join(name)
+        .to_str()
+        .expect("a plain path")
+        .to_owned()
 }
 
 #[test]
-fn train_and_bake_writes_a_glb_that_reads_back() {
+fn the_example_bakes_with_the_preset_that_it_was_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    let samples = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset");
-    let printed = run("train_and_bake", folder.path(), &[samples.to_str().unwrap(), "out.glb", "200"]);
-    let scene = read(&folder.path().join("out.glb"), &ReadOptions::default()).unwrap().scene;
-    assert!(
-        scene.triangle_count() > 100 && printed.contains(&format!("{} triangles", scene.triangle_count())),
-        "{printed}"
-    );
+    let scene = sample("soups/trained.ply");
+    let printed = run("bake", folder.path(), &[&scene, "scene.glb"]);
+    let program = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    let arguments = ["bake", &scene, "-o", "same.glb", "--preset", "small"];
+    assert!({ program }.current_dir(folder.path()).args(arguments).output().unwrap().status.success());
+    let [library, program] =
+        ["scene.glb", "same.glb"].map(|name| std::fs::read(folder.path().join(name)).expect(name));
+    assert!(library == program, "{} and {} bytes", library.len(), program.len());
+    assert!(printed.contains(&format!("{} bytes", library.len())), "{printed}");
 }
 
 #[test]
-fn render_views_draws_every_tenth_camera_twice() {
+fn the_example_trains_with_progress_and_writes_a_scene() {
     let folder = tempfile::tempdir().unwrap();
-    let soup = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/trained.ply");
-    run("render_views", folder.path(), &[soup.to_str().unwrap(), "views"]);
-    let mut names: Vec<_> =
-        std::fs::read_dir(folder.path().join("views")).unwrap().map(|f| f.unwrap().file_name()).collect();
-    names.sort();
-    let cameras = read(&soup, &ReadOptions::default()).unwrap().cameras.len();
-    assert_eq!(names.len(), 2 * cameras.div_ceil(10));
-    for kind in ["soft", "solid"] {
-        let picture = image::open(folder.path().join(format!("views/000_{kind}.png"))).unwrap().to_rgb8();
-        let first = *picture.get_pixel(0, 0);
-        assert!(picture.pixels().any(|p| *p != first), "{kind} is one colour");
-    }
+    let printed = run("train", folder.path(), &[&sample("dataset"), "out.ply", "200"]);
+    let scene = read(folder.path().join("out.ply")).unwrap().scene;
+    assert!(printed.contains("Scene   100: "), "{printed}");
+    assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");
+}
+
+#[test]
+fn the_example_draws_a_scene_soft_and_solid() {
+    let folder = tempfile::tempdir().unwrap();
+    run("draw", folder.path(), &[&sample("soups/trained.ply")]);
+    let [soft, solid] = ["soft.png", "solid.png"]
+        .map(|name| image::open(folder.path().join(name)).expect("a picture").to_rgb8());
+    let first = *soft.get_pixel(0, 0);
+    assert!(soft.pixels().any(|pixel| *pixel != first), "one colour");
+    let apart: u64 = soft.iter().zip(solid.iter()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    let mean = apart as f64 / soft.len() as f64;
+    assert!(mean < 16.0, "the same camera sees the same scene: {mean} of 255 apart");
+}
+
+#[test]
+fn the_example_scores_a_scene_as_eval_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = run("score", folder.path(), &[&sample("soups/trained.ply"), &sample("dataset")]);
+    let psnr: f64 = printed.split_whitespace().nth(1).expect("a figure").parse().expect("a number");
+    assert!((20.0..60.0).contains(&psnr), "{printed}");
+}
+
+#[test]
+fn the_example_makes_a_textured_surface_of_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = run("surface", folder.path(), &[&sample("dataset"), "surface.glb"]);
+    let scene = read(folder.path().join("surface.glb")).unwrap().scene;
+    assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");
+    assert!(scene.triangle_count() <= 2000);
 }

@@ -66,7 +66,10 @@ fn a_training_of_few_photos() {
     let photos = Dataset::load(&folder.join("photos"), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 30, max_triangles: 100, ..TrainOptions::default() };
     let scene = read(folder, "a.ply");
-    assert!(bytes(folder, &trisplat::train(&photos, &options).unwrap()) == scene);
+    assert!(
+        bytes(folder, &trisplat::train(&photos, &options, |_| std::ops::ControlFlow::Continue(())).unwrap())
+            == scene
+    );
     let mut teacher = Teacher::default();
     let TrainDone { trained, report, .. } =
         TrainJob::new(photos.clone(), options.clone()).run(&mut teacher).unwrap();

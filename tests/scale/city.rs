@@ -131,7 +131,8 @@ fn where_the_photos_lie_changes_no_block() {
         blocks(&place.path().join("city")).iter().map(|path| std::fs::read(path).unwrap()).collect()
     };
     assert!(files(&folder) == files(&moved));
-    let merged = trisplat::read(&moved.path().join("city.ply"), &trisplat::ReadOptions::default()).unwrap();
+    let merged =
+        trisplat_formats::read(&moved.path().join("city.ply"), &trisplat::ReadOptions::default()).unwrap();
     assert_eq!(merged.provenance.source.as_deref(), Some("pictures"));
 }
 
@@ -253,7 +254,7 @@ fn blocks_become_one_scene_and_one_tileset() {
 
     // Every triangle is owned once: as many as there are in the file, in as many places.
     let options = trisplat::ReadOptions::default();
-    let scene = trisplat::read(&folder.path().join("city.ply"), &options).unwrap();
+    let scene = trisplat_formats::read(&folder.path().join("city.ply"), &options).unwrap();
     assert_eq!(scene.scene.triangle_count() as u64, report["triangles"]);
     assert_eq!(scene.scene.shell_count() as u64, report["shell"].as_u64().unwrap());
     let manifest: Value = serde_json::from_slice(&bytes(folder.path(), "city/manifest.json")).unwrap();

@@ -1,10 +1,12 @@
 //! A run that trains a part of a scene.
 
 use glam::{UVec2, Vec3};
+use std::ops::ControlFlow;
 use std::path::Path;
-use trisplat::{Dataset, DatasetOptions, Loaded, Soup, TrainOptions, TrainRun, train};
+use trisplat::{Dataset, DatasetOptions, Loaded, Soup, TrainOptions, train};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::space::Space;
+use trisplat_train::TrainRun;
 use trisplat_train::{Core, Part, RunOptions, TrainPreset, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
@@ -28,7 +30,7 @@ fn soft(dataset: &Dataset) -> Loaded {
     let mut options =
         TrainOptions { steps: 60, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Outdoor) };
     options.init.shell_subdivisions = 0;
-    train(dataset, &options).unwrap().into()
+    train(dataset, &options, |_| ControlFlow::Continue(())).unwrap().into()
 }
 
 fn soup(loaded: &Loaded) -> &Soup {

@@ -2,14 +2,17 @@
 
 use super::StopAfter;
 use glam::{DVec3, Vec3};
+use std::ops::ControlFlow;
 use std::path::Path;
-use trisplat::{Bake, BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, train};
-use trisplat::{TrainOptions, TrainPreset, TrainRun, Trained};
+use trisplat::{BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, train};
+use trisplat::{TrainOptions, TrainPreset, Trained};
+use trisplat_bake::Bake;
 use trisplat_bake::teacher::TeacherOptions;
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::asset::{Placement, UpAxis};
 use trisplat_scene::placed;
 use trisplat_teacher as teacher;
+use trisplat_train::TrainRun;
 use trisplat_train::{RunOptions, checkpoint};
 
 const PHOTO_BYTES: u64 = 1 << 26;
@@ -24,6 +27,7 @@ fn soft_scene(dataset: &Dataset) -> Trained {
     train(
         dataset,
         &TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) },
+        |_| ControlFlow::Continue(()),
     )
     .unwrap()
 }
@@ -59,7 +63,7 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     let mut soft_only =
         TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) };
     soft_only.init.shell_subdivisions = 0;
-    let soft = train(&dataset, &soft_only).unwrap();
+    let soft = train(&dataset, &soft_only, |_| ControlFlow::Continue(())).unwrap();
     let no_teacher = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
     let plain = Bake::new(&no_teacher).run([soft.clone()]).unwrap();
     let options = hardening(400);

@@ -15,8 +15,8 @@ use trisplat_scene::scene::Loaded;
 ///
 /// ```
 /// use glam::Vec3;
-/// use trisplat::bake::{BakeOptions, BakePreset, bake};
-/// use trisplat::soup::Soup;
+/// use trisplat_bake::{BakeOptions, BakePreset, bake};
+/// use trisplat_scene::soup::Soup;
 ///
 /// let soup = Soup {
 ///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
@@ -28,7 +28,7 @@ use trisplat_scene::scene::Loaded;
 /// };
 /// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
 /// assert_eq!(asset.mesh.face_count(), 1);
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
     Bake::new(options).run([scene])
@@ -38,9 +38,9 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
 ///
 /// ```
 /// # use glam::Vec3;
-/// use trisplat::bake::{Bake, BakeOptions, prune::PruneDetails};
-/// use trisplat::report::Report;
-/// # use trisplat::soup::Soup;
+/// use trisplat_bake::{Bake, BakeOptions, prune::PruneDetails};
+/// use trisplat_scene::report::Report;
+/// # use trisplat_scene::soup::Soup;
 /// # let triangle = Soup {
 /// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
 /// #     opacity: vec![1.0],
@@ -55,7 +55,7 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
 /// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
 /// assert_eq!(asset.mesh.face_count(), 1);
 /// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[must_use = "nothing happens before `run`"]
 pub struct Bake<'a> {

@@ -27,18 +27,19 @@ impl Dataset {
     /// A folder with both is read as COLMAP.
     ///
     /// ```no_run
-    /// use trisplat::dataset::{Dataset, DatasetOptions};
+    /// use trisplat_dataset::{Dataset, DatasetOptions};
     ///
-    /// let dataset = Dataset::load("garden".as_ref(), &DatasetOptions::default())?;
+    /// let dataset = Dataset::load("garden", &DatasetOptions::default())?;
     /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(), dataset.test().count());
-    /// # Ok::<(), trisplat::error::Error>(())
+    /// # Ok::<(), trisplat_scene::error::Error>(())
     /// ```
     ///
     /// # Errors
     /// `Unsupported` for a folder without posed photos or a camera model that is not read, `Malformed` for
     /// broken files. Only the headers of photos are read; a missing or broken photo is an error unless
     /// `skip_broken` is set.
-    pub fn load(path: &Path, options: &DatasetOptions) -> Result<Self> {
+    pub fn load(path: impl AsRef<Path>, options: &DatasetOptions) -> Result<Self> {
+        let path = path.as_ref();
         finish(path, find(path, options)?, options, None)
     }
 

@@ -82,6 +82,16 @@ pub struct Reprojection {
 }
 
 impl Dataset {
+    /// Number of photos, held-out ones included.
+    pub fn len(&self) -> usize {
+        self.views.len()
+    }
+
+    /// True without photos.
+    pub fn is_empty(&self) -> bool {
+        self.views.is_empty()
+    }
+
     /// The training photos, in order of name.
     pub fn train(&self) -> impl Iterator<Item = &View> {
         self.views.iter().filter(|v| !v.test)

@@ -35,7 +35,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 /// The scene in the file at `path`, whatever its format; "-" is standard input.
 ///
 /// ```
-/// use trisplat::formats::{self, ReadOptions};
+/// use trisplat_formats::{self as formats, ReadOptions};
 ///
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let path = folder.path().join("square.obj");
@@ -43,7 +43,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 /// let loaded = formats::read(&path, &ReadOptions::default())?;
 /// assert_eq!(loaded.scene.triangle_count(), 2); // polygons come as triangles
 /// assert_eq!(loaded.warnings, ["the file has no colours: every triangle is white"]);
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 ///
 /// # Errors

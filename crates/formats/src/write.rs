@@ -22,9 +22,9 @@ pub struct WrittenFiles {
 /// when all of them are complete. Existing files are replaced.
 ///
 /// ```
-/// use trisplat::asset::Asset;
-/// use trisplat::formats::{self, OutputOptions, ReadOptions};
-/// use trisplat::mesh::{Colors, Mesh};
+/// use trisplat_scene::asset::Asset;
+/// use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+/// use trisplat_scene::mesh::{Colors, Mesh};
 ///
 /// let mesh = Mesh {
 ///     positions: vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y],
@@ -37,7 +37,7 @@ pub struct WrittenFiles {
 /// assert_eq!(written.files.len(), 1);
 /// let back = formats::read(&path, &ReadOptions::default())?;
 /// assert_eq!(back.scene.triangle_count(), 1);
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 ///
 /// # Errors

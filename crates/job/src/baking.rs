@@ -36,10 +36,11 @@ impl BakeInput {
 /// A bake job. [`BakeJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
-/// use trisplat::bake::BakePreset;
-/// use trisplat::formats::target::OutputTarget;
-/// use trisplat::job::BakeInput;
-/// use trisplat::{BakeJob, BakeOptions};
+/// use trisplat_bake::BakePreset;
+/// use trisplat_formats::target::OutputTarget;
+/// use trisplat_job::BakeInput;
+/// use trisplat_job::BakeJob;
+/// use trisplat_bake::BakeOptions;
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// let mut options = BakeOptions::preset(BakePreset::Fast);
@@ -47,7 +48,7 @@ impl BakeInput {
 /// let scene = BakeInput::File("samples/soups/studio.ply".into());
 /// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
 /// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
-/// # Ok::<(), trisplat::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct BakeJob {

@@ -14,21 +14,23 @@ use trisplat_train::BackendOptions;
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
-/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
-/// use trisplat::{Dataset, DatasetOptions, EvalJob};
+/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_dataset::Dataset;
+/// use trisplat_dataset::DatasetOptions;
+/// use trisplat_job::EvalJob;
 /// # use glam::Vec3;
-/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
-/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+/// # let scene = trisplat_scene::soup::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::soup::Soup::default() };
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let file = folder.path().join("scene.glb");
-/// trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+/// trisplat_formats::write(&trisplat_bake::bake(scene, &Default::default())?, &file, &Default::default())?;
 ///
 /// let report = EvalJob::new(file).run(&dataset)?;
 /// assert_eq!(report.steps[0].images.len(), dataset.test().count());
-/// # Ok::<(), trisplat::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct EvalJob {

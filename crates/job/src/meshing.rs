@@ -2,9 +2,11 @@
 
 use super::observer::TrainJobObserver;
 use super::training::TrainJob;
+use std::path::Path;
 use trisplat_bake::Views;
 use trisplat_bake::mesh::{MeshOptions, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats as formats;
 use trisplat_scene::asset::Asset;
 use trisplat_scene::budget::{Budget, Seconds};
 use trisplat_scene::error::{Error, Result};
@@ -36,6 +38,17 @@ impl MeshJob {
     /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
     pub fn new(scene: Option<Loaded>, photos: Option<Dataset>, options: MeshOptions) -> Self {
         Self { scene, photos, dataset_options: DatasetOptions::default(), options, budget: TRAINING }
+    }
+
+    /// Makes the surface and writes it as its options say; the ending of `path` chooses the format. Existing files are replaced.
+    ///
+    /// Errors: those of [`MeshJob::run`], of the format and of the operating system.
+    pub fn save(self, path: impl AsRef<Path>) -> Result<Asset> {
+        let output = self.options.output.clone();
+        let surface = self.run(&mut Report::new("mesh"), &mut (), &mut ())?;
+        let surface = surface.expect("nobody stops the training");
+        formats::write(&surface, path.as_ref(), &output)?;
+        Ok(surface)
     }
 
     /// Makes the surface. `trains` observes the training, if there is one, and `stages` the rest; `report` gets the stages of both. `None`

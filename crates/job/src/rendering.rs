@@ -26,20 +26,20 @@ pub const WIDTH: u32 = 960;
 /// A render job. [`RenderJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
-/// use trisplat::RenderJob;
+/// use trisplat_job::RenderJob;
 /// # use glam::Vec3;
-/// # let scene = trisplat::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
-/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat::Soup::default() };
+/// # let scene = trisplat_scene::soup::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::soup::Soup::default() };
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let file = folder.path().join("scene.glb");
-/// # trisplat::write(&trisplat::bake(scene, &Default::default())?, &file, &Default::default())?;
+/// # trisplat_formats::write(&trisplat_bake::bake(scene, &Default::default())?, &file, &Default::default())?;
 ///
 /// let mut job = RenderJob::new(file);
 /// (job.orbit, job.width) = (Some(3), 64);
 /// let mut ready = job.prepare(None)?;
 /// let picture = ready.draw(0)?;
 /// assert_eq!((ready.cameras().len(), picture.size.to_array()), (3, [64, 48]));
-/// # Ok::<(), trisplat::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct RenderJob {

@@ -18,30 +18,15 @@ use trisplat_train::budget::{Enough, Paced};
 use trisplat_train::device::OpenRun;
 use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
 
-/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does: a solid scene of few photos has a teacher.
-/// [`TrainJob`] has everything that can be asked for beside the options.
-///
-/// Errors: options out of range, no training photos, photos that cannot be decoded.
-///
-/// ```no_run
-/// use std::path::Path;
-/// use trisplat::{Dataset, DatasetOptions, TrainOptions, train};
-///
-/// let dataset = Dataset::load(Path::new("photos"), &DatasetOptions::default())?;
-/// let trained = train(&dataset, &TrainOptions::default())?;
-/// trained.save(Path::new("scene.ply"))?;
-/// # Ok::<(), trisplat::Error>(())
-/// ```
-pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
-    Ok(TrainJob::new(dataset.clone(), options.clone()).run(&mut ())?.trained)
-}
-
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
 /// ```
-/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
-/// use trisplat::job::teacher::TeacherSource;
-/// use trisplat::{Dataset, DatasetOptions, TrainJob, TrainOptions};
+/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_job::teacher::TeacherSource;
+/// use trisplat_dataset::Dataset;
+/// use trisplat_dataset::DatasetOptions;
+/// use trisplat_job::TrainJob;
+/// use trisplat_train::TrainOptions;
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
@@ -53,7 +38,7 @@ pub fn train(dataset: &Dataset, options: &TrainOptions) -> Result<Trained> {
 /// let done = job.run(&mut ())?;
 /// assert_eq!(done.trained.steps, 20);
 /// assert_eq!(done.report.stages[1].unneeded.as_deref(), Some("`teacher` off"));
-/// # Ok::<(), trisplat::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TrainJob {

@@ -43,7 +43,7 @@ impl Image {
     }
 
     /// Writes an 8-bit PNG; see [`Pixels::save_png`].
-    pub fn save_png(&self, path: &Path) -> Result<()> {
+    pub fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
         self.to_pixels().save_png(path)
     }
 }
@@ -268,7 +268,8 @@ impl Pixels {
     }
 
     /// Writes a PNG file that appears whole or not at all.
-    pub fn save_png(&self, path: &Path) -> Result<()> {
+    pub fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
         self.write_png(AtomicFile::create(path)?)
     }
 

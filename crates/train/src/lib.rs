@@ -5,8 +5,7 @@
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
-//! [`TrainRun`] is one run, with its checkpoints, previews and curve; [`train()`](crate::train()) and
-//! [`TrainJob`](crate::TrainJob) decide the options of a run.
+//! [`TrainRun`] is one run, with its checkpoints, previews and curve; the crate `trisplat-job` decides the options of a run.
 //!
 //! Sources, as the docs of this folder name them:
 //! * *the paper*: Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*; *supplement*: its

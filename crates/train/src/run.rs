@@ -26,9 +26,9 @@ use trisplat_scene::soup::Soup;
 /// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
 /// ```
-/// use trisplat::dataset::synthetic::{self, SyntheticOptions};
-/// use trisplat::dataset::{Dataset, DatasetOptions};
-/// use trisplat::train::{RunOptions, TrainOptions, TrainRun, checkpoint};
+/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_dataset::{Dataset, DatasetOptions};
+/// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
@@ -43,7 +43,7 @@ use trisplat_scene::soup::Soup;
 /// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
 /// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut ())?;
 /// assert_eq!(trained.soup, resumed.soup);
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TrainRun<'a> {

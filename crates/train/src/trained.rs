@@ -145,8 +145,8 @@ impl Trained {
     /// output. Returns its size in bytes.
     ///
     /// Errors: what the operating system refuses.
-    pub fn save(&self, path: &Path) -> Result<u64> {
-        self.save_to(AtomicFile::create(path)?)
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
+        self.save_to(AtomicFile::create(path.as_ref())?)
     }
 
     /// [`Trained::save`] into a file that was started.

@@ -28,9 +28,9 @@ pub struct Written {
 /// The bytes of `asset` as one GLB.
 ///
 /// ```
-/// use trisplat::asset::Asset;
-/// use trisplat::formats::gltf::{GltfOptions, to_glb_bytes};
-/// use trisplat::mesh::{Colors, Mesh};
+/// use trisplat_scene::asset::Asset;
+/// use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
+/// use trisplat_scene::mesh::{Colors, Mesh};
 ///
 /// let mesh = Mesh {
 ///     positions: vec![[0.0, 0.0, 0.0].into(), [1.0, 0.0, 0.0].into(), [0.0, 1.0, 0.0].into()],
@@ -39,7 +39,7 @@ pub struct Written {
 /// };
 /// let glb = to_glb_bytes(&Asset { mesh, ..Asset::default() }, &GltfOptions::default())?;
 /// assert!(glb.starts_with(b"glTF"));
-/// # Ok::<(), trisplat::error::Error>(())
+/// # Ok::<(), trisplat_scene::error::Error>(())
 /// ```
 ///
 /// # Errors

@@ -1,0 +1,19 @@
+//! Photos with poses become one connected surface with a texture: `cargo run --release --example surface [PHOTOS] [OUT.glb]`.
+
+#![allow(clippy::print_stdout, reason = "a program talks to its user")]
+
+use trisplat::{Dataset, DatasetOptions, MeshJob, MeshOptions};
+
+fn main() -> trisplat::Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let photos = arguments.next().unwrap_or("samples/dataset".into());
+    let out = arguments.next().unwrap_or("surface.glb".into());
+
+    let mut options = MeshOptions::default();
+    options.surface.max_triangles = Some(2000);
+    options.texture.texture = true;
+    let photos = Dataset::load(photos, &DatasetOptions::default())?;
+    let surface = MeshJob::new(None, Some(photos), options).save(&out)?;
+    println!("{out}: {} triangles", surface.mesh.face_count());
+    Ok(())
+}
