@@ -186,8 +186,13 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
 /// Starts the worker threads, up to the limit: each takes memory, and more than a few per core only cost
 /// time.
 fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
-    let wanted = usize::from(global.threads);
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    // Rayon takes the number from this variable if it is not told another one.
+    let of_rayon = || std::env::var("RAYON_NUM_THREADS").ok()?.parse().ok().filter(|n| *n > 0);
+    let wanted = match usize::from(global.threads) {
+        0 => of_rayon().unwrap_or(cores),
+        threads => threads,
+    };
     let per_core = usize::try_from(limits.threads_per_core).unwrap_or(usize::MAX);
     let threads = wanted.min(cores.saturating_mul(per_core).max(1));
     if threads < wanted && !global.quiet {

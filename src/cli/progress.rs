@@ -41,7 +41,10 @@ impl Progress {
         let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new(PARTS);
             set_template(&bar, SPINNER);
-            bar.enable_steady_tick(Duration::from_millis(100));
+            // The bar's own thread panics where the system has none left.
+            if std::thread::Builder::new().spawn(|| {}).is_ok() {
+                bar.enable_steady_tick(Duration::from_millis(100));
+            }
             bar
         });
         let (quiet, verbose) = (global.quiet, global.verbose);

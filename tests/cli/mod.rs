@@ -22,6 +22,7 @@ mod outputs;
 mod python;
 mod ranges;
 mod readme;
+mod resources;
 mod samples;
 mod schemas;
 mod train;

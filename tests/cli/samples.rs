@@ -139,3 +139,43 @@ fn the_package_holds_what_a_build_needs_and_nothing_else() {
     // A registry takes 10 MB, compressed; these are not.
     assert!(bytes < 10_000_000, "{bytes} bytes");
 }
+
+/// The scripts that `samples/cluster/slurm.sh` submits are those of a city of this name; nothing in it is executed.
+#[cfg(unix)]
+#[test]
+fn no_name_of_a_city_is_executed_by_the_cluster_script() {
+    use super::stderr;
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let city = at("c$(touch X)`touch Y` \"q\" it's;touch Z %a $HOME");
+    for made in [&city, &at("bin"), &at("jobs")] {
+        std::fs::create_dir(made).unwrap();
+    }
+    let manifest = "{\n \"blocks\": [\n {\"key\": 1},\n {\"key\": 2}\n ],\n \"bytes\": 123456789\n}";
+    std::fs::write(city.join("manifest.json"), manifest).unwrap();
+    let tool = |name: &str, script: &str| {
+        std::fs::write(at("bin").join(name), format!("#!/bin/sh\n{script}\n")).unwrap();
+        std::fs::set_permissions(at("bin").join(name), PermissionsExt::from_mode(0o755)).unwrap();
+    };
+    tool("sbatch", r#"n=$(ls jobs | wc -l); cat > "jobs/$((n + 1)).sh"; echo 77"#);
+    tool("trisplat", r#"for word; do printf '<%s>' "$word" >> said; done; echo >> said"#);
+    let path = format!("{}:{}", at("bin").display(), std::env::var("PATH").unwrap());
+    let run = |script: &Path, argument: &Path| {
+        let mut shell = Command::new("sh");
+        shell.arg(script).arg(argument).current_dir(folder.path()).env("PATH", &path);
+        let output = shell.env("SLURM_ARRAY_TASK_ID", "1").env("SLURM_CPUS_PER_TASK", "2").output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+    };
+    run(&Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/cluster/slurm.sh"), &city);
+    run(&at("jobs/1.sh"), &city);
+    run(&at("jobs/2.sh"), &city);
+    let full = city.canonicalize().unwrap();
+    let city = full.display();
+    let wants = format!(
+        "<train><--block><{city}:1><--threads><2>\n<merge><{city}><-o><{city}/city.ply><-f>\n\
+         <bake><{city}><-o><{city}/city.tileset.json><-f>\n"
+    );
+    assert_eq!(std::fs::read_to_string(at("said")).unwrap(), wants);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "a command of the name was executed");
+}

@@ -147,3 +147,34 @@ fn where_a_scene_or_photos_are_wanted_a_tileset_says_what_to_do() {
         assert!(message.contains("trisplat validate") && !message.contains('\n'), "{message}");
     }
 }
+
+#[test]
+fn tilesets_nested_thousands_deep_are_checked_and_counted_or_refused_with_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |i: u32| folder.path().join(format!("{i}.json"));
+    let set = |uri: &str| {
+        json!({ "asset": { "version": "1.1" }, "geometricError": 1.0, "root": {
+            "boundingVolume": { "box": [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1] }, "geometricError": 1.0,
+            "refine": "ADD", "content": { "uri": uri },
+        } })
+    };
+    (0..4097).for_each(|i| std::fs::write(at(i), set(&format!("{}.json", i + 1)).to_string()).unwrap());
+    let last = at(3000);
+    std::fs::write(&last, set("none.glb").to_string()).unwrap();
+    let options = ReadOptions::default();
+    let found = check(&at(0), &options).unwrap();
+    assert!(
+        errors(&found).len() == 1 && errors(&found)[0].contains("none.glb, which does not exist"),
+        "{found:?}"
+    );
+    let info = formats::tileset_info::tileset_info(&at(0), &options.limits, false).unwrap().unwrap();
+    assert_eq!((info.tilesets, info.tiles, info.missing), (3001, 1, 1));
+
+    std::fs::write(&last, set("3001.json").to_string()).unwrap();
+    let told = |error: trisplat::Error| {
+        let error = error.to_string();
+        assert!(error.contains("4096.json: 4097 levels") && error.contains("nesting=4097"), "{error}");
+    };
+    told(check(&at(0), &options).unwrap_err());
+    told(formats::tileset_info::tileset_info(&at(0), &options.limits, false).unwrap_err());
+}

@@ -73,7 +73,8 @@ pub fn collision(
     if found.is_some() {
         return Ok(Outcome::Unneeded("there is something to collide with already"));
     }
-    let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT };
+    let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT }
+        .for_scene(scene.scene.triangle_count());
     *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)
         .map_err(in_our_words)?;
     Ok(match found {

@@ -8,13 +8,15 @@ use trisplat_scene::error::{Error, Result};
 /// Probes at most, the first with all triangles among them.
 const MOST_PROBES: u32 = 7;
 
-/// Attempts to come closer to the limit; more only while nothing fits.
+/// Attempts to come closer to the limit; more only while nothing that is [`CLOSE`] fits.
 const ENOUGH: u32 = 2;
 /// Most attempts in all.
 const MOST_MADE: u32 = 7;
 
-/// A file this close to its limit is good enough.
+/// A file this close to its limit is good enough, ...
 const NEAR: f64 = 0.96;
+/// ... and after [`ENOUGH`] attempts one this close.
+const CLOSE: f64 = 0.9;
 
 /// The target size, as a share of the limit: a little less, because a scene that is too large is discarded.
 const AIM: f64 = 0.985;
@@ -30,6 +32,17 @@ pub struct Attempt {
     pub bytes: u64,
 }
 
+impl Attempt {
+    /// What decides its size: the number that was permitted. Later stages may have dropped some of them.
+    fn permitted(&self) -> u64 {
+        self.max_triangles.unwrap_or(self.triangles)
+    }
+
+    fn fills(&self, share: f64, limit: u64) -> bool {
+        self.bytes as f64 >= share * limit as f64
+    }
+}
+
 /// The scene with most triangles whose files take at most `limit` bytes. `make` makes and measures a scene
 /// with at most the given number of triangles. `probe` measures a similar scene, made in a fraction of the
 /// time. Neither has more than `max_triangles`.
@@ -41,7 +54,7 @@ pub fn most_within<T>(
     probe: impl FnMut(Option<u64>) -> Result<Attempt>,
     mut make: impl FnMut(Option<u64>) -> Result<(Attempt, T)>,
 ) -> Result<T> {
-    let mut most = probed(limit, max_triangles, probe)?;
+    let Probed { mut most, all } = probed(limit, max_triangles, probe)?;
     let (mut over, mut within): (Option<Attempt>, Option<(Attempt, T)>) = (None, None);
     for made in 1..=MOST_MADE {
         let (attempt, scene) = make(most)?;
@@ -51,15 +64,15 @@ pub fn most_within<T>(
             within = Some((attempt, scene));
         }
         let best = within.as_ref().map(|(best, _)| best);
-        if best.is_some_and(|best| made >= ENOUGH || is_enough(limit, max_triangles, best)) {
+        let share = if made < ENOUGH { NEAR } else { CLOSE };
+        let is_enough = |best: &Attempt| {
+            best.max_triangles == max_triangles || best.permitted() >= all || best.fills(share, limit)
+        };
+        if best.is_some_and(is_enough) {
             break;
         }
-        // If none were too many, bytes are taken to be in proportion to triangles.
-        let double =
-            |best: &Attempt| Attempt { triangles: 2 * best.triangles, bytes: 2 * best.bytes, ..*best };
-        let Some(high) = over.or_else(|| best.map(double)) else { break };
-        match next(limit, &high, best) {
-            Some(triangles) => most = Some(max_triangles.map_or(triangles, |most| most.min(triangles))),
+        match next(limit, over.as_ref(), best) {
+            Some(triangles) => most = Some(triangles.min(all)),
             None => break,
         }
     }
@@ -69,10 +82,12 @@ pub fn most_within<T>(
     }
 }
 
-/// Whether to stop: more triangles are not worth the time, or there are no more.
-fn is_enough(limit: u64, asked: Option<u64>, found: &Attempt) -> bool {
-    let all = found.max_triangles == asked || found.max_triangles.is_none_or(|most| found.triangles < most);
-    all || found.bytes as f64 >= NEAR * limit as f64
+/// What probes found.
+struct Probed {
+    /// How many triangles to permit.
+    most: Option<u64>,
+    /// How many there are, at most the requested number: more cannot be permitted.
+    all: u64,
 }
 
 /// How many triangles fit according to probes; at most the requested number.
@@ -80,28 +95,27 @@ fn probed(
     limit: u64,
     max_triangles: Option<u64>,
     mut probe: impl FnMut(Option<u64>) -> Result<Attempt>,
-) -> Result<Option<u64>> {
+) -> Result<Probed> {
     let mut over = probe(max_triangles)?;
+    let all = over.triangles;
     if over.bytes <= limit {
-        return Ok(max_triangles);
+        return Ok(Probed { most: max_triangles, all });
     }
     let mut within: Option<Attempt> = None;
     for _ in 1..MOST_PROBES {
-        let Some(triangles) = next(limit, &over, within.as_ref()) else { break };
+        let Some(triangles) = next(limit, Some(&over), within.as_ref()) else { break };
         let attempt = probe(Some(triangles))?;
         if attempt.bytes > limit {
             over = attempt;
         } else {
             within = Some(attempt);
-            if attempt.bytes as f64 >= NEAR * limit as f64 {
+            if attempt.fills(NEAR, limit) {
                 break;
             }
         }
     }
-    match within {
-        Some(found) => Ok(found.max_triangles),
-        None => next(limit, &over, None).map(Some).ok_or_else(|| too_few(limit, Some(over))),
-    }
+    let most = within.map_or_else(|| next(limit, Some(&over), None), |found| found.max_triangles);
+    most.map_or_else(|| Err(too_few(limit, Some(over))), |most| Ok(Probed { most: Some(most), all }))
 }
 
 fn too_few(limit: u64, over: Option<Attempt>) -> Error {
@@ -113,10 +127,14 @@ fn too_few(limit: u64, over: Option<Attempt>) -> Error {
 
 /// The number of triangles to try next, on the line through the known sizes; `None` when nothing lies
 /// between.
-fn next(limit: u64, over: &Attempt, within: Option<&Attempt>) -> Option<u64> {
-    let (low, low_bytes) = within.map_or((0.0, 0.0), |fits| (fits.triangles as f64, fits.bytes as f64));
-    let (high, high_bytes) = (over.triangles as f64, over.bytes as f64);
+fn next(limit: u64, over: Option<&Attempt>, within: Option<&Attempt>) -> Option<u64> {
+    let at = |attempt: &Attempt| (attempt.permitted() as f64, attempt.bytes as f64);
+    let (low, low_bytes) = within.map_or((0.0, 0.0), at);
     let aim = (AIM * limit as f64).max(low_bytes);
+    let Some((high, high_bytes)) = over.map(at) else {
+        // If none were too many, bytes are taken to be in proportion to triangles.
+        return Some((low * aim / low_bytes.max(1.0)).floor().max(low + 1.0) as u64);
+    };
     let share = (aim - low_bytes) / (high_bytes - low_bytes).max(1.0);
     // A file without triangles takes bytes, too: the line from 0 is too steep.
     let shy = if within.is_some() { 1.0 } else { AIM };
@@ -162,6 +180,24 @@ mod tests {
                 assert!(made <= ENOUGH && (probed != 1.0 || made == 1), "{limit}, {probed}: {made}");
                 assert_eq!(found.max_triangles, Some(found.triangles));
             }
+        }
+    }
+
+    /// Half of a soft scene's triangles go once pictures tell which of them are seen.
+    #[test]
+    fn triangles_that_later_stages_drop_make_room_for_others() {
+        let limit = 20_000;
+        let measured = |most: Option<u64>, kept: f64| {
+            let triangles = (kept * most.map_or(1000, |most| most.min(1000)) as f64) as u64;
+            Attempt { max_triangles: most, triangles, bytes: 1500 + 60 * triangles }
+        };
+        for kept in [0.1, 0.4, 0.7, 1.0] {
+            let probe = |most| Ok(measured(most, 1.0));
+            let make = |most| Ok((measured(most, kept), measured(most, kept)));
+            let found = most_within(limit, None, probe, make).unwrap();
+            assert!(found.bytes <= limit, "{kept}: {found:?}");
+            let all = measured(None, kept).bytes;
+            assert!(found.fills(CLOSE, limit.min(all)), "{kept}: {found:?}");
         }
     }
 

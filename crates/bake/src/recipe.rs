@@ -263,7 +263,8 @@ impl<'a> Recipe<'a> {
             None,
             measure,
             |found, details: &mut SurfaceDetails, progress| {
-                *found = surface(loaded, cameras, &SURFACE, &Limits::DEFAULT, details, progress)?;
+                let how = SURFACE.for_scene(loaded.scene.triangle_count());
+                *found = surface(loaded, cameras, &how, &Limits::DEFAULT, details, progress)?;
                 Ok(match found {
                     Some(_) => Outcome::Changed(()),
                     None => Outcome::Unneeded("the cameras see no connected surface"),

@@ -57,7 +57,7 @@ pub fn train(
     let trained = TrainRun::new(dataset, &options).with_dataset_options(dataset_options).run(observer)?;
     let steps = trained.steps;
 
-    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let folder = tempfile::tempdir().map_err(Error::temporary)?;
     let path = folder.path().join("soup.ply");
     // Only what moves cameras: benchmarks do not depend on names and axes.
     let Provenance { placement, viewpoint, .. } = trained.provenance;

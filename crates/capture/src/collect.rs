@@ -217,7 +217,7 @@ impl Opened {
         let folder = to.parent().unwrap_or(images);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         match self.change {
-            Change::Copied => std::fs::copy(from, &to).map(drop).map_err(|e| Error::io(from, e))?,
+            Change::Copied => input::copy(from, &to)?,
             Change::Turned | Change::Converted => {
                 let picture = Pixels::load(from)?.turned(self.notes.orientation);
                 let is_jpeg = self.change == Change::Turned && from.extension().is_none_or(|e| e != "png");

@@ -5,7 +5,8 @@ use std::fs::{File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 use trisplat_scene::error::Error;
 use trisplat_scene::process::running::Running;
@@ -16,6 +17,10 @@ const TICK: Duration = Duration::from_millis(100);
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Lines kept for error messages.
 const KEPT: usize = 40;
+/// Bytes of a line; a longer one is passed on in pieces, as a program may print one without end.
+const LONGEST: u64 = 1 << 13;
+/// Lines that wait to be heard; then the program waits.
+const WAITING: usize = 64;
 
 /// The log file of a capture.
 #[derive(Debug)]
@@ -53,10 +58,10 @@ impl Log {
     ) -> Step<Ended> {
         self.write(&format!("$ {}", shown(command)))?;
         let mut program = self.start(command)?;
-        let (lines, heard) = mpsc::channel();
+        let (lines, heard) = mpsc::sync_channel(WAITING);
         let (out, err) = program.pipes();
-        let readers = [out.map(boxed), err.map(boxed)].into_iter().flatten();
-        readers.for_each(|from| pass_lines(from, lines.clone()));
+        let mut readers = [out.map(boxed), err.map(boxed)].into_iter().flatten();
+        readers.try_for_each(|from| pass_lines(from, lines.clone())).map_err(io_of(command))?;
         drop(lines);
         let mut said = Vec::new();
         loop {
@@ -64,10 +69,7 @@ impl Log {
                 Ok(line) => {
                     self.write(&line)?;
                     hear(&line, observer);
-                    said.push(line);
-                    if said.len() > 2 * KEPT {
-                        said.drain(..KEPT);
-                    }
+                    keep(&mut said, line);
                 }
                 // A grandchild may keep the pipes open after the program has ended.
                 Err(RecvTimeoutError::Timeout) if program.has_ended().map_err(io_of(command))?.is_some() => {
@@ -109,15 +111,24 @@ impl Log {
     ) -> Step<()> {
         self.write(&format!("$ {}", shown(command)))?;
         let mut program = self.start(command)?;
-        let (lines, heard) = mpsc::channel();
         let (out, err) = program.pipes();
-        err.into_iter().for_each(|err| pass_lines(Box::new(err), lines.clone()));
-        drop(lines);
+        let mut log = self.file.try_clone().map_err(|e| Error::io(&self.path, e))?;
+        let listener = Builder::new().spawn(move || {
+            let mut said = Vec::new();
+            err.into_iter().for_each(|err| {
+                each_line(err, |line| {
+                    keep(&mut said, line);
+                    said.last().is_some_and(|line| writeln!(log, "{line}").is_ok())
+                });
+            });
+            said
+        });
+        let listener = listener.map_err(io_of(command))?;
         // On an error, dropping the program ends it.
         out.map_or(Ok(()), |mut out| read(&mut out))?;
         let status = program.wait().map_err(io_of(command))?;
-        let said: Vec<String> = heard.iter().collect();
-        said.iter().try_for_each(|line| self.write(line))?;
+        // One that panicked has heard nothing.
+        let said = listener.join().unwrap_or_default();
         self.write(&format!("{status}"))?;
         match status.success() {
             true => Ok(()),
@@ -177,19 +188,31 @@ fn io_of(command: &Command) -> impl Fn(io::Error) -> Error + use<> {
 }
 
 /// Sends lines until the end of the stream, or until the receiver is gone.
-fn pass_lines(from: Box<dyn Read + Send>, to: Sender<String>) {
-    std::thread::spawn(move || {
-        let mut from = BufReader::new(from);
-        let mut line = Vec::new();
-        // Progress bars end their lines with a carriage return.
-        while from.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
-            let text = String::from_utf8_lossy(&line).trim_end().to_owned();
-            if to.send(text).is_err() {
-                return;
-            }
-            line.clear();
+///
+/// Errors: the system starts no thread.
+fn pass_lines(from: Box<dyn Read + Send>, to: SyncSender<String>) -> io::Result<()> {
+    Builder::new().spawn(move || each_line(from, |line| to.send(line).is_ok())).map(drop)
+}
+
+/// Calls `take` with every line, until the end of the stream or until it returns false.
+fn each_line(from: impl Read, mut take: impl FnMut(String) -> bool) {
+    let mut from = BufReader::new(from);
+    let mut line = Vec::new();
+    // Progress bars end their lines with a carriage return.
+    while from.by_ref().take(LONGEST).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+        if !take(String::from_utf8_lossy(&line).trim_end().to_owned()) {
+            return;
         }
-    });
+        line.clear();
+    }
+}
+
+/// Appends a line, of which the last ones stay.
+fn keep(said: &mut Vec<String>, line: String) {
+    said.push(line);
+    if said.len() > 2 * KEPT {
+        said.drain(..KEPT);
+    }
 }
 
 /// A command as it could be typed, for the log.
@@ -200,4 +223,36 @@ fn shown(command: &Command) -> String {
         None => word.replace('\n', " "),
     };
     words.map(|word| short(word.to_string_lossy())).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    fn printing(script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        command
+    }
+
+    #[test]
+    fn a_line_without_end_is_heard_in_pieces() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = Log::open(&folder.path().join("a.log")).unwrap();
+        let bytes = 4_000_000;
+        let long = format!("head -c {bytes} /dev/zero | tr '\\0' x");
+        let (mut longest, mut sum) = (0, 0);
+        let ended = log.run(&mut printing(&long), &mut (), |line, _| {
+            (longest, sum) = (longest.max(line.len()), sum + line.len());
+        });
+        assert!(ended.unwrap().status.success());
+        assert!(longest <= LONGEST as usize && sum == bytes, "{longest}, {sum}");
+
+        // What a program says while its pictures are read.
+        let read = |from: &mut dyn Read| Ok(drop(io::copy(from, &mut io::sink())));
+        let failed = log.stream(&mut printing(&format!("({long}; echo; echo it failed) >&2; exit 1")), read);
+        let Err(Halt::Failed(error)) = failed else { panic!("it succeeded") };
+        assert!(error.to_string().contains(": it failed; this is its log"), "{error}");
+        assert!(std::fs::metadata(&log.path).unwrap().len() > 2 * bytes as u64);
+    }
 }

@@ -21,6 +21,7 @@ use trisplat_dataset::DatasetOptions;
 use trisplat_dataset::tracks::tracks;
 use trisplat_scene::atomic::{self, AtomicFolder, FolderLock};
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input;
 use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
 
 /// Why a finished step is skipped.
@@ -222,7 +223,7 @@ impl Run<'_> {
         for name in MODEL_FILES.iter().flat_map(|name| named(name)) {
             let from = model.folder.join(&name);
             if from.is_file() {
-                std::fs::copy(&from, sparse.join(name)).map_err(|e| Error::io(&from, e))?;
+                input::copy(&from, &sparse.join(name))?;
             }
         }
         made.publish("sparse/0/images")?;

@@ -1,5 +1,6 @@
 //! Inputs of a capture: photos and videos, given as files or folders, recognised by extension.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_scene::error::{Error, Result};
 
@@ -15,6 +16,10 @@ pub(super) struct Sources {
     pub(super) videos: Vec<PathBuf>,
     /// Ignored files, and why.
     pub(super) warnings: Vec<String>,
+    /// Full paths of the files and folders so far, without links: each is taken once.
+    taken: BTreeSet<PathBuf>,
+    /// Other names of the same files and folders.
+    again: Vec<PathBuf>,
 }
 
 /// An input photo.
@@ -58,6 +63,12 @@ impl Sources {
                 "holds no photo and no video; give a folder of JPEG, PNG, WebP or TIFF files, or a video";
             return Err(Error::unsupported(input, reason));
         }
+        if let [first, ..] = &found.again[..] {
+            let (count, first) = (found.again.len(), first.display());
+            found.warnings.push(format!(
+                "{count} names are links to files or folders that were taken already, and left out, first {first}"
+            ));
+        }
         found.photos.sort_by(|a, b| a.name.cmp(&b.name));
         if let Some(pair) = found.photos.windows(2).find(|pair| pair[0].name == pair[1].name) {
             let reason = format!("has the name of {}; rename one of the two", pair[0].path.display());
@@ -66,11 +77,26 @@ impl Sources {
         Ok(found)
     }
 
+    /// Notes a file or folder; false for one that was taken before, by whatever name.
+    fn take(&mut self, path: &Path) -> Result<bool> {
+        let full = std::fs::canonicalize(path).map_err(|e| Error::io(path, e))?;
+        let is_new = self.taken.insert(full);
+        if !is_new {
+            self.again.push(path.to_owned());
+        }
+        Ok(is_new)
+    }
+
     fn add_folder(&mut self, folder: &Path, below: &str) -> Result<()> {
         let io = |e| Error::io(folder, e);
+        // A link to a folder around it has no end.
+        if !self.take(folder)? {
+            return Ok(());
+        }
         let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>();
         let mut paths: Vec<PathBuf> = entries.map_err(io)?.into_iter().map(|entry| entry.path()).collect();
-        paths.sort();
+        // Files and folders before links to them, which may have any name.
+        paths.sort_by_cached_key(|path| (path.is_symlink(), path.clone()));
         for path in paths {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             // Hidden files and folders of systems and programs.
@@ -90,6 +116,7 @@ impl Sources {
     /// False for a file that is neither photo nor video.
     fn add(&mut self, path: &Path, name: String) -> Result<bool> {
         match kind(path) {
+            Kind::Photo | Kind::Video if !self.take(path)? => {}
             Kind::Photo => self.photos.push(SourcePhoto { path: path.to_owned(), name }),
             Kind::Video => self.videos.push(path.to_owned()),
             Kind::Foreign(remedy) => return Err(Error::unsupported(path, remedy)),
@@ -137,7 +164,9 @@ mod tests {
         let names: Vec<&str> = found.photos.iter().map(|photo| photo.name.as_str()).collect();
         assert_eq!(names, ["b.JPG", "more/a.png"]);
         assert_eq!(found.videos, [at("in/walk.MOV")]);
-        let twice = Sources::find(&[at("in"), at("in/b.JPG")]).unwrap_err().to_string();
+        std::fs::create_dir(at("other")).unwrap();
+        std::fs::write(at("other/b.JPG"), "").unwrap();
+        let twice = Sources::find(&[at("in"), at("other")]).unwrap_err().to_string();
         assert!(twice.contains("rename one of the two"), "{twice}");
         let text = Sources::find(&[at("in/notes.txt")]).unwrap_err().to_string();
         assert!(text.contains("notes.txt: is no photo"), "{text}");
@@ -146,5 +175,25 @@ mod tests {
         assert!(heic.contains("IMG_1.HEIC: is a HEIC") && heic.contains("heif-convert"), "{heic}");
         std::fs::create_dir(at("empty")).unwrap();
         assert!(Sources::find(&[at("empty")]).unwrap_err().to_string().contains("holds no photo"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn every_photo_is_taken_once_whatever_links_a_folder_holds() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("in/more")).unwrap();
+        for name in ["in/b.jpg", "in/more/c.jpg"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        // Two links to the folder itself have no end, one to a file and one to a folder come before what they name.
+        for (to, link) in [("in", "in/x"), ("in", "in/y"), ("in/b.jpg", "in/a.jpg"), ("in/more", "in/a")] {
+            symlink(at(to), at(link)).unwrap();
+        }
+        let found = Sources::find(&[at("in"), at("in/more/c.jpg")]).unwrap();
+        let names: Vec<&str> = found.photos.iter().map(|photo| photo.name.as_str()).collect();
+        assert_eq!(names, ["b.jpg", "more/c.jpg"]);
+        assert!(found.warnings[0].starts_with("5 names are links"), "{:?}", found.warnings);
     }
 }

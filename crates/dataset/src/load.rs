@@ -234,6 +234,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         drawn: None,
         cut,
         crop: None,
+        decoding: Pixels::decoding_bytes(&found.path, stored, &options.limits)?,
     };
     if options.skip_broken {
         photo.decode()?;

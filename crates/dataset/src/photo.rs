@@ -31,6 +31,8 @@ pub struct Photo {
     pub(super) cut: bool,
     /// The selected part of it.
     pub(super) crop: Option<Crop>,
+    /// Most bytes that decoding its file takes.
+    pub(super) decoding: u64,
 }
 
 /// A part of a photo.
@@ -69,7 +71,7 @@ impl Photo {
 
     /// A picture stored in `file`, like a decoded photo. Fails when the disk is full.
     pub fn stored(pixels: &Pixels, file: &Arc<PictureFile>) -> Result<Self> {
-        let place = file.put(pixels).map_err(|e| Error::io(std::env::temp_dir(), e))?;
+        let place = file.put(pixels).map_err(Error::temporary)?;
         Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
     }
 
@@ -86,6 +88,7 @@ impl Photo {
             drawn: Some(drawn),
             cut: false,
             crop: None,
+            decoding: 0,
         }
     }
 
@@ -123,9 +126,7 @@ impl Photo {
     pub fn decode(&self) -> Result<Pixels> {
         let whole = match &self.drawn {
             Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
-            Some(Drawn::Stored(file, place)) => {
-                file.get(*place).map_err(|e| Error::io(std::env::temp_dir(), e))?
-            }
+            Some(Drawn::Stored(file, place)) => file.get(*place).map_err(Error::temporary)?,
             None => self.decode_file()?,
         };
         Ok(match self.crop {
@@ -188,6 +189,15 @@ impl Photo {
     /// True when its pixels are in a temporary file already.
     pub(super) fn is_stored(&self) -> bool {
         matches!(self.drawn, Some(Drawn::Stored(..)))
+    }
+
+    /// Most bytes in memory while it is decoded, the result included; of a picture in a temporary file, the result.
+    pub(super) fn decoding_bytes(&self) -> u64 {
+        // Beside the picture: its mask, or the same without distortion.
+        let stored = u64::from(self.stored.x) * u64::from(self.stored.y);
+        let beside = if self.mask.is_some() || self.undistort.is_some() { 4 * stored } else { 0 };
+        let whole = if self.is_drawn() { 0 } else { self.decoding + beside };
+        whole.max(self.most_bytes())
     }
 
     /// Most bytes of the decoded photo in memory.

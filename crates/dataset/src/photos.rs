@@ -1,19 +1,20 @@
 //! All photos of a run, decoded in the background under a memory budget.
 //!
 //! Every file is decoded once. Photos beyond the budget are kept, already shrunk, in a cache on disk (a
-//! temporary file without a name), and come back at the speed of a copy.
+//! temporary file without a name), and come back at the speed of a copy. What a decoder needs counts too: photos leave
+//! memory before the next one is decoded, and one that takes more than the budget is decoded alone.
 
 use super::photo::Photo;
 use super::picture_file::{PictureFile, StoredPicture};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::guard::guarded;
 use trisplat_scene::image::Pixels;
 
-/// Number of decoding threads. Each may hold one photo beyond the budget: the one it decodes, at full size,
-/// or has not delivered yet. So training does not wait for the disk, even with a small budget.
+/// Number of decoding threads. So many of the next photos stay in memory even beyond the budget, so that training does not
+/// wait for the disk.
 const WORKERS: usize = 2;
 /// A taken photo is searched only this near to the front of the queue, because it occurs again later.
 const SOON: usize = 8;
@@ -71,12 +72,12 @@ impl Photos {
         let shared = Arc::new(Loader { photos, budget_bytes, cache, state, work, decoded });
         // Drawn pictures need no threads, and some systems have none.
         let needed = if shared.photos.iter().all(|photo| photo.held().is_some()) { 0 } else { WORKERS };
-        let workers = (0..needed)
-            .map(|_| {
-                let shared = Arc::clone(&shared);
-                std::thread::spawn(move || shared.work_until_stopped())
-            })
-            .collect();
+        let start = |_| {
+            let shared = Arc::clone(&shared);
+            std::thread::Builder::new().spawn(move || shared.work_until_stopped())
+        };
+        // A system that has no thread left: `take` decodes.
+        let workers = (0..needed).map_while(|i| start(i).ok()).collect();
         Self { shared, workers }
     }
 
@@ -121,6 +122,10 @@ impl Photos {
                 self.shared.work.notify_all();
                 return Ok(found);
             }
+            if self.workers.is_empty() {
+                state = self.shared.load(state, i);
+                continue;
+            }
             state.wanted = Some(i);
             self.shared.work.notify_all();
             state = self.shared.decoded.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -162,27 +167,48 @@ impl Loader {
                 state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
                 continue;
             };
-            state.slots[i].loading = true;
-            let (cached, digest) = (state.slots[i].cached, state.slots[i].digest);
-            drop(state);
-            let cached = cached.and_then(|place| self.cache.get(place).ok());
-            let decodes = cached.is_none() && !self.photos[i].is_stored();
-            let photo = &self.photos[i];
-            // A panic must not leave others waiting for the photo.
-            let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
-            // Once, and outside the lock: it reads every byte.
-            let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
-            state = self.lock();
-            state.decode_count += u64::from(decodes);
-            state.slots[i].digest = digest;
-            let slot = &mut state.slots[i];
-            slot.loading = false;
-            let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
-            slot.pixels = Some(pixels.map(Arc::new));
-            state.resident_bytes += bytes;
-            self.evict(&mut state, i);
-            self.decoded.notify_all();
+            state = self.load(state, i);
         }
+    }
+
+    /// Decodes photo `i`, or reads it back, without the lock.
+    fn load<'a>(&'a self, mut state: MutexGuard<'a, LoaderState>, i: usize) -> MutexGuard<'a, LoaderState> {
+        state.slots[i].loading = true;
+        self.evict(&mut state, i);
+        let (cached, digest) = (state.slots[i].cached, state.slots[i].digest);
+        drop(state);
+        let cached = cached.and_then(|place| self.cache.get(place).ok());
+        let decodes = cached.is_none() && !self.photos[i].is_stored();
+        let photo = &self.photos[i];
+        // A panic must not leave others waiting for the photo.
+        let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
+        // Once, and outside the lock: it reads every byte.
+        let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
+        let mut state = self.lock();
+        state.decode_count += u64::from(decodes);
+        state.slots[i].digest = digest;
+        let slot = &mut state.slots[i];
+        slot.loading = false;
+        let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
+        slot.pixels = Some(pixels.map(Arc::new));
+        state.resident_bytes += bytes;
+        self.evict(&mut state, i);
+        self.decoded.notify_all();
+        // There may be memory for another one.
+        self.work.notify_all();
+        state
+    }
+
+    /// Most bytes that bringing photo `i` into memory takes.
+    fn cost(&self, state: &LoaderState, i: usize) -> u64 {
+        let photo = &self.photos[i];
+        if state.slots[i].cached.is_some() { photo.most_bytes() } else { photo.decoding_bytes() }
+    }
+
+    /// Bytes that are taken, at most, by photos on their way into memory.
+    fn loading_bytes(&self, state: &LoaderState) -> u64 {
+        let loading = (0..state.slots.len()).filter(|&i| state.slots[i].loading);
+        loading.map(|i| self.cost(state, i)).sum()
     }
 
     /// The most urgent photo: the one waited for, then the next in the queue while memory lasts.
@@ -191,11 +217,15 @@ impl Loader {
         if let Some(i) = state.wanted.filter(|&i| idle(i)) {
             return Some(i);
         }
-        let loading = state.slots.iter().enumerate().filter(|(_, slot)| slot.loading);
-        let bytes = state.resident_bytes + loading.map(|(i, _)| self.photos[i].most_bytes()).sum::<u64>();
+        let loading = self.loading_bytes(state);
+        // Others can leave for one of the next photos.
+        let soon = state.queue.iter().take(WORKERS).chain(&state.wanted).collect::<BTreeSet<_>>();
+        let kept = soon.into_iter().filter_map(|&i| state.slots[i].pixels.as_ref()?.as_ref().ok());
+        let kept = kept.map(|pixels| pixels.bytes()).sum::<u64>();
         for (ahead, &i) in state.queue.iter().enumerate() {
-            let fits = bytes + self.photos[i].most_bytes() <= self.budget_bytes;
-            if ahead >= WORKERS && !fits {
+            let held = if ahead < WORKERS { kept } else { state.resident_bytes };
+            let fits = held + loading + self.cost(state, i) <= self.budget_bytes;
+            if !fits && (ahead >= WORKERS || loading > 0) {
                 return None;
             }
             if idle(i) {
@@ -205,10 +235,11 @@ impl Loader {
         None
     }
 
-    /// Moves the least recently taken photos to the disk cache until the budget is met, except those needed
-    /// at once.
+    /// Moves the least recently taken photos to the disk cache until the budget is met, also by those on their way, except
+    /// those needed at once.
     fn evict(&self, state: &mut LoaderState, newest: usize) {
-        while state.resident_bytes > self.budget_bytes {
+        let loading = self.loading_bytes(state);
+        while state.resident_bytes + loading > self.budget_bytes {
             let soon = |i: usize| {
                 i == newest || state.wanted == Some(i) || state.queue.iter().take(WORKERS).any(|&e| e == i)
             };
@@ -258,6 +289,7 @@ mod tests {
                 drawn: None,
                 cut: false,
                 crop: None,
+                decoding: 0,
             }
         };
         (0..count).map(photo).collect()

@@ -82,7 +82,7 @@ pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, .
 
 /// The asset after it was written as GLB and read back; and the size of that file.
 pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
-    let folder = tempfile::tempdir().map_err(|e| Error::io(std::env::temp_dir(), e))?;
+    let folder = tempfile::tempdir().map_err(Error::temporary)?;
     let path = folder.path().join("scene.glb");
     let output = Output::plan(&path, None, options, false)?;
     let mut report = Report::default();

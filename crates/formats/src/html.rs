@@ -106,7 +106,7 @@ pub(super) fn inside(format: Format, source: Source) -> Result<(Format, Source)>
 fn unpack(source: Source) -> Result<Source> {
     let io = |e| Error::io(&source.path, e);
     let mut page = BufReader::with_capacity(1 << 20, &*source.file);
-    let mut glb = tempfile::tempfile().map_err(io)?;
+    let mut glb = tempfile::tempfile().map_err(Error::temporary)?;
     let (mut line, mut number, mut len) = (Vec::new(), 0u64, 0u64);
     loop {
         line.clear();
@@ -120,7 +120,7 @@ fn unpack(source: Source) -> Result<Source> {
             let reason = "this block of the scene is cut short or is not base64; bake the page again";
             return Err(Error::malformed(&source.path, format!("line {number}"), reason));
         };
-        glb.write_all(&bytes).map_err(io)?;
+        glb.write_all(&bytes).map_err(Error::temporary)?;
         len += bytes.len() as u64;
     }
     if len == 0 {

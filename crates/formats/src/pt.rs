@@ -38,6 +38,7 @@ use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use trisplat_scene::asset::Provenance;
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input;
 use trisplat_scene::limits::Limits;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -199,7 +200,7 @@ impl TorchFile {
     fn open(source: &mut Source, limits: Limits) -> Result<Self> {
         let label = source.path.clone();
         let (file, copy) = if label.as_os_str() == "-" {
-            let copy = spool(&source.file).map_err(|e| Error::io(&label, e))?;
+            let copy = spool(&label, &source.file)?;
             (copy.path().to_owned(), Some(copy))
         } else {
             (label.clone(), None)
@@ -326,10 +327,11 @@ fn check_archive(source: &mut Source) -> Result<()> {
 }
 
 /// A named copy of an open file, because the checkpoint parser opens by name.
-fn spool(mut file: &File) -> io::Result<NamedTempFile> {
-    file.seek(SeekFrom::Start(0))?;
-    let mut copy = NamedTempFile::new()?;
-    io::copy(&mut file, &mut copy)?;
+fn spool(label: &Path, mut file: &File) -> Result<NamedTempFile> {
+    let unread = |e| Error::io(label, e);
+    file.seek(SeekFrom::Start(0)).map_err(unread)?;
+    let mut copy = NamedTempFile::new().map_err(Error::temporary)?;
+    input::copy_stream(&mut file, &mut copy, unread, Error::temporary)?;
     Ok(copy)
 }
 

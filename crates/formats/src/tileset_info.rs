@@ -44,10 +44,18 @@ pub fn tileset_info(path: &Path, limits: &Limits, allow_outside: bool) -> Result
     }
     let info = TilesetInfo { path: path.display().to_string(), ..TilesetInfo::default() };
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    let mut walk = Walk { folder, limits, allow_outside, seen: BTreeSet::new(), info };
+    let (seen, waiting) = (BTreeSet::new(), Vec::new());
+    let mut walk = Walk { folder, limits, allow_outside, seen, waiting, info };
     let root = walk.set(path, &json)?;
     walk.info.geometric_error = root.geometric_error;
     walk.tile(Path::new(""), &root, 1, 1)?;
+    // One after the other and not within each other: they may be nested deeper than a stack is.
+    while let Some(NestedSet { name, level, depth }) = walk.waiting.pop() {
+        let path = walk.folder.join(&name);
+        let json = input::read(&path, limits)?;
+        let root = walk.set(&path, &json)?;
+        walk.tile(&name, &root, level, depth)?;
+    }
     Ok(Some(walk.info))
 }
 
@@ -57,7 +65,19 @@ struct Walk<'a> {
     allow_outside: bool,
     /// Files that were counted, relative to the folder.
     seen: BTreeSet<PathBuf>,
+    /// Tilesets that are still to be read.
+    waiting: Vec<NestedSet>,
     info: TilesetInfo,
+}
+
+/// A tileset that another one names.
+struct NestedSet {
+    /// Relative to the folder.
+    name: PathBuf,
+    /// Level of its first tile.
+    level: u64,
+    /// Number of tilesets around it, itself included.
+    depth: u64,
 }
 
 impl Walk<'_> {
@@ -92,10 +112,8 @@ impl Walk<'_> {
                 None => self.info.missing += 1,
                 Some(_) if is_json(&content.uri) => {
                     is_stand_in = true;
-                    self.limits.nesting(path.display(), depth)?;
-                    let json = input::read(&path, self.limits)?;
-                    let root = self.set(&path, &json)?;
-                    self.tile(&name, &root, level, depth + 1)?;
+                    self.limits.nesting(path.display(), depth + 1)?;
+                    self.waiting.push(NestedSet { name, level, depth: depth + 1 });
                 }
                 Some(meta) => {
                     self.info.files += 1;

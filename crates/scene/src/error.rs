@@ -101,6 +101,15 @@ impl Error {
         Self::Io { path: path.as_ref().to_owned(), source }
     }
 
+    /// Wraps an error of the operating system about a temporary file.
+    pub fn temporary(source: std::io::Error) -> Self {
+        let variable = if cfg!(windows) { "TEMP" } else { "TMPDIR" };
+        let why = format!(
+            "no temporary file can be written here ({source}); make room, or name another folder with the variable {variable}"
+        );
+        Self::io(std::env::temp_dir(), std::io::Error::new(source.kind(), why))
+    }
+
     /// A broken file: `at` is the place, `reason` the fault.
     pub fn malformed(path: impl AsRef<Path>, at: impl Into<String>, reason: impl Into<String>) -> Self {
         Self::Malformed { path: path.as_ref().to_owned(), at: at.into(), reason: reason.into() }

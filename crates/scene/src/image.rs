@@ -8,6 +8,7 @@ pub mod exif_light;
 mod jpeg;
 pub mod npy;
 mod palette;
+mod png;
 mod shrink;
 mod tiff;
 
@@ -90,7 +91,7 @@ impl Pixels {
     }
 
     /// [`Pixels::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
-    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF at that of `least`. Returns the full size too.
+    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF or opaque PNG at that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
         Ok((Self::of_decoded(picture), full))
@@ -127,11 +128,16 @@ impl Pixels {
         if !picture.color().has_alpha() {
             return Self { size, rgb: triples(picture.into_rgb8().into_raw()), alpha: None };
         }
-        let rgba = picture.into_rgba8();
-        let rgb = rgba.pixels().map(|p| [p.0[0], p.0[1], p.0[2]]).collect();
-        let alpha: Vec<u8> = rgba.pixels().map(|p| p.0[3]).collect();
+        let mut rgba = picture.into_rgba8().into_raw();
+        let alpha: Vec<u8> = rgba.iter().skip(3).step_by(4).copied().collect();
         let opaque = alpha.iter().all(|&a| a == 255);
-        Self { size, rgb, alpha: if opaque { None } else { Some(alpha) } }
+        // In place: a second picture would double the memory.
+        for i in 0..alpha.len() {
+            rgba.copy_within(4 * i..4 * i + 3, 3 * i);
+        }
+        rgba.truncate(3 * alpha.len());
+        rgba.shrink_to_fit();
+        Self { size, rgb: triples(rgba), alpha: if opaque { None } else { Some(alpha) } }
     }
 
     /// Reads a mask within `limits`: one channel per pixel, rows from the top; colours become their luma.
@@ -154,6 +160,13 @@ impl Pixels {
             decode(path, limits)?;
         }
         Ok(size)
+    }
+
+    /// Most bytes that decoding a picture file of `size` px takes, the result included and a JPEG's own bytes excluded, by its
+    /// first bytes.
+    pub fn decoding_bytes(path: &Path, size: UVec2, limits: &Limits) -> Result<u64> {
+        let (file, _) = input::open(path, limits)?;
+        decode::most_bytes(path, BufReader::new(file), size)
     }
 
     /// True when a picture file has a channel for opacity, according to its first bytes.

@@ -6,11 +6,14 @@
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use std::fs::{File, Metadata};
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Component, Path};
 
 /// The byte-order mark that some editors put before a text in UTF-8.
 pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Bytes that a copy moves at once.
+const BLOCK: usize = 1 << 16;
 
 /// An open file at byte 0, and its length. Errors: not a regular file; larger than `file_bytes`.
 pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
@@ -30,13 +33,41 @@ pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
 
 /// Copies a stream to a temporary file; returns it at byte 0, and its length. `path` is for messages.
 pub fn spool(path: &Path, from: &mut dyn Read, limits: &Limits) -> Result<(File, u64)> {
-    let io = |e| Error::io(path, e);
-    let mut file = tempfile::tempfile().map_err(io)?;
+    let mut file = tempfile::tempfile().map_err(Error::temporary)?;
     let most = limits.file_bytes.saturating_add(1);
-    let len = std::io::copy(&mut from.take(most), &mut file).map_err(io)?;
+    let len = copy_stream(&mut from.take(most), &mut file, |e| Error::io(path, e), Error::temporary)?;
     limits.file(path, len)?;
-    file.seek(SeekFrom::Start(0)).map_err(io)?;
+    file.seek(SeekFrom::Start(0)).map_err(Error::temporary)?;
     Ok((file, len))
+}
+
+/// Copies a file. An error names the file that could not be read or written.
+pub fn copy(from: &Path, to: &Path) -> Result<()> {
+    let (unread, unwritten) = (|e| Error::io(from, e), |e| Error::io(to, e));
+    let mut source = File::open(from).map_err(unread)?;
+    let mut target = File::create(to).map_err(unwritten)?;
+    copy_stream(&mut source, &mut target, unread, unwritten).map(drop)
+}
+
+/// Copies a stream to its end; returns the number of bytes. `unread` and `unwritten` make the errors of the two sides.
+pub fn copy_stream(
+    from: &mut dyn Read,
+    to: &mut dyn Write,
+    unread: impl Fn(std::io::Error) -> Error,
+    unwritten: impl Fn(std::io::Error) -> Error,
+) -> Result<u64> {
+    let (mut buffer, mut len) = (vec![0; BLOCK], 0);
+    loop {
+        let count = match from.read(&mut buffer) {
+            Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+            read => read.map_err(&unread)?,
+        };
+        if count == 0 {
+            return Ok(len);
+        }
+        to.write_all(&buffer[..count]).map_err(&unwritten)?;
+        len += count as u64;
+    }
 }
 
 /// All bytes of a file. Errors as for [`open`]; larger than `document_bytes`.
@@ -48,9 +79,16 @@ pub fn read(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All bytes of a file of our own, which may be as large as memory. Errors as for [`open`].
-pub fn read_large(path: &Path, limits: &Limits) -> Result<Vec<u8>> {
-    let (file, len) = open(path, limits)?;
+/// All bytes of a file of our own, which may be as large as memory, if `check` finds nothing wrong with its first ones; it gets the
+/// length too. Errors as for [`open`]; those of `check`.
+pub fn read_large(
+    path: &Path,
+    limits: &Limits,
+    check: impl FnOnce(&mut File, u64) -> Result<()>,
+) -> Result<Vec<u8>> {
+    let (mut file, len) = open(path, limits)?;
+    check(&mut file, len)?;
+    file.rewind().map_err(|e| Error::io(path, e))?;
     read_all(path, file, len, limits.file_bytes, limits)
 }
 
@@ -150,6 +188,21 @@ mod tests {
         let limits = Limits { file_bytes: 3, ..Limits::DEFAULT };
         assert!(spool(&path, &mut std::io::repeat(0), &limits).is_err(), "a stream without end");
         assert!(open(folder.path(), &Limits::DEFAULT).unwrap_err().to_string().contains("is a folder"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn an_error_of_a_copy_names_the_file_that_is_at_fault() {
+        let folder = tempfile::tempdir().unwrap();
+        let (from, to) = (folder.path().join("a.jpg"), folder.path().join("b.jpg"));
+        std::fs::write(&from, vec![7; 3 * BLOCK + 1]).unwrap();
+        copy(&from, &to).unwrap();
+        assert!(std::fs::read(&from).unwrap() == std::fs::read(&to).unwrap());
+        // A disk that is full.
+        let message = copy(&from, Path::new("/dev/full")).unwrap_err().to_string();
+        assert!(message.starts_with("/dev/full: No space left"), "{message}");
+        let message = copy(&folder.path().join("none"), &to).unwrap_err().to_string();
+        assert!(message.contains("none: No such file"), "{message}");
     }
 
     #[cfg(target_os = "linux")]

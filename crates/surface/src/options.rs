@@ -9,8 +9,10 @@ use trisplat_scene::ranges::{self, Called};
 const MOST_CELLS: u32 = 256;
 /// ... and with few triangles.
 const LEAST_CELLS: u32 = 48;
-/// Cells along it per root of the triangles that are to be left.
+/// Cells along it per root of the triangles that are to be left, ...
 const CELLS_PER_SIDE: f64 = 1.3;
+/// ... and, where the surface serves a scene, per root of the scene's triangles: time grows with the square of the cells.
+const CELLS_OF_SCENE: f64 = 6.0;
 
 /// How a connected surface is made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -66,6 +68,12 @@ impl SurfaceOptions {
             .unwrap_or_else(|| self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS))
     }
 
+    /// The same with no more cells than a scene of so many triangles can fill with detail.
+    pub fn for_scene(&self, triangles: usize) -> Self {
+        let filled = (CELLS_OF_SCENE * (triangles as f64).sqrt()) as u32;
+        Self { resolution: Some(self.cells().min(filled.max(LEAST_CELLS))), ..self.clone() }
+    }
+
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
         // Surface nets need the distances of all corners of the cells that the surface runs through.
@@ -78,5 +86,19 @@ impl SurfaceOptions {
 impl Default for SurfaceOptions {
     fn default() -> Self {
         Self::DEFAULT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_of_few_triangles_has_a_surface_of_few_cells() {
+        let fine = SurfaceOptions { resolution: Some(128), ..SurfaceOptions::DEFAULT };
+        let cells = |triangles: usize| fine.for_scene(triangles).cells();
+        assert_eq!([1, 60, 100, 300, 1000, 1_000_000].map(cells), [48, 48, 60, 103, 128, 128]);
+        let coarse = SurfaceOptions { resolution: Some(20), ..SurfaceOptions::DEFAULT };
+        assert_eq!(coarse.for_scene(60).cells(), 20, "never more than asked for");
     }
 }

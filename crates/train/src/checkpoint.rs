@@ -6,6 +6,7 @@
 //! computed with zeros in their place.
 
 mod checksum;
+mod header;
 
 use super::budget::Pace;
 use super::core::Core;
@@ -185,23 +186,15 @@ pub fn read(path: &Path) -> Result<Checkpoint> {
 }
 
 fn read_unguarded(path: &Path) -> Result<Checkpoint> {
-    let mut bytes = input::read_large(path, &Limits::DEFAULT)?;
-    if !bytes.is_empty() && !looks_like_safetensors(&bytes) {
-        let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
-        return Err(Error::unsupported(path, reason));
-    }
-    let damaged = || {
-        let reason = "does not fit: the file is damaged; resume from another checkpoint, or train again";
-        Error::malformed(path, "checksum", reason)
-    };
+    let mut bytes = input::read_large(path, &Limits::DEFAULT, |file, len| header::check(path, file, len))?;
     // Before the content is read; files of other formats have no checksum here.
     let fits = checksum::fits(&mut bytes, FORMAT);
     if fits == Some(false) {
-        return Err(damaged());
+        return Err(header::damaged(path));
     }
     let meta = read_meta(path, &bytes)?;
     if fits.is_none() {
-        return Err(damaged());
+        return Err(header::damaged(path));
     }
     meta.validate(path)?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
@@ -284,11 +277,6 @@ fn not_finite(path: &Path, at: &str) -> Error {
         at,
         "holds numbers that are not finite; resume from an earlier checkpoint, or train again",
     )
-}
-
-/// True for every safetensors file, and hardly any other: 8 bytes of length, then a JSON object.
-fn looks_like_safetensors(bytes: &[u8]) -> bool {
-    bytes.get(8).is_none_or(|first| *first == b'{')
 }
 
 /// The values that are not arrays, in a checkpoint of this format.

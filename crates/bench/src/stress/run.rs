@@ -290,14 +290,22 @@ mod tests {
         assert!(rate::lower(1, 150_000) > 0.0, "a promise of no failure is broken by one");
     }
 
+    /// Another seed in every run of the suite, which a failure names: TRISPLAT_STRESS_SEED repeats it.
     #[test]
     fn promises_hold_on_the_cases_of_the_suite() {
-        let report = run(&args(CASES)).unwrap();
+        let now = || std::time::UNIX_EPOCH.elapsed().unwrap().as_secs();
+        let seed = std::env::var("TRISPLAT_STRESS_SEED").map_or_else(|_| now(), |text| text.parse().unwrap());
+        let again = format!("TRISPLAT_STRESS_SEED={seed} repeats this run");
+        #[allow(clippy::print_stderr, reason = "the suite shows it when the test fails")]
+        {
+            eprintln!("{again}");
+        }
+        let report = run(&StressArgs { seed, ..args(CASES) }).unwrap();
         let kept = |p: &&PromiseResult| p.kept || p.promise == Promise::Time;
         let broken: Vec<_> = report.promises.iter().filter(|p| !kept(p)).collect();
-        assert!(broken.is_empty(), "{broken:#?}");
+        assert!(broken.is_empty(), "{again}: {broken:#?}");
         let broken: Vec<_> = report.invariances.iter().filter(|row| !row.kept).collect();
-        assert!(broken.is_empty(), "{broken:#?}");
+        assert!(broken.is_empty(), "{again}: {broken:#?}");
     }
 
     /// Few cases of each of many seeds: one seed finds the same places again and again.

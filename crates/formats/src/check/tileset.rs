@@ -4,7 +4,7 @@ use super::findings::{Finding, Findings, Severity};
 use crate::gltf::uri;
 use crate::tileset_json::{Content, Tile, Tileset, is_json};
 use glam::{DMat4, DVec3, Vec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::input;
@@ -33,10 +33,16 @@ pub(super) fn check(
 ) -> Result<Option<u64>> {
     let folder = (path.as_os_str() != "-").then(|| path.parent().unwrap_or(Path::new("")).to_owned());
     let files = Files { folder, limits, allow_outside, check_file };
-    let mut tree = Tree { files, findings, tiles: BTreeMap::new(), notes: BTreeMap::new() };
-    let above = Above { error: f64::INFINITY, around: None, sets: vec![String::new()] };
+    let first = SetFile { name: String::new(), around: None, depth: 1 };
+    let (tiles, notes) = (BTreeMap::new(), BTreeMap::new());
+    let mut tree = Tree { files, findings, tiles, notes, sets: vec![first], waiting: VecDeque::new() };
+    let above = Above { error: f64::INFINITY, around: None, set: 0 };
     if tree.set(json, &above)?.is_none() {
         return Ok(None);
+    }
+    // One after the other and not within each other: they may be nested deeper than a stack is.
+    while let Some((file, above)) = tree.waiting.pop_front() {
+        tree.part(&file, &above)?;
     }
     let Tree { tiles, notes, .. } = tree;
     for (what, count) in notes {
@@ -49,18 +55,18 @@ pub(super) fn check(
 struct Above {
     error: f64,
     around: Option<OrientedBox>,
-    /// Names of the tilesets around it, relative to the first, which has no name.
-    sets: Vec<String>,
+    /// The innermost tileset around it.
+    set: usize,
 }
 
-impl Above {
-    /// A place in the innermost tileset, for findings.
-    fn place(&self, within: &str) -> String {
-        match self.sets.last().filter(|name| !name.is_empty()) {
-            Some(name) => format!("{name}: {within}"),
-            None => within.to_owned(),
-        }
-    }
+/// A tileset within the first one, or that one itself.
+struct SetFile {
+    /// Relative to the first, which has no name.
+    name: String,
+    /// The tileset that names it.
+    around: Option<usize>,
+    /// Number of tilesets around it, itself included.
+    depth: u64,
 }
 
 /// A file of the tileset.
@@ -86,34 +92,52 @@ struct Tree<'a> {
     tiles: BTreeMap<String, TileFile>,
     /// Notes on tiles, with their number, so that there is one finding for all.
     notes: BTreeMap<String, usize>,
+    /// Every tileset so far.
+    sets: Vec<SetFile>,
+    /// Those that are still to be read.
+    waiting: VecDeque<(PathBuf, Above)>,
 }
 
 impl Tree<'_> {
+    /// A place in the innermost tileset, for findings.
+    fn place(&self, above: &Above, within: &str) -> String {
+        match &self.sets[above.set].name {
+            name if name.is_empty() => within.to_owned(),
+            name => format!("{name}: {within}"),
+        }
+    }
+
+    /// True when the tileset `name` is this one, or around it.
+    fn is_around(&self, set: usize, name: &str) -> bool {
+        let outer = std::iter::successors(Some(set), |set| self.sets[*set].around);
+        outer.into_iter().any(|set| self.sets[set].name == name)
+    }
+
     /// The innermost tileset above; none when the file is not a tileset.
     fn set(&mut self, json: &[u8], above: &Above) -> Result<Option<()>> {
         let set: Tileset = match serde_json::from_slice(json) {
             Ok(set) => set,
             Err(e) => {
-                let place = above.place(&format!("line {} column {}", e.line(), e.column()));
+                let place = self.place(above, &format!("line {} column {}", e.line(), e.column()));
                 self.findings.error(place, format!("is no tileset: {e}"));
                 return Ok(None);
             }
         };
         if !matches!(set.asset.version.as_str(), "1.0" | "1.1") {
             let what = format!("has the version {}; 1.0 and 1.1 are known", set.asset.version);
-            self.findings.error(above.place("asset"), what);
+            self.findings.error(self.place(above, "asset"), what);
         }
         if set.root.refine.is_none() {
-            self.findings.error(above.place("root"), "lacks `refine`, which the first tile must have");
+            self.findings.error(self.place(above, "root"), "lacks `refine`, which the first tile must have");
         }
         let error = set.geometric_error.min(above.error);
-        let above = Above { error, around: above.around.clone(), sets: above.sets.clone() };
+        let above = Above { error, around: above.around.clone(), set: above.set };
         self.tile("root", &set.root, &above).map(Some)
     }
 
     /// Checks a tile and the tiles below it. Recursion ends, because JSON is read at most 128 levels deep.
     fn tile(&mut self, within: &str, tile: &Tile, above: &Above) -> Result<()> {
-        let place = &above.place(within);
+        let place = &self.place(above, within);
         let error = tile.geometric_error;
         if !(error >= 0.0 && error.is_finite()) {
             self.findings.error(place, format!("has the geometricError {error}; expected 0 or more"));
@@ -135,7 +159,7 @@ impl Tree<'_> {
         if above.around.as_ref().zip(around.as_ref()).is_some_and(|(outer, inner)| !holds(outer, inner)) {
             self.findings.error(place, "has a box that is not within that of the tile above it");
         }
-        let below = Above { error: error.min(above.error), around, sets: above.sets.clone() };
+        let below = Above { error: error.min(above.error), around, set: above.set };
         for content in tile.content.iter().chain(&tile.contents) {
             self.content(place, content, &below)?;
         }
@@ -160,12 +184,12 @@ impl Tree<'_> {
 
     /// The file of a tile; every file is checked once.
     fn content(&mut self, place: &str, content: &Content, tile: &Above) -> Result<()> {
-        let set = tile.sets.last().map_or("", String::as_str);
-        let Some(name) = self.local(place, &content.uri, Path::new(set)) else { return Ok(()) };
+        let set = PathBuf::from(&self.sets[tile.set].name);
+        let Some(name) = self.local(place, &content.uri, &set) else { return Ok(()) };
         if !self.tiles.contains_key(&name) {
             let file = self.file(place, &name, tile)?;
             self.tiles.insert(name.clone(), file);
-        } else if tile.sets.contains(&name) {
+        } else if self.is_around(tile.set, &name) {
             self.findings.error(place, format!("names {name}, the tileset that it is in"));
         }
         let bounds = self.tiles.get(&name).and_then(|file| file.bounds);
@@ -212,8 +236,13 @@ impl Tree<'_> {
             return none(Severity::Error, format!("names {name}, which does not exist: {}", file.display()));
         }
         if is_json(name) {
-            self.tiles.insert(name.to_owned(), TileFile { triangles: Some(0), bounds: None });
-            return self.part(&file, name, tile);
+            // It has no triangles of its own: its tiles are counted.
+            let depth = self.sets[tile.set].depth + 1;
+            self.files.limits.nesting(file.display(), depth)?;
+            let above = Above { error: tile.error, around: tile.around.clone(), set: self.sets.len() };
+            self.sets.push(SetFile { name: name.to_owned(), around: Some(tile.set), depth });
+            self.waiting.push_back((file, above));
+            return Ok(TileFile { triangles: Some(0), bounds: None });
         }
         let CheckedTile { triangles, findings, bounds } = match (self.files.check_file)(&file) {
             Err(Error::Unsupported { reason, .. }) => {
@@ -230,15 +259,14 @@ impl Tree<'_> {
         Ok(TileFile { triangles, bounds })
     }
 
-    /// A tileset within the tileset: its tiles are counted, it has no triangles of its own.
-    fn part(&mut self, file: &Path, name: &str, tile: &Above) -> Result<TileFile> {
-        let mut sets = tile.sets.clone();
-        sets.push(name.to_owned());
-        self.files.limits.nesting(file.display(), sets.len() as u64)?;
+    /// Checks a tileset within the tileset. What is none has no number of triangles.
+    fn part(&mut self, file: &Path, above: &Above) -> Result<()> {
         let json = input::read(file, self.files.limits)?;
-        let above = Above { error: tile.error, around: tile.around.clone(), sets };
-        let triangles = self.set(&json, &above)?.map(|()| 0);
-        Ok(TileFile { triangles, bounds: None })
+        if self.set(&json, above)?.is_none() {
+            let name = self.sets[above.set].name.clone();
+            self.tiles.insert(name, TileFile { triangles: None, bounds: None });
+        }
+        Ok(())
     }
 }
 

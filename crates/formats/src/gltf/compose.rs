@@ -2,6 +2,7 @@
 
 use super::container::stream_offsets;
 use super::content::{Content, Picture};
+use super::exact;
 use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, TextureFormat};
@@ -30,7 +31,7 @@ use trisplat_scene::camera::Viewpoint;
 /// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
 pub(super) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
     let root = root(content, bin_name)?;
-    if bin_name.is_some() { root.to_vec_pretty() } else { root.to_vec() }
+    exact::text(&root, bin_name.is_some())
 }
 
 fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {

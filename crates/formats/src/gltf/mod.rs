@@ -22,6 +22,7 @@ pub(super) mod container;
 mod content;
 pub(super) mod document;
 mod encode;
+mod exact;
 pub(super) mod extensions;
 mod extras;
 mod grid;

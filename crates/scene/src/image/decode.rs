@@ -2,19 +2,21 @@
 
 use super::jpeg::{self, JPEG_END, JPEG_START};
 use super::palette;
+use super::png::{self, PNG_START};
 use super::tiff;
 use crate::error::{Error, Result};
 use crate::guard::guarded;
 use crate::input;
 use crate::limits::Limits;
 use glam::UVec2;
-use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Decodes a picture; its first bytes decide the format, not its name. Its stated size is checked before
 /// memory is allocated.
 pub(super) fn decode(path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
-    decode_bytes(path, &input::read(path, limits)?, limits)
+    Opened::new(path, limits)?.decode(path, limits)
 }
 
 /// The same for bytes in memory; `path` is for messages.
@@ -23,10 +25,60 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result
         // The decoder would silently fill the rest with grey.
         return Err(Error::malformed(path, "picture", "the JPEG is cut short; copy it again"));
     }
-    header_size(path, Cursor::new(bytes), bytes.len() as u64, limits)?;
+    decode_from(path, Cursor::new(bytes), bytes.len() as u64, limits)
+}
+
+/// A picture file at byte 0.
+struct Opened {
+    file: BufReader<File>,
+    len: u64,
+    /// Its first bytes.
+    start: Vec<u8>,
+}
+
+impl Opened {
+    fn new(path: &Path, limits: &Limits) -> Result<Self> {
+        let (file, len) = input::open(path, limits)?;
+        limits.document(path.display(), len)?;
+        let mut file = BufReader::new(file);
+        let start = file.fill_buf().map_err(|e| Error::io(path, e))?;
+        let start = start[..start.len().min(PNG_START.len())].to_vec();
+        Ok(Self { file, len, start })
+    }
+
+    /// Only the decoder of JPEG needs the file in memory.
+    fn decode(self, path: &Path, limits: &Limits) -> Result<image::DynamicImage> {
+        if self.start.starts_with(&JPEG_START) {
+            return decode_bytes(path, &self.bytes(path, limits)?, limits);
+        }
+        decode_from(path, self.file, self.len, limits)
+    }
+
+    fn bytes(self, path: &Path, limits: &Limits) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        limits.reserve(path.display(), &mut bytes, self.len as usize)?;
+        // The file may grow during reading.
+        let read = self.file.take(limits.document_bytes).read_to_end(&mut bytes);
+        read.map(|_| bytes).map_err(|e| Error::io(path, e))
+    }
+}
+
+/// A picture of `len` bytes; of WebP and TIFF the decoders hold the whole picture, but not the file.
+fn decode_from(
+    path: &Path,
+    mut file: impl BufRead + Seek,
+    len: u64,
+    limits: &Limits,
+) -> Result<image::DynamicImage> {
+    let io = |e| Error::io(path, e);
+    let is_png = file.fill_buf().map_err(io)?.starts_with(&PNG_START);
+    header_size(path, &mut file, len, limits)?;
+    file.rewind().map_err(io)?;
+    if is_png {
+        return png::decode(path, file, limits);
+    }
     guarded(path, || {
-        let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-        let mut reader = reader.map_err(|e| Error::io(path, e))?;
+        let mut reader = image::ImageReader::new(file).with_guessed_format().map_err(io)?;
         let mut held = image::Limits::no_limits();
         held.max_alloc = Some(limits.array_bytes);
         reader.limits(held);
@@ -35,7 +87,7 @@ pub(super) fn decode_bytes(path: &Path, bytes: &[u8], limits: &Limits) -> Result
 }
 
 /// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a JPEG at 1/2,
-/// 1/4 or 1/8, a TIFF at `least`; otherwise in full. Returns its full size too.
+/// 1/4 or 1/8, a TIFF or opaque PNG at `least`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
     least: UVec2,
@@ -44,8 +96,10 @@ pub(super) fn decode_reduced(
     if let Some(small) = tiff::reduced(path, least, limits)? {
         return Ok(small);
     }
-    let bytes = input::read(path, limits)?;
-    if bytes.starts_with(&JPEG_START) {
+    let io = |e| Error::io(path, e);
+    let mut opened = Opened::new(path, limits)?;
+    if opened.start.starts_with(&JPEG_START) {
+        let bytes = opened.bytes(path, limits)?;
         let full = header_size(path, Cursor::new(&bytes), bytes.len() as u64, limits)?;
         // Sides that are not multiples would end with a fraction of a pixel.
         let fits = |part: &u32| (least * *part).cmple(full).all() && full % *part == UVec2::ZERO;
@@ -54,8 +108,17 @@ pub(super) fn decode_reduced(
         {
             return Ok((small, full));
         }
+        return Ok((decode_bytes(path, &bytes, limits)?, full));
     }
-    let whole = decode_bytes(path, &bytes, limits)?;
+    if opened.start.starts_with(&PNG_START) {
+        header_size(path, &mut opened.file, opened.len, limits)?;
+        opened.file.rewind().map_err(io)?;
+        if let Some(small) = png::reduced(path, &mut opened.file, least)? {
+            return Ok(small);
+        }
+        opened.file.rewind().map_err(io)?;
+    }
+    let whole = opened.decode(path, limits)?;
     let full = UVec2::new(whole.width(), whole.height());
     Ok((whole, full))
 }
@@ -69,7 +132,12 @@ pub(super) fn header_size(
 ) -> Result<UVec2> {
     palette::check(path, &mut file)?;
     file.rewind().map_err(|e| Error::io(path, e))?;
+    let is_png = file.fill_buf().map_err(|e| Error::io(path, e))?.starts_with(&PNG_START);
     let (format, (width, height)) = guarded(path, || {
+        if is_png {
+            let UVec2 { x, y } = png::size(file).map_err(|e| png::broken(path, e))?;
+            return Ok((Some(image::ImageFormat::Png), (x, y)));
+        }
         let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
         let format = reader.format();
         reader.into_dimensions().map(|size| (format, size)).map_err(|e| broken(path, e))
@@ -88,6 +156,27 @@ pub(super) fn header_size(
     Ok(UVec2::new(width, height))
 }
 
+/// Most bytes that decoding a picture of `size` px takes, the result included.
+pub(super) fn most_bytes(path: &Path, mut file: impl BufRead, size: UVec2) -> Result<u64> {
+    /// Chunk of a WebP file that may have an opacity per pixel.
+    const EXTENDED: &[u8] = b"VP8X";
+    let start = file.fill_buf().map_err(|e| Error::io(path, e))?;
+    let per_pixel = if start.starts_with(&PNG_START) {
+        // Row by row into the result.
+        4
+    } else if start.starts_with(&JPEG_START) {
+        // A progressive one: coefficients of three channels in 16 bits, and the result.
+        9
+    } else if start.starts_with(b"RIFF") {
+        // The decoder has planes of its own, those of opacity too, beside the result.
+        if start.get(12..16) == Some(EXTENDED) { 11 } else { 7 }
+    } else {
+        // TIFF: four channels of 16 bits, and the result.
+        12
+    };
+    Ok(per_pixel * u64::from(size.x) * u64::from(size.y))
+}
+
 /// True when a picture has an opacity per pixel, according to its first bytes.
 pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bool> {
     use image::ImageDecoder;
@@ -95,6 +184,9 @@ pub(super) fn has_alpha(path: &Path, mut file: impl BufRead + Seek) -> Result<bo
     // JPEG, the usual format of large data sets, has no opacity.
     if start.starts_with(&JPEG_START) {
         return Ok(false);
+    }
+    if start.starts_with(&PNG_START) {
+        return png::has_alpha(file).map_err(|e| png::broken(path, e));
     }
     let reader = image::ImageReader::new(file).with_guessed_format().map_err(|e| Error::io(path, e))?;
     let decoder = reader.into_decoder().map_err(|e| broken(path, e))?;

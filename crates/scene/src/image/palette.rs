@@ -1,10 +1,10 @@
 //! The palette of a PNG file: its decoder trusts it, so it is checked first.
 
+use super::png::PNG_START;
 use crate::error::{Error, Result};
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
-const SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// Most colours of a palette, of 3 bytes each (PNG specification, 11.2.2).
 const MOST_COLORS: u32 = 256;
 
@@ -23,8 +23,8 @@ pub(super) fn check(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
 /// Place and length of the first invalid palette, bytes.
 fn bad_palette(file: &mut (impl Read + Seek)) -> io::Result<Option<(u64, u32)>> {
     let mut head = [0; 8];
-    let mut at = SIGNATURE.len() as u64;
-    if !read(file, &mut head)? || head != SIGNATURE {
+    let mut at = PNG_START.len() as u64;
+    if !read(file, &mut head)? || head != PNG_START {
         return Ok(None);
     }
     // The decoder refuses a file that ends here.

@@ -1,0 +1,219 @@
+//! PNG files, decoded row by row into 8 bits: memory holds neither the file nor a picture of 16 bits. Colour profiles
+//! and texts, which unpack to a thousand times their size, are skipped: colours are taken as sRGB anyway.
+
+use super::shrink::AreaAverage;
+use crate::error::{Error, Result};
+use crate::guard::guarded;
+use crate::limits::Limits;
+use glam::UVec2;
+use image::DynamicImage;
+use png::{BitDepth, ColorType, DecodingError, InterlaceInfo, Reader, Transformations};
+use std::io::{BufRead, Seek};
+use std::path::Path;
+
+pub(super) const PNG_START: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
+
+type Decoded<T> = std::result::Result<T, DecodingError>;
+
+/// The size in a file's header; everything before the pixels is checked.
+pub(super) fn size(file: impl BufRead + Seek) -> Decoded<UVec2> {
+    Ok(UVec2::from(opened(file)?.info().size()))
+}
+
+/// True when a file has an opacity per pixel or a transparent colour.
+pub(super) fn has_alpha(file: impl BufRead + Seek) -> Decoded<bool> {
+    let (color, _) = opened(file)?.output_color_type();
+    Ok(matches!(color, ColorType::GrayscaleAlpha | ColorType::Rgba))
+}
+
+/// The picture in 8 bits per channel. Its size has been checked.
+pub(super) fn decode(path: &Path, file: impl BufRead + Seek, limits: &Limits) -> Result<DynamicImage> {
+    let bad = |e| broken(path, e);
+    guarded(path, || {
+        let mut reader = opened(file).map_err(bad)?;
+        let size = UVec2::from(reader.info().size());
+        let (color, _) = reader.output_color_type();
+        let channels = color.samples();
+        let stride = size.x as usize * channels;
+        let mut pixels: Vec<u8> = limits.zeroed(path.display(), stride.saturating_mul(size.y as usize))?;
+        let mut rest = &mut pixels[..];
+        if reader.info().interlaced {
+            each_row(&mut reader, &mut |row, place| {
+                if let InterlaceInfo::Adam7(pass) = place {
+                    png::expand_interlaced_row(rest, stride, row, pass, 8 * channels as u8);
+                }
+            })
+        } else {
+            each_row(&mut reader, &mut |row, _| {
+                if let Some((to, below)) = std::mem::take(&mut rest).split_at_mut_checked(row.len()) {
+                    to.copy_from_slice(row);
+                    rest = below;
+                }
+            })
+        }
+        .map_err(bad)?;
+        picture(color, size, pixels)
+            .ok_or_else(|| Error::malformed(path, "picture", "has colours of no known kind"))
+    })
+}
+
+/// A picture of opaque colours or greys, shrunk to `wanted` while it is read, and its full size; `None` of one that
+/// is not larger, is not stored row after row, or that the whole decoder is to judge.
+pub(super) fn reduced(
+    path: &Path,
+    file: impl BufRead + Seek,
+    wanted: UVec2,
+) -> Result<Option<(DynamicImage, UVec2)>> {
+    guarded(path, || Ok(shrunk(file, wanted)))
+}
+
+fn shrunk(file: impl BufRead + Seek, wanted: UVec2) -> Option<(DynamicImage, UVec2)> {
+    let mut reader = opened(file).ok()?;
+    let size = UVec2::from(reader.info().size());
+    let channels = match reader.output_color_type().0 {
+        ColorType::Grayscale => 1,
+        ColorType::Rgb => 3,
+        _ => return None,
+    };
+    if reader.info().interlaced || !wanted.cmplt(size).all() || wanted == UVec2::ZERO {
+        return None;
+    }
+    let mut average = AreaAverage::<3>::new(size, wanted);
+    let mut grey: Vec<[u8; 3]> = Vec::new();
+    each_row(&mut reader, &mut |row, _| {
+        if channels == 3 {
+            average.push(bytemuck::cast_slice(row));
+        } else {
+            grey.clear();
+            grey.extend(row.iter().map(|code| [*code; 3]));
+            average.push(&grey);
+        }
+    })
+    .ok()?;
+    Some((picture(ColorType::Rgb, wanted, bytemuck::cast_vec(average.finish()))?, size))
+}
+
+/// A decoder at the first pixels; palettes and fewer than 8 bits are expanded.
+fn opened<R: BufRead + Seek>(file: R) -> Decoded<Reader<R>> {
+    let mut decoder = png::Decoder::new(file);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.set_ignore_text_chunk(true);
+    decoder.set_transformations(Transformations::EXPAND);
+    decoder.read_info()
+}
+
+/// Every row in 8 bits, in the order of the file, up to the end of the pixels.
+fn each_row(
+    reader: &mut Reader<impl BufRead + Seek>,
+    take: &mut dyn FnMut(&[u8], &InterlaceInfo),
+) -> Decoded<()> {
+    let is_deep = reader.output_color_type().1 == BitDepth::Sixteen;
+    let mut codes = Vec::new();
+    while let Some(row) = reader.next_interlaced_row()? {
+        if is_deep {
+            codes.clear();
+            let deep = row.data().chunks_exact(2).map(|b| u32::from(u16::from_be_bytes([b[0], b[1]])));
+            codes.extend(deep.map(|code| ((code + 128) / 257) as u8));
+            take(&codes, row.interlace());
+        } else {
+            take(row.data(), row.interlace());
+        }
+    }
+    Ok(())
+}
+
+fn picture(color: ColorType, size: UVec2, pixels: Vec<u8>) -> Option<DynamicImage> {
+    let UVec2 { x, y } = size;
+    match color {
+        ColorType::Grayscale => image::GrayImage::from_raw(x, y, pixels).map(Into::into),
+        ColorType::GrayscaleAlpha => image::GrayAlphaImage::from_raw(x, y, pixels).map(Into::into),
+        ColorType::Rgb => image::RgbImage::from_raw(x, y, pixels).map(Into::into),
+        ColorType::Rgba => image::RgbaImage::from_raw(x, y, pixels).map(Into::into),
+        ColorType::Indexed => None,
+    }
+}
+
+/// The error of a file that cannot be decoded.
+pub(super) fn broken(path: &Path, error: DecodingError) -> Error {
+    use std::io::ErrorKind::{InvalidData, UnexpectedEof};
+    match error {
+        // About the content of the file, not of the system.
+        DecodingError::IoError(e) if !matches!(e.kind(), InvalidData | UnexpectedEof) => Error::io(path, e),
+        e => Error::malformed(path, "picture", format!("is damaged ({e}); copy it again")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Pixels;
+    use image::{GenericImageView, ImageBuffer, ImageFormat, Rgba};
+    use std::io::Cursor;
+
+    /// A picture of many colours, some of them between two codes of 8 bits.
+    fn deep(size: UVec2) -> DynamicImage {
+        let pixel =
+            |x: u32, y: u32| Rgba([x * 997, y * 1013, (x + y) * 691, 65_535 - x * y].map(|c| c as u16));
+        ImageBuffer::from_fn(size.x, size.y, pixel).into()
+    }
+
+    fn encoded(picture: &DynamicImage) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn a_png_of_16_bits_is_read_row_by_row() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let size = UVec2::new(61, 43);
+        let deep = deep(size);
+        let kinds: [DynamicImage; 8] = [
+            deep.to_luma8().into(),
+            deep.to_luma_alpha8().into(),
+            deep.to_rgb8().into(),
+            deep.to_rgba8().into(),
+            deep.to_luma16().into(),
+            deep.to_luma_alpha16().into(),
+            deep.to_rgb16().into(),
+            deep,
+        ];
+        for picture in kinds {
+            let bytes = encoded(&picture);
+            std::fs::write(&path, &bytes).unwrap();
+            // As the decoder of whole pictures reads it.
+            let whole = image::load_from_memory(&bytes).unwrap();
+            let read = decode(&path, Cursor::new(&bytes), &Limits::DEFAULT).unwrap();
+            assert_eq!(read.to_rgba8(), whole.to_rgba8(), "{:?}", picture.color());
+            assert_eq!(has_alpha(Cursor::new(&bytes)).unwrap(), picture.color().has_alpha());
+            // Smaller, too.
+            let wanted = UVec2::new(20, 14);
+            let (small, full) = Pixels::load_reduced(&path, wanted, &Limits::DEFAULT).unwrap();
+            let whole = Pixels::load(&path).unwrap();
+            let wants = if picture.color().has_alpha() { whole } else { whole.downscaled(wanted) };
+            assert_eq!((small, full), (wants, size), "{:?}", picture.color());
+        }
+    }
+
+    #[test]
+    fn an_interlaced_png_is_put_together() {
+        // 9 x 9 px, RGB of 16 bits.
+        let text = "iVBORw0KGgoAAAANSUhEUgAAAAkAAAAJEAIAAAFIZH2SAAABb0lEQVR42kVQsWqCMRD+KS0EoXAgQiHLP0hBnAQJulXo4OCUpRkKhk4ZDBSnjo\
+                    VSyOgqdHDIKDSDQ4ZC7hEcJZOP4AN0aO5XaOCO3H139913VdW8jNX/J2PG76qyuslYnfHpvTrHVlvdL7DVJSUC4R6aMhGs7hw9WD3ZlCBjHz1k\
+                    /HhoMDIRWierRaAqEep9RhH6eJkggod6b7WHycaDh5fXXPpLN1c0XTLyLpJPpiHkSoSbN8lEAOOiCFwlI8L9tABWt06SWV3vXSTGZKyerQrgAY\
+                    xkHgYjFz1IloyH5aEAGTtHyTJONi6SumQyruuGhYyrqx9iID6u2NBqrlonF7m63XrgCkwyXLW7GbnqHC/7ciUZG4ogGZFKdvdltWS0k2S9a6If\
+                    jFJBxouMkpWrnQVy5eLtVgSaLpmLvWurSZ+LLj4+e6D2VBTPdxlJ3uUiJL/dJa33UyoYL0jFbOViMvOdh2SWh1TW/PzNmMy6/gMCCbAyVgZpIQ\
+                    AAAABJRU5ErkJggg==";
+        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, text).unwrap();
+        let whole = image::load_from_memory(&bytes).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(whole.dimensions(), (9, 9));
+        let read = Pixels::load(&path).unwrap();
+        assert_eq!(read.rgb.as_flattened(), whole.to_rgb8().as_raw().as_slice());
+        let (same, full) = Pixels::load_reduced(&path, UVec2::new(3, 3), &Limits::DEFAULT).unwrap();
+        assert_eq!((same, full), (read, UVec2::new(9, 9)), "its rows do not come in order");
+    }
+}
