@@ -1,16 +1,18 @@
 // Uses the page of the program as a person does: node app.mjs JUDGES CHROMIUM PAGE < VISITS
 //
-// VISITS is a JSON list of { files, set, bake, folder, cancel, soft, webgl, isolated, screenshot, size }: files to open; values of fields by their ids;
-// whether to bake, and where downloads go; whether to cancel that; whether to look at the scene soft; false for a browser without WebGL 2;
-// whether a server isolates it.
-// Prints one JSON line per visit: { errors, state, message, what, downloads, warnings, pause, paint }; pause: the longest between two frames
-// while it worked, ms; paint: when the page was first seen, ms.
+// VISITS is a JSON list of { files, drop, set, inputs, bake, folder, cancel, soft, webgl, isolated, touch, screenshot, size }: files to open, by
+// the button or dropped where the picture will be; values of fields by their ids; inputs of inputs.mjs, each with { seen: NAME } for pictures of
+// before and after; whether to bake, and where downloads go; whether to cancel that; whether to look at the scene soft; false for a browser
+// without WebGL 2; whether a server isolates it; whether it has a touch screen.
+// Prints one JSON line per visit: { errors, state, message, what, downloads, warnings, pause, paint, canvas, button }; pause: the longest between
+// two frames while it worked, ms; paint: when the page was first seen, ms; canvas and button: the boxes of the picture and of the button Bake.
 import { readFile } from "node:fs/promises";
 import { createServer } from "node:http";
-import { join, resolve } from "node:path";
+import { basename, join, resolve } from "node:path";
 import { text } from "node:stream/consumers";
 import { pathToFileURL } from "node:url";
 import { launch, openPage } from "./chromium.mjs";
+import { seen as seenInput } from "./inputs.mjs";
 
 const [judges, executablePath, app] = process.argv.slice(2);
 const browser = await launch(judges, executablePath);
@@ -28,8 +30,25 @@ async function served() {
   return server;
 }
 
-async function see({ files, set = {}, bake, folder, cancel, soft, webgl = true, isolated, screenshot, size = [900, 600] }) {
-  const { page, errors } = await openPage(browser, ...size);
+/** Drops files into the middle of the empty picture. */
+async function dropInto(page, files) {
+  const all = await Promise.all(files.map(async (path) => ({ name: basename(path), data: (await readFile(path)).toString("base64") })));
+  await page.evaluate(async (all) => {
+    const dataTransfer = new DataTransfer();
+    for (const { name, data } of all) dataTransfer.items.add(new File([Uint8Array.from(atob(data), (c) => c.charCodeAt(0))], name));
+    const { left, top, width, height } = document.getElementById("picture").getBoundingClientRect();
+    const [clientX, clientY] = [left + width / 2, top + height / 2];
+    const event = { dataTransfer, clientX, clientY, bubbles: true, cancelable: true };
+    const at = document.elementFromPoint(clientX, clientY);
+    // A page that does not take the first is not asked to take the second.
+    if (!at.dispatchEvent(new DragEvent("dragover", event))) at.dispatchEvent(new DragEvent("drop", event));
+  }, all);
+}
+
+async function see({
+  files, drop, set = {}, inputs = [], bake, folder, cancel, soft, webgl = true, isolated, touch = false, screenshot, size = [900, 600],
+}) {
+  const { page, errors } = await openPage(browser, ...size, touch);
   const server = isolated ? await served() : null;
   const address = server ? `http://127.0.0.1:${server.address().port}/` : pathToFileURL(resolve(app)).href;
   page.on("request", (r) => /^(http|ws)/.test(r.url()) && r.url() !== address && errors.push(`asks the network for ${r.url()}`));
@@ -53,12 +72,21 @@ async function see({ files, set = {}, bake, folder, cancel, soft, webgl = true, 
     await page.setInputFiles("#file", files);
     await rest("working");
   }
+  if (drop) {
+    await dropInto(page, drop);
+    await page.waitForFunction(() => !document.getElementById("options").hidden, null, { timeout: 300_000 });
+    await rest("working");
+  }
   for (const [id, value] of Object.entries(set)) {
     if (typeof value === "boolean") await page.setChecked(`#${id}`, value);
     else if (await page.evaluate((id) => document.getElementById(id).tagName === "SELECT", id)) await page.selectOption(`#${id}`, value);
     else await page.fill(`#${id}`, value);
     await rest("working");
   }
+  const client = await page.context().newCDPSession(page);
+  const still = () => page.waitForFunction(() => document.documentElement.dataset.picture === "resting", null, { timeout: 120_000 });
+  if (inputs.length > 0) await still();
+  for (const input of inputs) await seenInput(page, client, input, input.seen, still);
   if (soft) {
     await page.check("input[name=look][value=soft]");
     await page.waitForFunction(() => !document.getElementById("soft").hidden, null, { timeout: 120_000 });
@@ -79,6 +107,7 @@ async function see({ files, set = {}, bake, folder, cancel, soft, webgl = true, 
     await page.screenshot({ path: screenshot });
   }
   const seen = await page.evaluate(() => {
+    const box = (id) => document.getElementById(id).getBoundingClientRect().toJSON();
     const shown = (id) => (document.getElementById(id).checkVisibility() ? document.getElementById(id).innerText : "");
     return {
       state: document.documentElement.dataset.state,
@@ -88,6 +117,8 @@ async function see({ files, set = {}, bake, folder, cancel, soft, webgl = true, 
       isolated: window.crossOriginIsolated,
       compares: document.getElementById("compare").checkVisibility(),
       pause: Math.round(window.pause),
+      canvas: box("picture"),
+      button: box("bake"),
       paint: Math.round(performance.getEntriesByName("first-contentful-paint")[0]?.startTime ?? -1),
     };
   });

@@ -2,15 +2,14 @@
 // Usage: node browser.mjs JUDGES CHROMIUM < PAGES   (JUDGES holds node_modules)
 //
 // PAGES is a JSON list of { page, fragment, size: [w, h], touch, steps, webgl, script }; webgl and script are false for a browser without
-// them, and of a page without script the line holds { text }: what is seen of it. A step is one of
-//   { show: FRAGMENT }  { screenshot: FILE }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }
-//   { double: [x, y] }  { press: KEY, ms }  { click: ID }  { wheel: dy }
-// and then waits for the picture to be at rest; a screenshot is taken after that. The line holds { views, errors, state, ms }: the page's
-// own words for the view after every step, and all that the console complained of.
+// them, and of a page without script the line holds { text }: what is seen of it. A step is an input of inputs.mjs and then waits for the
+// picture to be at rest; { screenshot: FILE } is taken after that, and { seen: NAME } saves pictures of before and after. The line holds
+// { views, errors, state, ms }: the page's own words for the view after every step, and all that the console complained of.
 import { resolve } from "node:path";
 import { text } from "node:stream/consumers";
 import { pathToFileURL } from "node:url";
 import { launch } from "./chromium.mjs";
+import { act, heard, seen } from "./inputs.mjs";
 
 const [judges, executablePath] = process.argv.slice(2);
 const browser = await launch(judges, executablePath);
@@ -41,10 +40,12 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
   const views = [await page.evaluate(() => window.trisplat.view?.())];
   const client = await context.newCDPSession(page);
   for (const step of steps) {
-    await act(page, client, step);
-    // Two frames: what was done has been heard, and the picture has begun again.
-    await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
-    await rest();
+    if (step.seen) await seen(page, client, step, step.seen, rest);
+    else {
+      await act(page, client, step);
+      await heard(page);
+      await rest();
+    }
     if (step.screenshot) await page.screenshot({ path: step.screenshot });
     views.push(await page.evaluate(() => window.trisplat.view?.()));
   }
@@ -59,33 +60,4 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
   }));
   await context.close();
   return { views, errors, ms, ...state };
-}
-
-async function act(page, client, step) {
-  const { show, drag, pinch, double, press, click, wheel, ms } = step;
-  const touch = (type, points) =>
-    client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
-  if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
-  if (drag) {
-    const [x, y, dx, dy] = drag;
-    await page.mouse.move(x, y);
-    await page.mouse.down();
-    await page.mouse.move(x + dx, y + dy, { steps: 5 });
-    await page.mouse.up();
-  }
-  if (pinch) {
-    const [x, y, from, to] = pinch;
-    const fingers = (apart) => [[x - apart / 2, y], [x + apart / 2, y]];
-    await touch("touchStart", fingers(from));
-    for (let i = 1; i <= 5; i++) await touch("touchMove", fingers(from + ((to - from) * i) / 5));
-    await touch("touchEnd", []);
-  }
-  if (double) await page.mouse.dblclick(...double);
-  if (press) {
-    await page.keyboard.down(press);
-    await page.waitForTimeout(ms ?? 0);
-    await page.keyboard.up(press);
-  }
-  if (click) await page.click(`#${click}`);
-  if (wheel) await page.mouse.wheel(0, wheel);
 }

@@ -14,8 +14,8 @@ export function launch(judges, executablePath) {
 }
 
 // A page of `browser`, and a list that gets all it complains of.
-export async function openPage(browser, width, height) {
-  const page = await browser.newPage({ viewport: { width, height } });
+export async function openPage(browser, width, height, hasTouch = false) {
+  const page = await browser.newPage({ viewport: { width, height }, hasTouch });
   const errors = [];
   page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
   page.on("pageerror", (e) => errors.push(String(e)));

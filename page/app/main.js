@@ -84,6 +84,9 @@ async function open(files) {
   at('crop').checked = false;
   cropped();
   at('options').hidden = false;
+  at('place').hidden = true;
+  document.body.classList.add('opened');
+  fold(true);
   at('has-soft').hidden = at('may-harden').hidden = !look.soft;
   choose('solid');
   say(`${scene.name}: ${look.info.triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}, ${size(bytes)}`);
@@ -151,6 +154,14 @@ function present({ files, report, look }, output, seconds) {
   at('summary').textContent = `${look.info.triangles.toLocaleString('en')} triangles, ${seconds.toFixed(1)} s`;
   at('result').hidden = false;
   say('baked');
+  fold(true);
+  at('result').scrollIntoView({ block: 'nearest' });
+}
+
+/** On a phone: hides the options, so that the picture has the room. */
+function fold(on) {
+  document.body.classList.toggle('folded', on);
+  at('fold').setAttribute('aria-expanded', !on);
 }
 
 function size(bytes) {
@@ -172,6 +183,7 @@ function changedLook() {
 
 /** In soft mode the program draws the scene at rest; a moving scene is solid. */
 async function rested(atRest) {
+  document.documentElement.dataset.picture = atRest ? 'resting' : 'moving';
   drawing?.abort();
   drawing = null;
   at('soft').hidden = true;
@@ -217,6 +229,7 @@ function bind() {
   at('file').addEventListener('change', (event) => open(event.target.files));
   at('cancel').addEventListener('click', () => work?.abort(new Error('cancelled')));
   at('options').addEventListener('submit', (event) => (event.preventDefault(), bake()));
+  at('fold').addEventListener('click', () => fold(!document.body.classList.contains('folded')));
   at('looks').addEventListener('change', changedLook);
   at('crop').addEventListener('change', cropped);
   at('up').addEventListener('change', turn);

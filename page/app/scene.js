@@ -3,7 +3,7 @@ import { BoxGeometry, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Mat
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { Controls } from '../src/controls.js';
 import { Renderer } from '../src/renderer.js';
-import { boundsOf, fitted, initial } from '../src/view.js';
+import { boundsOf, first, initial } from '../src/view.js';
 
 /** Samples per pixel along each axis, once nothing moves. */
 const GRID = 2;
@@ -35,7 +35,7 @@ export class Shown {
     this.#controls = new Controls(this.#renderer.camera, canvas, 1);
     this.#renderer.show(this.#stage);
     this.#renderer.resize();
-    this.#controls.set(fitted(null, { center: new Vector3(), radius: 1, behind: [] }, this.#aspect));
+    this.#controls.set(first({ center: new Vector3(), radius: 1, behind: [] }, this.#aspect));
     canvas.addEventListener('dblclick', (event) => this.#controls.focus(event, this.#meshes(this.#sides.before)));
     this.#run();
   }

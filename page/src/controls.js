@@ -28,6 +28,8 @@ export class Controls {
   #flying = false;
   #pivotDistance;
   #viewpoint;
+  /** Where the camera was at the end of the last step: events move it between steps too. */
+  #last = { position: new Vector3(), quaternion: new Quaternion() };
 
   /** `viewpoint` is the file's, or null: it says how far photos look around. */
   constructor(camera, canvas, radius, viewpoint) {
@@ -79,16 +81,18 @@ export class Controls {
     this.#limit();
   }
 
-  /** Advances by `seconds`; true when the camera has moved. */
+  /** Advances by `seconds`; true when the camera has moved since the last step. */
   step(seconds) {
     const direction = new Vector3();
     for (const code of this.#pressed) if (DIRECTIONS[code]) direction.add(new Vector3(...DIRECTIONS[code]));
     const fast = this.#pressed.has('ShiftLeft') || this.#pressed.has('ShiftRight') ? 4 : 1;
     if (direction.lengthSq() > 0) this.#translate(direction.normalize(), SPEED * fast * this.#radius * seconds);
-    const before = [this.#camera.position.clone(), this.#camera.quaternion.clone()];
-    const moved = direction.lengthSq() > 0;
     this.#orbit.update();
-    return moved || this.#camera.position.distanceTo(before[0]) > 1e-6 * this.#radius || before[1].angleTo(this.#camera.quaternion) > 1e-6;
+    const { position, quaternion } = this.#camera;
+    const moved = position.distanceTo(this.#last.position) > 1e-6 * this.#radius || quaternion.angleTo(this.#last.quaternion) > 1e-6;
+    // Only a move that is drawn is the new start, so that slow ones add up.
+    if (moved) (this.#last.position.copy(position), this.#last.quaternion.copy(quaternion));
+    return moved;
   }
 
   /** Sets the pivot to what is hit at a point of the canvas, if anything. */

@@ -2,7 +2,7 @@
 import { Controls } from './controls.js';
 import { SceneFile } from './file.js';
 import { Renderer } from './renderer.js';
-import { boundsOf, fitted, format, initial, parse } from './view.js';
+import { boundsOf, format, framed, initial, parse } from './view.js';
 
 const BACKGROUND = '17181a';
 /** Samples per pixel along each axis, once nothing moves. */
@@ -47,7 +47,7 @@ async function open() {
   const controls = new Controls(renderer.camera, canvas, bounds.radius, viewpoint);
 
   const aspect = () => renderer.width / renderer.height;
-  const fit = () => (controls.set(fitted(viewpoint, bounds, aspect())), renderer.restart());
+  const fit = () => (controls.set(framed(viewpoint, bounds, aspect(), controls.view)), renderer.restart());
   const start = () => (controls.set(initial(viewpoint, bounds, aspect())), renderer.restart());
   const go = (words) => {
     const view = { ...controls.view };

@@ -39,6 +39,9 @@ export class Renderer {
     if (grid > 1) this.#moving = target(MOVING);
     if (this.#grid > 1 || grid === 1) this.#resting = target(0);
     if (this.#grid > 1) this.#sum = adder();
+    // A browser may drop what a hidden page has drawn, or all of its graphics.
+    canvas.addEventListener('webglcontextrestored', () => this.restart());
+    document.addEventListener('visibilitychange', () => this.restart());
   }
 
   get camera() {

@@ -45,7 +45,7 @@ const ROOM = 0.9;
 
 /** The initial view: the viewpoint of the file, or all of the scene. */
 export function initial(viewpoint, bounds, aspect) {
-  if (!viewpoint) return fitted(viewpoint, bounds, aspect);
+  if (!viewpoint) return first(bounds, aspect);
   const [eye, target, up] = [viewpoint.eye, viewpoint.target, viewpoint.up].map((v) => new Vector3(...v));
   const fov = viewpoint.radius ? widened(viewpoint.fov, viewpoint.radius / eye.distanceTo(target), aspect) : viewpoint.fov;
   return { eye, target, up, fov, pinhole: null };
@@ -61,10 +61,14 @@ function widened(fov, sine, aspect) {
   return MathUtils.radToDeg(2 * Math.atan(width / aspect));
 }
 
-/** A view of the whole subject, or of everything but outliers, from the direction of the viewpoint and from before the backdrop. */
-export function fitted(viewpoint, bounds, aspect) {
-  const direction = viewpoint ? new Vector3(...viewpoint.eye).sub(new Vector3(...viewpoint.target)) : DEFAULT_DIRECTION.clone();
-  const up = viewpoint ? new Vector3(...viewpoint.up) : new Vector3(0, 1, 0);
+/** The first view of a scene without a viewpoint. */
+export function first(bounds, aspect) {
+  return framed(null, bounds, aspect, { eye: DEFAULT_DIRECTION, target: new Vector3(), up: new Vector3(0, 1, 0) });
+}
+
+/** The whole subject, or everything but outliers, as large as fits, from the side of a view and from before the backdrop. */
+export function framed(viewpoint, bounds, aspect, { eye: from, target, up }) {
+  const direction = from.clone().sub(target);
   const [center, radius] = viewpoint?.radius ? [new Vector3(...viewpoint.target), viewpoint.radius] : [bounds.center.clone(), bounds.radius];
   const narrow = Math.min(1, aspect);
   const distance = radius / Math.sin(Math.atan(narrow * Math.tan(MathUtils.degToRad(FOV / 2))));
@@ -72,7 +76,7 @@ export function fitted(viewpoint, bounds, aspect) {
   const eye = center.clone().addScaledVector(direction.normalize(), Math.min(distance, room));
   const sine = Math.min(MOST_SINE, radius / Math.min(distance, room));
   const fov = distance <= room ? FOV : MathUtils.radToDeg(2 * Math.atan(sine / Math.sqrt(1 - sine * sine) / narrow));
-  return { eye, target: center, up, fov, pinhole: null };
+  return { eye, target: center, up: up.clone(), fov, pinhole: null };
 }
 
 /** Names of the nodes that are the backdrop; there are several when its texture has several pages. */

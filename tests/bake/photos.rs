@@ -222,6 +222,60 @@ fn colours_that_are_right_stay() {
     assert!(difference(&mesh, &flat) < 0.5, "{details:?}");
 }
 
+/// A truth of one colour per triangle, none of them dark, and the same with the blue of four faces at 0.
+fn without_blue() -> (Mesh, Mesh) {
+    let truth = scene();
+    let color = |face: usize| match face % 25 {
+        0 => [0.3, 0.4, 0.45],
+        _ => truth.corner_colors(face)[0].map(|c| 0.2 + 0.7 * c),
+    };
+    let colors: Vec<[f32; 3]> = (0..truth.face_count()).map(color).collect();
+    let mut dead = colors.clone();
+    dead.iter_mut().step_by(25).for_each(|color| color[2] = 0.0);
+    let with = |colors| Mesh { colors: Colors::Face(colors), ..truth.clone() };
+    (with(colors), with(dead))
+}
+
+/// Faces whose blue is 0 in `start` and the photos' in `mesh`.
+fn blue_again(start: &Mesh, mesh: &Mesh) -> usize {
+    let blue = |mesh: &Mesh, face: usize| mesh.corner_colors(face)[0][2];
+    let is_back = |face: &usize| blue(start, *face) == 0.0 && (blue(mesh, *face) - 0.45).abs() < 0.12;
+    (0..mesh.face_count()).filter(is_back).count()
+}
+
+#[test]
+fn a_channel_that_training_left_at_zero_takes_what_photos_show_in_one_pass() {
+    let (truth, dead) = without_blue();
+    let (_folder, dataset) = photograph(&truth, |_, photo| photo);
+    let options = RefitOptions { refit: RefitColors::Flat, ..RefitOptions::DEFAULT };
+    let (mesh, _) = fitted(&dataset, &dead, &options);
+    let back = blue_again(&dead, &mesh);
+    assert!(back >= 3, "{back} of 4");
+}
+
+#[test]
+fn a_channel_at_zero_that_photos_contradict_returns_where_all_other_colours_stay() {
+    let (truth, dead) = without_blue();
+    // Photos that are not held out lack red and green, so that the scene's own colours are better.
+    let bluish = |view: usize, mut photo: Pixels| {
+        for rgb in photo.rgb.iter_mut().filter(|_| view % 8 != 4) {
+            *rgb = [rgb[0].saturating_sub(60), rgb[1].saturating_sub(60), rgb[2]];
+        }
+        photo
+    };
+    let (_folder, dataset) = photograph(&truth, bluish);
+    let (mut mesh, mut details) = (dead.clone(), RefitDetails::default());
+    let outcome = refit(&mut mesh, Some(&mut views(&dataset)), &RefitOptions::DEFAULT, &mut details).unwrap();
+    assert_eq!((details.colors, outcome), (None, Outcome::Changed(())), "{details:?}");
+    let back = blue_again(&dead, &mesh);
+    assert!(back >= 3 && details.revived >= Some(3), "{back} of 4, {details:?}");
+    for face in 0..mesh.face_count() {
+        let [before, after] = [&dead, &mesh].map(|mesh| mesh.corner_colors(face)[0]);
+        let kept = if before[2] == 0.0 { 2 } else { 3 };
+        assert_eq!(after[..kept], before[..kept], "face {face}");
+    }
+}
+
 #[test]
 fn a_photo_of_another_exposure_is_left_out() {
     let truth = scene();

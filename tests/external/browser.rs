@@ -165,51 +165,132 @@ fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
     assert!(direction(&visits[1]["views"][0]).y < -0.99, "{}", visits[1]);
 }
 
+/// What an input did to the picture, in shares of its pixels.
+pub(super) struct Seen {
+    /// Pixels that the input changed.
+    pub(super) changed: f64,
+    /// Pixels that were not as they are when the view is drawn anew.
+    pub(super) stale: f64,
+}
+
+/// Compares the pictures that `tests/inputs.mjs` saved as `name`.
+pub(super) fn seen(name: &Path) -> Seen {
+    let picture = |when| Pixels::load(&PathBuf::from(format!("{}-{when}.png", name.display()))).unwrap();
+    let [before, after, again] = ["before", "after", "again"].map(picture);
+    let share = |a: &Pixels, b: &Pixels| {
+        let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
+        let same_size = a.size == b.size;
+        if same_size { a.rgb.iter().zip(&b.rgb).filter(far).count() as f64 / a.rgb.len() as f64 } else { 1.0 }
+    };
+    Seen { changed: share(&before, &after), stale: share(&after, &again) }
+}
+
+/// Share of pixels that may differ where a picture is the same: a camera that comes to rest creeps.
+pub(super) const SAME: f64 = 0.002;
+/// Share of pixels that an input changes at least.
+pub(super) const MOVED: f64 = 0.02;
+
+/// The inputs, each with the name under which its pictures are saved in `folder`.
+pub(super) fn named(folder: &Path, inputs: &[(Value, bool)]) -> Vec<Value> {
+    let with = |(i, (input, _)): (usize, &(Value, bool))| {
+        let mut input = input.clone();
+        input["seen"] = json!(folder.join(i.to_string()));
+        input
+    };
+    inputs.iter().enumerate().map(with).collect()
+}
+
+/// Asserts that each input changed the picture if it `moves`, and that the picture was then what is drawn anew.
+pub(super) fn assert_seen(folder: &Path, inputs: &[(Value, bool)]) {
+    for (i, (input, moves)) in inputs.iter().enumerate() {
+        let Seen { changed, stale } = seen(&folder.join(i.to_string()));
+        println!("{input}: {:.1}% changed, {:.1}% stale", 100.0 * changed, 100.0 * stale);
+        assert!(stale < SAME, "{i}, {input}: {stale} of the picture is from before");
+        let as_promised = if *moves { changed > MOVED } else { changed < SAME };
+        assert!(as_promised, "{i}, {input}: {changed} of the picture changed");
+    }
+}
+
 #[test]
-fn mouse_fingers_and_keys_move_the_view() {
+fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
     bake(&studio(), &page, &[]);
-    let steps = [
-        json!({ "drag": [200, 150, 60, 20] }),
-        json!({ "wheel": -200 }),
-        json!({ "press": "w", "ms": 200 }),
-        json!({ "double": [200, 150] }),
-        json!({ "click": "fly" }),
-        json!({ "drag": [200, 150, 60, 20] }),
-        json!({ "press": "w", "ms": 200 }),
-        json!({ "press": "v" }),
-        json!({ "press": "f" }),
-        json!({ "press": "l" }),
+    let middle = [200, 150];
+    let inputs = [
+        (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
+        (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
+        (json!({ "drag": [200, 150, 60, 20] }), true),
+        (json!({ "press": "w", "ms": 300 }), true),
+        (json!({ "press": "ArrowLeft", "ms": 300 }), true),
+        (json!({ "double": [150, 170] }), true),
+        (json!({ "hide": true }), false),
+        (json!({ "click": "fly" }), false),
+        (json!({ "drag": [200, 150, 60, 20] }), true),
+        (json!({ "wheel": -100, "notches": 4 }), true),
+        (json!({ "press": "s", "ms": 300 }), true),
+        (json!({ "press": "v" }), false),
+        (json!({ "press": "f" }), true),
+        (json!({ "press": "r" }), true),
+        (json!({ "click": "fit" }), true),
+        (json!({ "click": "start" }), true),
+        (json!({ "show": "#eye=3,3,3&target=0,0,0" }), true),
+        (json!({ "resize": [300, 400] }), true),
     ];
-    let touches = [json!({ "pinch": [150, 200, 60, 200] })];
+    let touches =
+        [(json!({ "pinch": [150, 200, 60, 200] }), true), (json!({ "drag": [150, 200, 50, 0] }), true)];
+    let lost = [(json!({ "lose": true }), false)];
+    let [mouse, fingers, driver] = ["mouse", "fingers", "driver"].map(|name| folder.path().join(name));
+    for folder in [&mouse, &fingers, &driver] {
+        fs::create_dir(folder).unwrap();
+    }
     let pages = json!([
-        { "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps },
-        { "page": page, "fragment": "#ssaa=1&eye=5,1,2&target=0,0,0&fov=40", "size": [300, 400], "touch": true, "steps": touches },
+        { "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": named(&mouse, &inputs) },
+        { "page": page, "fragment": "#ssaa=2&eye=5,1,2&target=0,0,0&fov=40", "size": [300, 400], "touch": true,
+          "steps": named(&fingers, &touches) },
+        { "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": named(&driver, &lost) },
     ]);
     let visits = visit(&chromium, &pages);
-    for visit in &visits {
+    // The browser complains of what the lost graphics took along.
+    for visit in &visits[..2] {
         assert_eq!((&visit["errors"], &visit["state"]), (&json!([]), &json!("ready")), "{visit}");
         assert_eq!((&visit["loading"], &visit["flying"]), (&json!(false), &json!(false)));
-        let views = visit["views"].as_array().unwrap();
-        // Every step moves, but for the last: the link.
-        let last = views.len() - usize::from(visit["help"] == json!(false) && views.len() > 3);
-        for (i, pair) in views[..last].windows(2).enumerate() {
-            assert_ne!(pair[0], pair[1], "step {i}");
-        }
     }
-    let views = visits[0]["views"].as_array().unwrap();
-    let target = |view: &Value| {
-        view.as_str().unwrap().split('&').find(|part| part.starts_with("target=")).map(str::to_owned)
-    };
-    assert_eq!(target(&views[0]), target(&views[9]), "F looks at what the first view looks at");
-    let turned = direction(&views[0]).dot(direction(&views[9]));
-    assert!(turned > 0.999_999, "F looks from where the first view looks: {turned}");
-    assert_eq!(visits[0]["hash"], views[10], "the link is the view");
+    assert_seen(&mouse, &inputs);
+    assert_seen(&fingers, &touches);
+    assert_seen(&driver, &lost);
     assert_eq!(visits[0]["help"], json!(false), "the first touch of the picture takes the help away");
     assert_eq!(visits[1]["keys"], json!(false), "a phone has no keys, and needs the room for the picture");
     assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
+}
+
+#[test]
+fn f_frames_the_subject_from_the_side_where_one_is_and_the_link_is_the_view() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("scene.html");
+    bake(&studio(), &page, &[]);
+    let steps = json!([
+        { "press": "f" }, { "drag": [200, 150, 90, 40] }, { "wheel": 100, "notches": 5 }, { "press": "f" }, { "press": "r" },
+        { "press": "l" },
+    ]);
+    let visits = visit(
+        &chromium,
+        &json!([{ "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": steps }]),
+    );
+    let views = visits[0]["views"].as_array().unwrap();
+    let word = |view: &Value, word: &str| {
+        view.as_str().unwrap().split('&').find(|part| part.starts_with(word)).map(str::to_owned)
+    };
+    for framed in [1, 4] {
+        assert_eq!(word(&views[framed], "target="), word(&views[1], "target="), "F looks at the subject");
+        let turned = direction(&views[framed]).dot(direction(&views[framed - 1]));
+        assert!(turned > 0.999, "F looks from where one is: {turned}");
+    }
+    assert!(direction(&views[1]).dot(direction(&views[4])) < 0.99, "the drag turned");
+    assert_eq!(views[5], views[0], "R is the first view");
+    assert_eq!(visits[0]["hash"], views[6], "the link is the view");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its words, and nothing of the network.
 
-use super::browser::chromium;
+use super::browser::{assert_seen, chromium, named};
 use super::{have, here, runs_with, shared, studio};
 use serde_json::{Value, json};
 use std::fs;
@@ -231,6 +231,52 @@ fn the_page_bakes_what_the_program_does() {
     assert_eq!((&seen[3]["what"], &seen[3]["downloads"]), (&json!("cancelled"), &json!([])), "{}", seen[3]);
     let message = seen[4]["message"].as_str().unwrap();
     assert!(seen[4]["state"] == "failed" && message.contains("WebGL 2"), "{}", seen[4]);
+}
+
+#[test]
+fn the_page_draws_what_every_input_shows_at_once() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let [mouse, fingers] = [(); 2].map(|()| TempDir::new().unwrap());
+    let middle = [632, 300];
+    let inputs = [
+        (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
+        (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
+        (json!({ "drag": [632, 300, 60, 20] }), true),
+        (json!({ "press": "w", "ms": 300 }), true),
+        (json!({ "press": "ArrowLeft", "ms": 300 }), true),
+        (json!({ "double": [600, 330] }), true),
+        (json!({ "hide": true }), false),
+        (json!({ "resize": [1000, 600] }), true),
+    ];
+    // As the panel is folded, a phone's picture is higher than half of it.
+    let touches = [(json!({ "pinch": [195, 300, 60, 200] }), true), (json!({ "click": "fold" }), true)];
+    let visits = json!([
+        { "files": [studio()], "inputs": named(mouse.path(), &inputs) },
+        { "files": [studio()], "inputs": named(fingers.path(), &touches), "touch": true, "size": [390, 844] },
+    ]);
+    for one in in_page(&chromium, &visits) {
+        assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
+    }
+    assert_seen(mouse.path(), &inputs);
+    assert_seen(fingers.path(), &touches);
+}
+
+#[test]
+fn a_file_dropped_into_the_empty_picture_opens_and_bake_and_picture_are_in_sight() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let visits = json!([
+        { "drop": [studio()], "size": [1280, 720] },
+        { "drop": [studio()], "size": [390, 844], "touch": true },
+    ]);
+    let seen = in_page(&chromium, &visits);
+    for (one, [width, height]) in seen.iter().zip([[1280.0, 720.0], [390.0, 844.0]]) {
+        assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
+        assert!(one["what"].as_str().unwrap().starts_with("studio.ply: "), "{one}");
+        let number = |of: &str, what: &str| one[of][what].as_f64().unwrap();
+        assert!(number("button", "height") > 20.0 && number("button", "bottom") <= height, "{one}");
+        let picture = number("canvas", "width") * number("canvas", "height") / (width * height);
+        assert!(picture > 0.7, "the picture has {picture} of the window");
+    }
 }
 
 #[test]

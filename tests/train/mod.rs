@@ -1,6 +1,7 @@
 //! Runs on small scenes: they reach a PSNR, resume bit for bit, survive odd data sets, and do not care
 //! where a scene lies or how large it is.
 
+mod colors;
 mod exposure;
 mod from_scene;
 mod late;

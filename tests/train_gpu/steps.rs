@@ -197,6 +197,30 @@ fn a_step_is_the_cpus() {
     }
 }
 
+#[test]
+fn a_colour_below_zero_returns_as_on_the_cpu() {
+    let Some(gpu) = card() else { return };
+    let limits = GpuLimits::of(&gpu);
+    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits).unwrap();
+    for case in CASES.iter().filter(|case| ["L1 alone", "engine"].contains(&case.name)) {
+        let (options, rates) = drawing(case);
+        let dead = || {
+            let mut state = scene::state(300, case.sh_degree);
+            // Encoded -0.12.
+            state.params.sh.iter_mut().enumerate().for_each(|(i, sh)| sh[i % 3] = -2.2);
+            state
+        };
+        let cpu = step_from(&mut CpuBackend::new(options), case, &rates, dead()).0;
+        backend.restart(options, limits);
+        let gpu = step_from(&mut backend, case, &rates, dead()).0;
+        let error = apart(cpu.first.sh.iter().flatten().copied(), gpu.first.sh.iter().flatten().copied());
+        assert!(error < GRADIENTS, "{}: {error}", case.name);
+        let risen = (0..300).filter(|i| gpu.params.sh[*i][i % 3] > -2.2).count();
+        let fallen = (0..300).filter(|i| gpu.params.sh[*i][i % 3] < -2.2).count();
+        assert!(risen > 30 && fallen == 0, "{}: {risen} return, {fallen} leave", case.name);
+    }
+}
+
 /// [`GRADIENTS`] behind hundreds of layers, whose rounding errors add up: 2.0e-5 measured.
 const DEEP_GRADIENTS: f64 = 4e-5;
 /// Pairs of a bucket: crates/train/src/gpu/source.rs.

@@ -20,7 +20,8 @@
 //! Some photos are held out at first. They decide whether three colours per triangle are better than one, and
 //! whether refitted colours are better than the scene's own. Training has usually seen those photos. So the
 //! gain of one colour per triangle from seeing them is subtracted from the PSNR of the scene's own colours.
-//! If these still score higher, they stay.
+//! If these still score higher, they stay, except for channels at 0 that photos contradict: a training that
+//! clamped them may have held them there (`revive` in `equations.rs`).
 //!
 //! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
@@ -75,6 +76,9 @@ pub struct RefitDetails {
     /// Triangles that photos see.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<u64>,
+    /// Triangles with a channel at 0 that got the photos' value, where the others keep the scene's own colours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub revived: Option<u64>,
     /// Which colours the mesh got.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colors: Option<RefitColors>,
@@ -160,8 +164,10 @@ pub fn refit(
     let (which, unseen) = first_pass(mesh, views, options.refit, &mut accumulator, details, &mut first)?;
     let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
+        let revived = accumulator.fit.revive(mesh, behind);
         shell_colors::paint(mesh, behind, &accumulator.fit);
-        let outcome = match behind < mesh.face_count() {
+        details.revived = (revived > 0).then_some(revived);
+        let outcome = match behind < mesh.face_count() || revived > 0 {
             true => Outcome::Changed(()),
             false => Outcome::Unneeded("held-out photos match the present colours better"),
         };

@@ -5,10 +5,17 @@ use rayon::prelude::*;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
 
+/// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
+pub(super) const MOST_RESIDUAL: f32 = 0.15;
+/// Mean residual of a channel at 0, in [`MOST_RESIDUAL`], from which the colour is wrong and not the photos:
+/// most of them are that far from it. A training may have clamped it there.
+const WRONG: f32 = 0.75;
 /// Weight of the present colours, in pixels (damping).
 const DAMPING_PX: f32 = 0.25;
 /// A smaller area is a rounding error of photos that were subtracted again, px.
 const LEAST_PX: f32 = 1e-3;
+/// On fewer pixels a channel at 0 stays.
+const LEAST_REVIVED_PX: f32 = 1.0;
 /// Faces per task of the thread pool.
 const TASK_FACES: usize = 1 << 12;
 
@@ -19,12 +26,14 @@ pub(super) struct Equations {
     matrix: [f32; 6],
     /// Σ b_k times the residual of the sample. `[corner][channel]`
     right: [[f32; 3]; 3],
+    /// Σ of the parts of residuals beyond [`MOST_RESIDUAL`], px.
+    beyond: [f32; 3],
 }
 
 impl Equations {
-    /// Adds a sample with the weight `share` of a pixel.
+    /// Adds a sample with the weight `share` of a pixel; `beyond` is the part of its residual that is left out.
     #[inline(always)]
-    pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], share: f32) {
+    pub(super) fn add(&mut self, weights: &[f32; 3], residual: &[f32; 3], beyond: &[f32; 3], share: f32) {
         let [a, b, c] = *weights;
         let products = [a * a, a * b, a * c, b * b, b * c, c * c];
         for (sum, product) in self.matrix.iter_mut().zip(products) {
@@ -34,6 +43,9 @@ impl Equations {
             for (sum, residual) in sums.iter_mut().zip(residual) {
                 *sum += share * weight * residual;
             }
+        }
+        for (sum, beyond) in self.beyond.iter_mut().zip(beyond) {
+            *sum += share * beyond;
         }
     }
 
@@ -45,6 +57,9 @@ impl Equations {
             for c in 0..3 {
                 self.right[k][c] += sign * other.right[k][c];
             }
+        }
+        for c in 0..3 {
+            self.beyond[c] += sign * other.beyond[c];
         }
     }
 
@@ -79,8 +94,11 @@ impl Equations {
     /// Better colours of the corners in one channel.
     fn improved(&self, which: RefitColors, corners: [f32; 3], channel: usize, flatness: f32) -> [f32; 3] {
         let (area, mean) = (self.area(), (corners[0] + corners[1] + corners[2]) / 3.0);
+        let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
+        if corners == [0.0; 3] && sum > WRONG * MOST_RESIDUAL * area.max(LEAST_PX) {
+            return [(sum + self.beyond[channel]) / (area.max(0.0) + DAMPING_PX); 3];
+        }
         if which != RefitColors::Corner {
-            let sum = self.right[0][channel] + self.right[1][channel] + self.right[2][channel];
             return [mean + sum / (area.max(0.0) + DAMPING_PX); 3];
         }
         if !(area > LEAST_PX) {
@@ -179,6 +197,32 @@ impl Fit {
     /// The colours that photos are compared with, of the same faces. `[face][corner][channel]`
     pub(super) fn encoded(&self, first: usize) -> &[[[f32; 3]; 3]] {
         &self.encoded[first..]
+    }
+
+    /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show there, where
+    /// this is farther than the residuals of good colours. A soft training may have clamped them, and then held
+    /// them at 0. Returns the number of such faces.
+    pub(super) fn revive(&self, mesh: &mut Mesh, behind: usize) -> u64 {
+        let mut revived = 0;
+        for (face, sums) in self.sums[..behind].iter().enumerate() {
+            if sums.area() < LEAST_REVIVED_PX {
+                continue;
+            }
+            let corners = &self.encoded[face];
+            let fitted = sums.colors(RefitColors::Flat, corners, self.flatness)[0];
+            let is_back =
+                |c: usize| fitted[c] > MOST_RESIDUAL && corners.iter().all(|corner| corner[c] == 0.0);
+            let back = [0, 1, 2].map(is_back);
+            let colors = match &mut mesh.colors {
+                Colors::Face(colors) => &mut colors[face..=face],
+                Colors::Vertex(colors) => &mut colors[3 * face..3 * face + 3],
+            };
+            for color in colors {
+                (0..3).filter(|c| back[*c]).for_each(|c| color[c] = linear_from_srgb(fitted[c]));
+            }
+            revived += u64::from(back.contains(&true));
+        }
+        revived
     }
 
     /// Better colours for the mesh of [`Fit::new`].

@@ -1,6 +1,6 @@
 //! The equations of one photo for every triangle that it sees.
 
-use super::equations::{Equations, Fit};
+use super::equations::{Equations, Fit, MOST_RESIDUAL};
 use rayon::prelude::*;
 use trisplat_raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
 use trisplat_scene::camera::Camera;
@@ -13,8 +13,6 @@ use trisplat_scene::mesh::Mesh;
 const BANDS: usize = 8;
 /// Most samples of a pixel.
 const MOST_SAMPLES: usize = 16;
-/// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
-const MOST_RESIDUAL: f32 = 0.15;
 /// The slot of a face without sums.
 const NO_SLOT: u32 = u32::MAX;
 
@@ -170,8 +168,8 @@ impl<'a> Pass<'a> {
         let share = weight / seen.len() as f32;
         for (color, (slot, weights)) in colors.iter().zip(seen).filter(|(_, (slot, _))| *slot != NO_SLOT) {
             let own = if seen.len() > 1 { residual(photo, *color) } else { of_pixel };
-            let residual = coupled(of_pixel, own, self.observation.coupling);
-            self.band.sums[*slot as usize].1.add(weights, &residual, share);
+            let (residual, beyond) = coupled(of_pixel, own, self.observation.coupling);
+            self.band.sums[*slot as usize].1.add(weights, &residual, &beyond, share);
         }
     }
 
@@ -198,13 +196,15 @@ fn residual(photo: [u8; 3], linear: [f32; 3]) -> [f32; 3] {
     residual
 }
 
-/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded.
+/// The residual for a sample: a mix of those of its pixel and of its own colour, each bounded; and what the
+/// bounds leave out.
 #[inline(always)]
-fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> [f32; 3] {
+fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]) {
     let bounded = |error: f32| error.clamp(-MOST_RESIDUAL, MOST_RESIDUAL);
-    let mut residual = [0.0; 3];
+    let (mut residual, mut beyond) = ([0.0; 3], [0.0; 3]);
     for c in 0..3 {
         residual[c] = coupling * bounded(pixel[c]) + (1.0 - coupling) * bounded(own[c]);
+        beyond[c] = coupling * pixel[c] + (1.0 - coupling) * own[c] - residual[c];
     }
-    residual
+    (residual, beyond)
 }

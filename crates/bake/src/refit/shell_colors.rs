@@ -210,7 +210,7 @@ mod tests {
         let mut sums = Equations::default();
         for _ in 0..pixels {
             for weights in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                sums.add(&weights, &[level; 3], 1.0 / 3.0);
+                sums.add(&weights, &[level; 3], &[0.0; 3], 1.0 / 3.0);
             }
         }
         sums

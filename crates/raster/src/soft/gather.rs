@@ -140,9 +140,10 @@ impl GradRows<'_> {
         let i = triangle - self.first;
         let out = &mut self.sh[i * self.k..(i + 1) * self.k];
         let used = soup.active_sh(triangle);
-        // The colour is clamped at 0, which stops the gradient. In linear light it is also clamped at 1, as
-        // in engines, but there the gradient passes, because a colour above 1 could otherwise never return.
-        let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 {
+        // The colour is clamped at 0, which stops a gradient that would lower it further. One that raises it
+        // passes, because the optimiser overshoots and the colour could otherwise never return. In linear light
+        // the colour is also clamped at 1, as in engines, where all gradients pass for the same reason.
+        let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 || row.rgb[c] < 0.0 {
             true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
             true => row.rgb[c],
             false => 0.0,

@@ -105,9 +105,10 @@ fn add_piece(out: ptr<function, TriangleGrad>, splat_index: u32, whole: CameraTr
     }
 }
 
-// The gradient of the colour before the clamp at 0, and in linear light before the decoding.
+// The gradient of the colour before the clamp at 0, where only one that raises the colour passes, and in linear light before the
+// decoding.
 fn raw_color_grad(d: vec3<f32>, rgb: vec3<f32>) -> vec3<f32> {
-    var out = select(vec3(0.0), d, rgb > vec3(0.0));
+    var out = select(vec3(0.0), d, (rgb > vec3(0.0)) | (d < vec3(0.0)));
     if step.photo.w == 1u {
         out *= vec3(
             decode(srgb_from_linear(rgb.x)).y,
