@@ -22,7 +22,7 @@ pub struct CaptureArgs {
     /// run
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
-    /// Replace a capture of other inputs in FOLDER
+    /// Replace a capture of other inputs in FOLDER, which stays until the new one is whole
     #[arg(short, long)]
     pub force: bool,
     /// Write the steps and the verdict as JSON (schema: trisplat schema report)

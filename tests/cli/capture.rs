@@ -11,58 +11,35 @@ use std::time::{Duration, Instant};
 use trisplat::{Dataset, DatasetOptions};
 use trisplat_scene::image::Pixels;
 
-/// Notes its arguments in `calls` beside it, and ends as `fails` or waits as `waits` there say: the name of a command.
-const COLMAP: &str = r#"#!/bin/sh
-here=$(dirname "$0")
-case "$*" in
-help) echo "COLMAP 3.8 -- Structure-from-Motion"; echo "(Commit Unknown on Unknown without CUDA)"; exit 0 ;;
-*-h) echo "--SiftExtraction.use_gpu --SiftExtraction.max_image_size --SiftMatching.use_gpu --Mapper.num_threads"; exit 0 ;;
-esac
-echo "$*" >> "$here/calls"
-command=$1
-while [ $# -gt 0 ]; do
-    case "$1" in
-    --database_path) database=$2 ;;
-    --output_path) output=$2 ;;
-    esac
-    shift
-done
-if [ "$(cat "$here/fails" 2>/dev/null)" = "$command" ]; then
-    echo "loading"; echo "ERROR: the disk is made of cheese"; echo "bye"; exit 1
-fi
-if [ "$(cat "$here/waits" 2>/dev/null)" = "$command" ]; then
-    sleep 1000 &
-    echo "$! $$" > "$here/pids"
-    wait
-fi
-case "$command" in
-feature_extractor) echo "Processed file [1/2]"; echo features > "$database" ;;
-*matcher | *importer) echo "Matching block [1/1, 1/1]" ;;
-mapper) mkdir -p "$output/0" "$output/1"; cp "$here/model/"* "$output/0"; echo "Registering image #2 (40)" ;;
-esac
-"#;
+/// Stands in for COLMAP.
+const COLMAP: &str = include_str!("../common/colmap.sh");
 
 /// A folder with the program and the model of the sample, and photos without poses.
-struct Fake {
+pub(super) struct Fake {
     folder: tempfile::TempDir,
 }
 
 impl Fake {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("colmap"), COLMAP).unwrap();
         std::fs::set_permissions(at("colmap"), std::fs::Permissions::from_mode(0o755)).unwrap();
         copy(&dataset().join("sparse/0"), &at("model"));
         copy(&dataset().join("images"), &at("photos"));
+        std::fs::write(at("calls"), "").unwrap();
         Self { folder }
     }
 
-    fn at(&self, name: &str) -> PathBuf {
+    pub(super) fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub(super) fn at(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    fn command(&self, arguments: &[&str]) -> Command {
+    pub(super) fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
         let path = format!("{}:/usr/bin:/bin", self.folder.path().display());
         command.current_dir(self.folder.path()).env("PATH", path).env_remove("TRISPLAT_POSES");
@@ -70,18 +47,18 @@ impl Fake {
         command
     }
 
-    fn run(&self, arguments: &[&str]) -> Output {
+    pub(super) fn run(&self, arguments: &[&str]) -> Output {
         self.command(arguments).output().unwrap()
     }
 
-    fn succeed(&self, arguments: &[&str]) -> String {
+    pub(super) fn succeed(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     }
 
     /// The one error of a run.
-    fn error(&self, arguments: &[&str]) -> String {
+    pub(super) fn error(&self, arguments: &[&str]) -> String {
         let output = self.run(arguments);
         let text = stderr(&output);
         assert_eq!(output.status.code(), Some(1), "{text}");
@@ -91,14 +68,14 @@ impl Fake {
     }
 
     /// The commands that the program was asked for since the last question.
-    fn calls(&self) -> Vec<String> {
+    pub(super) fn calls(&self) -> Vec<String> {
         let text = std::fs::read_to_string(self.at("calls")).unwrap_or_default();
         std::fs::write(self.at("calls"), "").unwrap();
         text.lines().map(str::to_owned).collect()
     }
 }
 
-fn copy(from: &Path, to: &Path) {
+pub(super) fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
     for entry in std::fs::read_dir(from).unwrap() {
         let entry = entry.unwrap();
@@ -106,7 +83,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-fn names(folder: &Path) -> Vec<String> {
+pub(super) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();

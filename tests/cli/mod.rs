@@ -27,6 +27,7 @@ mod samples;
 mod schemas;
 mod train;
 mod train_teacher;
+mod user_files;
 mod words;
 
 use std::io::Write;

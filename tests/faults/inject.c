@@ -25,6 +25,8 @@ static int log_fd = -1;
 
 __attribute__((constructor)) static void begin(void) {
     folder = getenv("FAULT_FOLDER");
+    /* Other programs that this one starts run without faults. */
+    unsetenv("LD_PRELOAD");
     kind = getenv("FAULT_KIND");
     at = getenv("FAULT_AT") ? atol(getenv("FAULT_AT")) : 0;
     if (getenv("FAULT_COUNT"))
@@ -120,6 +122,9 @@ ssize_t write(int fd, const void *bytes, size_t count) {
 }
 ssize_t writev(int fd, const struct iovec *parts, int count) {
     FAIL_OR(fault_of_file("write", fd, 1), REAL(writev)(fd, parts, count));
+}
+ssize_t copy_file_range(int from, off64_t *from_at, int to, off64_t *to_at, size_t count, unsigned flags) {
+    FAIL_OR(fault_of_file("write", to, 1), REAL(copy_file_range)(from, from_at, to, to_at, count, flags));
 }
 int fsync(int fd) {
     FAIL_OR(fault_of_file("fsync", fd, 0), REAL(fsync)(fd));

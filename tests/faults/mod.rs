@@ -11,6 +11,7 @@
     reason = "a skipped test says so, and a visit what it visited"
 )]
 
+mod captures;
 mod cases;
 mod run;
 mod tree;
@@ -18,9 +19,6 @@ mod tree;
 use cases::Case;
 use run::{Fault, Injector, Kind};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-
-/// Calls of each command that a plain run of the suite visits with each kind of fault.
-const VISITS: u64 = 12;
 
 /// Visits the calls of `case`, with every kind of fault.
 fn visit(case: &Case) {
@@ -30,7 +28,7 @@ fn visit(case: &Case) {
     };
     let new = case.outcome(&injector);
     let all = std::env::var_os("TRISPLAT_FAULTS").is_some_and(|value| value == "all");
-    let step = if all { 1 } else { new.calls.div_ceil(VISITS).max(1) };
+    let step = if all { 1 } else { new.calls.div_ceil(case.visits()).max(1) };
     let (mut visited, mut failed) = (0, 0);
     for kind in [Kind::Error, Kind::Full, Kind::Kill, Kind::Signal] {
         if kind == Kind::Signal && !case.knows_signals() {
@@ -122,4 +120,19 @@ fn a_sample_data_set() {
 #[test]
 fn a_sample_data_set_that_replaces_one() {
     visit(&cases::dataset_replaces());
+}
+
+#[test]
+fn a_capture() {
+    visit(&captures::capture_new());
+}
+
+#[test]
+fn a_capture_that_replaces_one_of_other_photos() {
+    visit(&captures::capture_replaces());
+}
+
+#[test]
+fn everything_from_photos_to_a_page() {
+    visit(&captures::make());
 }

@@ -1,6 +1,7 @@
 //! The files of a folder and what is in them.
 
 use std::collections::BTreeMap;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 /// Contents by name, relative to the folder; of an empty folder its name and a slash.
@@ -36,7 +37,10 @@ pub(crate) fn write(folder: &Path, tree: &Tree) {
             continue;
         }
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, bytes).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        if bytes.starts_with(b"#!") {
+            std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        }
     }
 }
 

@@ -1,7 +1,9 @@
 //! The first step: collects upright photos in one folder, in file formats that every pose program reads.
 
 use super::exif::{PhotoNotes, with_notes};
+use super::folder::CaptureFolder;
 use super::logged::Log;
+use super::names::{Wanted, distinct};
 use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
 use super::source::{SourcePhoto, Sources};
@@ -12,9 +14,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::UNIX_EPOCH;
-use trisplat_scene::atomic::AtomicFolder;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::image::Pixels;
 use trisplat_scene::input;
@@ -59,6 +60,7 @@ struct Opened {
     size: UVec2,
     /// The conversion it needs.
     change: Change,
+    is_jpeg: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,13 +88,13 @@ pub(super) fn key(sources: &Sources, options: &CaptureOptions) -> Result<String>
 /// Collects the photos of `sources` in `folder`: all of them or none.
 pub(super) fn collect(
     sources: &Sources,
-    folder: &Path,
+    folder: &mut CaptureFolder,
     options: &CaptureOptions,
     key: &str,
     details: &mut PhotosDetails,
     observer: &mut dyn CaptureObserver,
 ) -> Step<StoredPhotos> {
-    let made = AtomicFolder::create(folder)?;
+    let made = folder.make()?;
     let images = made.path().join("images");
     let work = made.path().join(WORK);
     std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
@@ -104,7 +106,7 @@ pub(super) fn collect(
     let mut log = Log::open(&work.join("ffmpeg.log"))?;
     for video in &sources.videos {
         let ffmpeg = Ffmpeg::find(video)?;
-        let below = if by_folder { video_folder(video, &photos) } else { String::new() };
+        let below = if by_folder { video_folder(video, &photos, &groups) } else { String::new() };
         let (names, frames) = ffmpeg.take(video, &images.join(&below), options.frames, &mut log, observer)?;
         details.video_frames += frames;
         details.frames += names.len() as u64;
@@ -121,10 +123,9 @@ pub(super) fn collect(
         let unused = work.join("ffmpeg.log");
         std::fs::remove_file(&unused).map_err(|e| Error::io(&unused, e))?;
     }
-    photos.extend(in_chunks(&opened, observer, "taking photos", |photo| {
-        let below = if by_folder { photo.group() + "/" } else { String::new() };
-        photo.save(&images, &below)
-    })?);
+    let wanted: Vec<Wanted> = opened.iter().map(|photo| photo.wanted(by_folder)).collect();
+    let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&wanted)).collect();
+    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| photo.save(&images, name))?);
     let count = |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
     details.photos = photos.len() as u64;
     details.turned = count(&|photo| photo.notes.orientation > 1);
@@ -141,7 +142,7 @@ pub(super) fn collect(
         size: one.map(|photo| photo.size.to_array()),
     };
     stored::write(&work.join("photos.json"), &stored)?;
-    made.publish(&format!("{WORK}/photos.json"))?;
+    folder.manifest.publish(made, "images/", WORK)?;
     Ok(stored)
 }
 
@@ -177,7 +178,11 @@ fn open(source: &SourcePhoto) -> Result<Opened> {
         (_, false) => Change::Converted,
     };
     let size = if notes.orientation >= 5 { UVec2::new(size.y, size.x) } else { size };
-    Ok(Opened { source: source.clone(), notes, size, change })
+    Ok(Opened { source: source.clone(), notes, size, change, is_jpeg: is_jpeg(&bytes) })
+}
+
+fn is_jpeg(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0xff, 0xd8])
 }
 
 /// True for files that every program reads alike: JPEG with one or three channels, 8-bit PNG.
@@ -185,13 +190,13 @@ fn is_plain(bytes: &[u8]) -> bool {
     const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
     /// Byte offset of a PNG's bit depth.
     const PNG_BITS: usize = 24;
-    match bytes {
-        [0xff, 0xd8, ..] => {
+    match is_jpeg(bytes) {
+        true => {
             let mut decoder = jpeg_decoder::Decoder::new(bytes);
             let format = decoder.read_info().ok().and_then(|()| decoder.info()).map(|info| info.pixel_format);
             matches!(format, Some(jpeg_decoder::PixelFormat::RGB24 | jpeg_decoder::PixelFormat::L8))
         }
-        _ => bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8),
+        false => bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8),
     }
 }
 
@@ -205,14 +210,16 @@ impl Opened {
         }
     }
 
-    /// Writes it into `images`.
-    fn save(&self, images: &Path, below: &str) -> Result<StoredPhoto> {
+    /// The name it is to have.
+    fn wanted(&self, by_folder: bool) -> Wanted {
+        let below = if by_folder { self.group() + "/" } else { String::new() };
+        Wanted { name: below + &self.source.name, to_png: self.change == Change::Converted }
+    }
+
+    /// Writes it into `images` as `name`.
+    fn save(&self, images: &Path, name: &str) -> Result<StoredPhoto> {
         let from = &self.source.path;
-        let mut name = format!("{below}{}", self.source.name);
-        if self.change == Change::Converted {
-            name = PathBuf::from(name).with_extension("png").to_string_lossy().replace('\\', "/");
-        }
-        let to = images.join(&name);
+        let to = images.join(name);
         let io = |e| Error::io(&to, e);
         let folder = to.parent().unwrap_or(images);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
@@ -220,8 +227,7 @@ impl Opened {
             Change::Copied => input::copy(from, &to)?,
             Change::Turned | Change::Converted => {
                 let picture = Pixels::load(from)?.turned(self.notes.orientation);
-                let is_jpeg = self.change == Change::Turned && from.extension().is_none_or(|e| e != "png");
-                let bytes = match is_jpeg {
+                let bytes = match self.change == Change::Turned && self.is_jpeg {
                     true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
                     false => picture.to_png()?,
                 };
@@ -229,14 +235,31 @@ impl Opened {
             }
         }
         let (source, exposure_stops) = (from.display().to_string(), self.notes.exposure_stops);
-        Ok(StoredPhoto { name, source, frame: false, exposure_stops })
+        Ok(StoredPhoto { name: name.to_owned(), source, frame: false, exposure_stops })
     }
 }
 
-/// Folder name for a video's frames, unique per video.
-fn video_folder(video: &Path, before: &[StoredPhoto]) -> String {
+/// Folder name for a video's frames: no other video has it, also where upper and lower case are one, and none of the photos' `groups`.
+fn video_folder(video: &Path, before: &[StoredPhoto], groups: &BTreeSet<String>) -> String {
     let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(['/', '\\'], "_");
-    let taken = |name: &str| before.iter().any(|photo| photo.name.starts_with(&format!("{name}/")));
+    let taken = |name: &str| {
+        let name = name.to_lowercase();
+        let has = |photo: &StoredPhoto| photo.name.to_lowercase().starts_with(&format!("{name}/"));
+        groups.contains(&name) || before.iter().any(has)
+    };
     let numbered = (2..).map(|n| format!("{stem}-{n}"));
     std::iter::once(stem.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(stem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_video_shares_a_folder_with_another_or_with_photos() {
+        let before = StoredPhoto { name: "Walk/frame_000001.jpg".into(), ..StoredPhoto::default() };
+        let groups = BTreeSet::from(["640x480".to_owned()]);
+        let folder = |video: &str| video_folder(Path::new(video), std::slice::from_ref(&before), &groups);
+        assert_eq!(["b/walk.mov", "640x480.mp4", "c.mp4"].map(folder), ["walk-2", "640x480-2", "c"]);
+    }
 }

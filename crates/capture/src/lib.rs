@@ -6,8 +6,10 @@
 mod collect;
 mod exif;
 mod exposure;
+mod folder;
 mod frames;
 mod logged;
+mod names;
 mod observer;
 mod options;
 mod poses;
@@ -23,5 +25,5 @@ pub use collect::PhotosDetails;
 pub use observer::CaptureObserver;
 pub use options::{CaptureOptions, Mapper};
 pub use poses::{FeaturesDetails, MatchesDetails, ModelDetails};
-pub use recipe::Capture;
+pub use recipe::{Capture, check_apart};
 pub use verdict::{Gap, Verdict, VerdictDetails};

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_dataset::DatasetOptions;
 use trisplat_dataset::tracks::{Tracks, tracks};
+use trisplat_scene::atomic::MadeFolders;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::report::StageDetails;
 
@@ -81,6 +82,22 @@ pub(super) struct Poses<'a> {
     pub(super) log: Log,
 }
 
+/// What each step depends on: with the same key it is not repeated.
+pub(super) struct StepKeys {
+    pub(super) features: String,
+    pub(super) matches: String,
+    pub(super) model: String,
+}
+
+impl StepKeys {
+    pub(super) fn of(program: &Program, photos: &StoredPhotos, options: &CaptureOptions) -> Self {
+        let features = format!("{} {}", photos.key, program.version);
+        let matches = format!("{features} {:?}", pairing(photos, options).0);
+        let model = format!("{matches} {}", options.mapper.name());
+        Self { features, matches, model }
+    }
+}
+
 /// A model and its details.
 pub(super) struct FoundModel {
     pub(super) folder: PathBuf,
@@ -108,7 +125,7 @@ impl Poses<'_> {
         details: &mut MatchesDetails,
         observer: &mut dyn CaptureObserver,
     ) -> Step<()> {
-        let (pairing, pairs) = self.pairing();
+        let (pairing, pairs) = pairing(self.photos, self.options);
         if let Some(pairs) = &pairs {
             self.write_pairs(pairs)?;
         }
@@ -125,24 +142,6 @@ impl Poses<'_> {
         };
         let places = self.places.clone();
         self.on_card_or_cpu(observer, |program| program.matches(&places, &pairing))
-    }
-
-    /// Key of the pairing, for the key of the step.
-    pub(super) fn pairing_key(&self) -> String {
-        format!("{:?}", self.pairing().0)
-    }
-
-    /// The pairing, and its list of pairs if it has one.
-    fn pairing(&self) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
-        let photos = &self.photos.photos;
-        let tree = self.options.vocab_tree.clone();
-        if photos.iter().all(|photo| photo.frame) {
-            return (Pairing::Listed, Some(sequence_pairs(photos.len())));
-        }
-        match tree.filter(|_| photos.len() > MOST_EXHAUSTIVE) {
-            Some(tree) => (Pairing::Tree(tree), None),
-            None => (Pairing::Exhaustive, None),
-        }
     }
 
     fn write_pairs(&self, pairs: &BTreeSet<(usize, usize)>) -> Result<()> {
@@ -219,7 +218,8 @@ impl Poses<'_> {
         if output.exists() {
             std::fs::remove_dir_all(&output).map_err(|e| Error::io(&output, e))?;
         }
-        std::fs::create_dir_all(&output).map_err(|e| Error::io(&output, e))?;
+        // Removed if it stays empty.
+        let _made = MadeFolders::make(&output)?;
         let photos = self.photos.photos.len();
         let mut command = self.program.model(&self.places, &output, at_once);
         let ended: Ended = self.log.run(&mut command, observer, |line, observer| {
@@ -252,6 +252,19 @@ impl Poses<'_> {
         let reason = "no two of these photos fit together: they need texture and overlap, and a camera that moves sideways and does not \
                       only turn (docs/from-photos.md says how to take them)";
         Error::unsupported(&self.places.images, reason)
+    }
+}
+
+/// The pairing, and its list of pairs if it has one.
+fn pairing(photos: &StoredPhotos, options: &CaptureOptions) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
+    let photos = &photos.photos;
+    let tree = options.vocab_tree.clone();
+    if photos.iter().all(|photo| photo.frame) {
+        return (Pairing::Listed, Some(sequence_pairs(photos.len())));
+    }
+    match tree.filter(|_| photos.len() > MOST_EXHAUSTIVE) {
+        Some(tree) => (Pairing::Tree(tree), None),
+        None => (Pairing::Exhaustive, None),
     }
 }
 

@@ -6,28 +6,27 @@
 //! ```
 
 use super::collect::{self, PhotosDetails};
+use super::folder::CaptureFolder;
 use super::logged::Log;
 use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
-use super::poses::{FoundModel, ModelDetails, Poses};
+use super::poses::{FeaturesDetails, FoundModel, MatchesDetails, ModelDetails, Poses, StepKeys};
 use super::program::{Places, Program};
 use super::sheet;
 use super::source::Sources;
-use super::stored::{self, StoredPhotos, StoredStep, StoredSteps, WORK, place};
+use super::stored::{self, StoredPhotos, StoredStep, StoredSteps, place};
 use super::verdict::{VerdictDetails, judge};
+use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_dataset::DatasetOptions;
 use trisplat_dataset::tracks::tracks;
-use trisplat_scene::atomic::{self, AtomicFolder, FolderLock};
+use trisplat_scene::atomic::{FolderLock, lies_inside};
 use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
 use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
 
 /// Why a finished step is skipped.
 const DONE: &str = "done before";
-/// Files of a model.
-const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
 
 /// A capture job.
 #[derive(Debug, Clone)]
@@ -38,15 +37,17 @@ pub struct Capture {
     pub folder: PathBuf,
     /// Options.
     pub options: CaptureOptions,
-    /// Replace a capture of other inputs in the folder.
+    /// Replace a capture of other inputs in the folder. It stays until the new one is whole.
     pub force: bool,
+    /// Fewer photos are refused before anything runs, unless there is a video.
+    pub least_photos: usize,
 }
 
 impl Capture {
     /// A capture of `inputs` into `folder` with default options.
     pub fn new(inputs: impl IntoIterator<Item = PathBuf>, folder: PathBuf) -> Self {
         let (options, force) = (CaptureOptions::default(), false);
-        Self { inputs: inputs.into_iter().collect(), folder, options, force }
+        Self { inputs: inputs.into_iter().collect(), folder, options, force, least_photos: 1 }
     }
 
     /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if `observer` stopped it: the next run
@@ -83,14 +84,34 @@ impl Run<'_> {
     fn all(&mut self) -> Step<VerdictDetails> {
         let job = self.job;
         self.report.inputs.extend(job.names());
-        check_apart(job)?;
+        check_apart("output", &job.folder, &job.inputs)?;
         let sources = Sources::find(&job.inputs)?;
+        check_apart("output", &job.folder, &sources.places(&job.inputs))?;
+        sources.check_number(job.least_photos, &job.inputs[0])?;
         self.report.warnings.extend(sources.warnings.iter().cloned());
         let program = Program::find(&job.options, &job.inputs[0])?;
-        let photos = self.photos(&sources)?;
-        let (model, key) = self.poses(program, &photos)?;
-        self.publish(&model, key)?;
-        self.verdict(&photos, &model.details)
+        let key = collect::key(&sources, &job.options)?;
+        let mut folder = CaptureFolder::choose(&job.folder, &key, job.force)?;
+        let made = self.make(&mut folder, &sources, program, &key);
+        let finished = folder.manifest.finish();
+        let verdict = made?;
+        finished?;
+        Ok(verdict)
+    }
+
+    /// All steps in `folder`.
+    fn make(
+        &mut self,
+        folder: &mut CaptureFolder,
+        sources: &Sources,
+        program: Program,
+        key: &str,
+    ) -> Step<VerdictDetails> {
+        let photos = self.photos(folder, sources, key)?;
+        let (model, key) = self.poses(folder, program, &photos)?;
+        publish(folder, &model, key)?;
+        folder.take_place()?;
+        self.verdict(folder, &photos, &model.details)
     }
 
     /// Times and records a step. `run` returns the reason if there was nothing to do.
@@ -110,68 +131,79 @@ impl Run<'_> {
         Ok(value)
     }
 
-    fn photos(&mut self, sources: &Sources) -> Step<StoredPhotos> {
+    fn photos(&mut self, folder: &mut CaptureFolder, sources: &Sources, key: &str) -> Step<StoredPhotos> {
         self.stage(|run, details: &mut PhotosDetails| {
-            let folder = &run.job.folder;
-            let key = collect::key(sources, &run.job.options)?;
-            if let Some(before) = earlier(folder, &key, run.job.force)? {
+            if let Some(before) = folder.photos()? {
                 details.photos = before.photos.len() as u64;
                 details.frames = before.photos.iter().filter(|photo| photo.frame).count() as u64;
                 return Ok((before, Some(DONE)));
             }
-            let made = collect::collect(sources, folder, &run.job.options, &key, details, run.observer)?;
+            let made = collect::collect(sources, folder, &run.job.options, key, details, run.observer)?;
             Ok((made, None))
         })
     }
 
     /// The pose program's steps. Returns the model, and the key of its step if the model is new.
-    fn poses(&mut self, program: Program, photos: &StoredPhotos) -> Step<(FoundModel, Option<String>)> {
-        let folder = self.job.folder.clone();
-        let _lock = FolderLock::take(&folder)?;
+    fn poses(
+        &mut self,
+        folder: &mut CaptureFolder,
+        program: Program,
+        photos: &StoredPhotos,
+    ) -> Step<(FoundModel, Option<String>)> {
+        let path = &folder.path.clone();
+        let _lock = FolderLock::take(path)?;
+        let file = place(path, "steps.json");
+        let mut steps: StoredSteps = stored::read(&file)?.unwrap_or_default();
+        let keys = StepKeys::of(&program, photos, &self.job.options);
+        let sparse = path.join("sparse").join("0");
+        if !["images.bin", "images.txt"].iter().any(|name| sparse.join(name).is_file()) {
+            steps.model.done = false;
+        }
+        let done = [
+            steps.features.is_done(&keys.features),
+            steps.matches.is_done(&keys.matches),
+            steps.model.is_done(&keys.model),
+        ];
+        if done == [true; 3] {
+            self.done::<FeaturesDetails>(&steps.features)?;
+            self.done::<MatchesDetails>(&steps.matches)?;
+            let details = self.done::<ModelDetails>(&steps.model)?;
+            return Ok((FoundModel { folder: sparse, details }, None));
+        }
+        folder.begin_poses()?;
         let places = Places {
-            images: folder.join("images"),
-            database: place(&folder, "database.db"),
-            pairs: place(&folder, "pairs.txt"),
-            models: place(&folder, "models"),
+            images: path.join("images"),
+            database: place(path, "database.db"),
+            pairs: place(path, "pairs.txt"),
+            models: place(path, "models"),
         };
-        let log = Log::open(&place(&folder, "poses.log"))?;
-        let file = place(&folder, "steps.json");
-        let mut steps: StoredSteps = stored::read(&file).unwrap_or_default();
-
-        let features_key = format!("{} {}", photos.key, program.version);
-        if steps.features.key != features_key {
-            remove(&places.database)?;
+        let log = Log::open(&place(path, "poses.log"))?;
+        if steps.features.key != keys.features || !places.database.is_file() {
+            folder.remove_database()?;
             steps = StoredSteps::default();
         }
-        let mut poses = Poses { program, places, photos, options: &self.job.options, log };
-        let matches_key = format!("{features_key} {}", poses.pairing_key());
-        let model_key = format!("{matches_key} {}", self.job.options.mapper.name());
-        let poses = &mut poses;
+        let poses = &mut Poses { program, places, photos, options: &self.job.options, log };
         self.step(
             &file,
             &mut steps,
             |steps| &mut steps.features,
-            &features_key,
+            &keys.features,
             |run, details| poses.features(details, run.observer),
         )?;
         self.step(
             &file,
             &mut steps,
             |steps| &mut steps.matches,
-            &matches_key,
+            &keys.matches,
             |run, details| poses.matches(details, run.observer),
         )?;
         let mut found = None;
-        let sparse = folder.join("sparse").join("0");
-        if !["images.bin", "images.txt"].iter().any(|name| sparse.join(name).is_file()) {
-            steps.model.done = false;
-        }
         self.step(
             &file,
             &mut steps,
             |steps| &mut steps.model,
-            &model_key,
-            |run, details| {
+            &keys.model,
+            |run, details: &mut ModelDetails| {
                 let model = poses.model(run.observer)?;
                 *details = model.details.clone();
                 found = Some(model);
@@ -179,12 +211,20 @@ impl Run<'_> {
             },
         )?;
         match found {
-            Some(model) => Ok((model, Some(model_key))),
+            Some(model) => Ok((model, Some(keys.model))),
             None => {
                 let details = serde_json::from_value(steps.model.details).unwrap_or_default();
-                Ok((FoundModel { folder: folder.join("sparse").join("0"), details }, None))
+                Ok((FoundModel { folder: sparse, details }, None))
             }
         }
+    }
+
+    /// A row for a step that an earlier run finished.
+    fn done<D: StageDetails + DeserializeOwned + Clone>(&mut self, step: &StoredStep) -> Step<D> {
+        self.stage(|_, details: &mut D| {
+            *details = serde_json::from_value(step.details.clone()).unwrap_or_default();
+            Ok((details.clone(), Some(DONE)))
+        })
     }
 
     /// One step of the program, unless finished. The model step is marked as finished later, when it is published.
@@ -212,37 +252,22 @@ impl Run<'_> {
         })
     }
 
-    /// Moves a new model into the data set, then marks its step as finished.
-    fn publish(&mut self, model: &FoundModel, key: Option<String>) -> Step<()> {
-        let Some(key) = key else { return Ok(()) };
-        let folder = &self.job.folder;
-        let made = AtomicFolder::create(folder)?;
-        let sparse = made.path().join("sparse").join("0");
-        std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;
-        let named = |name: &str| ["bin", "txt"].map(|ending| format!("{name}.{ending}"));
-        for name in MODEL_FILES.iter().flat_map(|name| named(name)) {
-            let from = model.folder.join(&name);
-            if from.is_file() {
-                input::copy(&from, &sparse.join(name))?;
-            }
-        }
-        made.publish("sparse/0/images")?;
-        let file = place(folder, "steps.json");
-        let mut steps: StoredSteps = stored::read(&file).unwrap_or_default();
-        let details = serde_json::to_value(&model.details).unwrap_or_default();
-        steps.model = StoredStep { key, done: true, details };
-        Ok(stored::write(&file, &steps)?)
-    }
-
-    fn verdict(&mut self, photos: &StoredPhotos, model: &ModelDetails) -> Step<VerdictDetails> {
+    fn verdict(
+        &mut self,
+        folder: &mut CaptureFolder,
+        photos: &StoredPhotos,
+        model: &ModelDetails,
+    ) -> Step<VerdictDetails> {
+        const PICTURE: &str = "capture/gaps.png";
         self.stage(|run, details: &mut VerdictDetails| {
-            let folder = &run.job.folder;
-            let images = folder.join("images");
-            let tracks = tracks(folder, &DatasetOptions::default())?;
+            let images = folder.path.join("images");
+            let tracks = tracks(&folder.path, &DatasetOptions::default())?;
             *details = judge(&images, photos, &tracks, model, run.observer)?;
-            let picture = place(folder, "gaps.png");
-            remove(&picture)?;
-            if !details.gaps.is_empty() {
+            if details.gaps.is_empty() {
+                folder.manifest.remove(&[PICTURE])?;
+            } else {
+                let picture = folder.path.join(PICTURE);
+                folder.manifest.begin(&[PICTURE])?;
                 sheet::draw(&images, &details.gaps)?.save_png(&picture)?;
                 details.picture = Some(picture.display().to_string());
             }
@@ -251,68 +276,32 @@ impl Run<'_> {
     }
 }
 
-fn remove(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
-        _ => Ok(()),
-    }
+/// Moves a new model into the data set, then marks its step as finished.
+fn publish(folder: &mut CaptureFolder, model: &FoundModel, key: Option<String>) -> Result<()> {
+    let Some(key) = key else { return Ok(()) };
+    folder.publish_model(&model.folder)?;
+    let file = place(&folder.path, "steps.json");
+    let mut steps: StoredSteps = stored::read(&file)?.unwrap_or_default();
+    let details = serde_json::to_value(&model.details).unwrap_or_default();
+    steps.model = StoredStep { key, done: true, details };
+    stored::write(&file, &steps)
 }
 
-/// Refuses an output folder inside the input folder: the next run would take its photos as inputs.
-fn check_apart(job: &Capture) -> Result<()> {
-    let full = |path: &Path| std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let (mut folder, target) = (job.folder.as_path(), job.folder.display());
-    // The part of the path that exists.
-    while !folder.exists() {
-        let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) else {
-            folder = Path::new(".");
-            break;
-        };
-        folder = parent;
-    }
-    let inside = |input: &&PathBuf| input.is_dir() && full(folder).starts_with(full(input));
-    match job.inputs.iter().find(inside) {
-        // With the current folder as input, any new folder in it is inside too.
-        Some(input) => {
-            Err(Error::invalid("output", target, format!("a folder outside of {}", input.display())))
+/// Refuses photos in the output folder, and an output folder among the photos: the next run would take its photos as inputs.
+/// `option` names the folder.
+pub fn check_apart(option: &str, folder: &Path, photos: &[PathBuf]) -> Result<()> {
+    for photo in photos {
+        if photo.is_dir() && lies_inside(folder, photo) {
+            let wants = format!("a folder outside of {}", photo.display());
+            return Err(Error::invalid(option, folder.display(), wants));
         }
-        None => Ok(()),
-    }
-}
-
-/// The photos of an earlier run of the same inputs. Clears the folder for other inputs if asked.
-///
-/// Errors: a folder that holds another capture, or something else.
-fn earlier(folder: &Path, key: &str, force: bool) -> Result<Option<StoredPhotos>> {
-    let before: Option<StoredPhotos> = stored::read(&place(folder, "photos.json"));
-    let is_whole = |photos: &StoredPhotos| {
-        photos.photos.iter().all(|photo| folder.join("images").join(&photo.name).is_file())
-    };
-    match before {
-        Some(before) if before.key == key && is_whole(&before) => Ok(Some(before)),
-        Some(before) if before.key == key || force => {
-            for name in ["images", "sparse", WORK] {
-                let old = folder.join(name);
-                if old.exists() {
-                    std::fs::remove_dir_all(&old).map_err(|e| Error::io(&old, e))?;
-                }
-            }
-            Ok(None)
-        }
-        Some(_) => {
-            let wants =
-                "a new folder, as this one holds the capture of other inputs; or `force`, to replace that";
-            Err(Error::invalid("output", folder.display(), wants))
-        }
-        None => {
-            let counts = |entry: std::io::Result<std::fs::DirEntry>| {
-                entry.is_ok_and(|entry| !atomic::is_leftover(&entry.file_name().to_string_lossy()))
-            };
-            let holds_something = std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts));
-            match holds_something {
-                true => Err(Error::invalid("output", folder.display(), "a new or empty folder")),
-                false => Ok(None),
-            }
+        if lies_inside(photo, folder) {
+            let reason = format!(
+                "lies in the output folder {}; move the photos elsewhere, or give another folder",
+                folder.display()
+            );
+            return Err(Error::unsupported(photo, reason));
         }
     }
+    Ok(())
 }

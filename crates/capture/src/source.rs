@@ -87,6 +87,28 @@ impl Sources {
         Ok(is_new)
     }
 
+    /// Folders below `inputs` that hold photos or videos, and files that are links.
+    pub(super) fn places(&self, inputs: &[PathBuf]) -> Vec<PathBuf> {
+        let files = || self.photos.iter().map(|photo| &photo.path).chain(&self.videos);
+        let folders: BTreeSet<&Path> = files().filter_map(|path| path.parent()).collect();
+        let found = |folder: &&Path| inputs.iter().any(|input| input.is_dir() && folder.starts_with(input));
+        let folders = folders.into_iter().filter(found).map(Path::to_owned);
+        folders.chain(files().filter(|path| path.is_symlink()).cloned()).collect()
+    }
+
+    /// Refuses fewer photos than `least`, unless there is a video. `input` is named in the error.
+    pub(super) fn check_number(&self, least: usize, input: &Path) -> Result<()> {
+        let count = self.photos.len();
+        if count < least && self.videos.is_empty() {
+            let photos = if count == 1 { "1 photo is" } else { &format!("{count} photos are") };
+            let reason = format!(
+                "{photos} not enough; give {least} or more, better 50 to 300 that overlap (docs/from-photos.md)"
+            );
+            return Err(Error::unsupported(input, reason));
+        }
+        Ok(())
+    }
+
     fn add_folder(&mut self, folder: &Path, below: &str) -> Result<()> {
         let io = |e| Error::io(folder, e);
         // A link to a folder around it has no end.

@@ -12,6 +12,9 @@ use trisplat_scene::limits::Limits;
 /// Name of the state folder.
 pub(super) const WORK: &str = "capture";
 
+/// List of the files of a capture, relative to its folder.
+pub(super) const FILES: &str = "capture/files.json";
+
 /// The photos of a capture and the key of their inputs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -76,9 +79,14 @@ pub(super) fn place(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// Reads one of these files; `None` if it is missing or from another version.
-pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Option<T> {
-    let text = input::read_text(path, &Limits::DEFAULT).ok()?;
-    serde_json::from_str(&text).ok()
+///
+/// Errors: a file that cannot be read.
+pub(super) fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let text = input::read_text(path, &Limits::DEFAULT)?;
+    Ok(serde_json::from_str(&text).ok())
 }
 
 /// Writes one of these files.

@@ -9,10 +9,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
-use trisplat_capture::{Capture, CaptureOptions, VerdictDetails};
+use trisplat_capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output;
-use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
 use trisplat_scene::budget::{Budget, Seconds};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::input;
@@ -25,8 +25,16 @@ use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 const TRAINING: f64 = 0.85;
 /// Steps between checkpoints: a killed run loses at most these.
 const CHECKPOINT_EVERY: u64 = 500;
+/// Fewer photos show no shape, or leave none to judge it by.
+const LEAST_PHOTOS: usize = 3;
 /// Why a finished part is skipped.
 const DONE: &str = "done before";
+/// List of the training's files in the working folder.
+const FILES: &str = "files.json";
+const SCENE: &str = "scene.ply";
+const CHECKPOINT: &str = "scene.checkpoint";
+const NOTES: &str = "training.json";
+const TEACHER: &str = "scene.teacher.ply";
 
 /// A job that does everything: capture, training, bake. [`MakeJob::new`] fills in the defaults; set any field before running it.
 #[derive(Debug, Clone)]
@@ -37,7 +45,8 @@ pub struct MakeJob {
     pub output: PathBuf,
     /// The page to write beside it.
     pub page: Option<PathBuf>,
-    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene.
+    /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene. Files that
+    /// this job did not write there are never replaced.
     pub work: PathBuf,
     /// Capture options: frames and poses.
     pub capture: CaptureOptions,
@@ -100,7 +109,8 @@ impl MakeJob {
     /// Errors: those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
     pub fn run(mut self, observer: &mut dyn MakeJobObserver) -> Result<MakeDone> {
         let clock = Instant::now();
-        std::fs::create_dir_all(&self.work).map_err(|e| Error::io(&self.work, e))?;
+        // Removed if it stays empty.
+        let _made = MadeFolders::make(&self.work)?;
         let mut report = Report::new("make");
         let (dataset, verdict) = match &self.inputs[..] {
             [posed] if Dataset::is_posed(posed) => {
@@ -108,10 +118,12 @@ impl MakeJob {
                 add(StageReport::unneeded("capture", "the photos have poses".into()), &mut report, observer);
                 (posed.clone(), None)
             }
-            _ => {
+            photos => {
+                check_apart("work", &self.work, photos)?;
                 let folder = self.work.join("photos");
                 let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
                 (job.options, job.force) = (self.capture.clone(), self.force);
+                job.least_photos = LEAST_PHOTOS;
                 let verdict = job.run(&mut report, &mut *observer.captures())?;
                 (folder, Some(verdict))
             }
@@ -122,7 +134,7 @@ impl MakeJob {
             done.verdict = verdict;
         }
         if !done.stopped {
-            done.stopped = !self.train(&done.dataset, &mut done.report, observer)?;
+            done.stopped = !self.train_once(&done.dataset, &mut done.report, observer)?;
         }
         if !done.stopped {
             self.bake(&done.dataset, &mut done.report, observer)?;
@@ -131,10 +143,31 @@ impl MakeJob {
         Ok(done)
     }
 
+    /// Trains, and keeps the list of what was written. Returns false when stopped.
+    fn train_once(
+        &self,
+        path: &Path,
+        report: &mut Report,
+        observer: &mut dyn MakeJobObserver,
+    ) -> Result<bool> {
+        let mut ours = Manifest::read(&self.work, FILES)?;
+        let trained = self.train(path, &mut ours, report, observer);
+        let began = [SCENE, CHECKPOINT, TEACHER].iter().any(|name| self.work.join(name).exists());
+        let finished = if trained.is_ok() || began { ours.finish() } else { ours.clear() };
+        let trained = trained?;
+        finished.map(|()| trained)
+    }
+
     /// Trains unless a finished training exists. Returns false when stopped.
-    fn train(&self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<bool> {
-        let [scene, point, notes] =
-            ["scene.ply", "scene.checkpoint", "training.json"].map(|n| self.work.join(n));
+    fn train(
+        &self,
+        path: &Path,
+        ours: &mut Manifest,
+        report: &mut Report,
+        observer: &mut dyn MakeJobObserver,
+    ) -> Result<bool> {
+        let [scene, point, notes, teacher] =
+            [SCENE, CHECKPOINT, NOTES, TEACHER].map(|name| self.work.join(name));
         let key = self.training_key(path)?;
         let before: Option<StoredTraining> =
             input::read_text(&notes, &Limits::DEFAULT).ok().and_then(|text| serde_json::from_str(&text).ok());
@@ -150,12 +183,19 @@ impl MakeJob {
         }
         // A checkpoint made from other photos or options is ignored, and so is a damaged one.
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
+        let teachers = teacher_files(Path::new(TEACHER));
+        let teachers = teachers.iter().filter_map(|file| file.to_str());
+        ours.begin(&[SCENE, CHECKPOINT, NOTES].into_iter().chain(teachers).collect::<Vec<_>>())?;
         save(&notes, &StoredTraining { key: key.clone(), stages: vec![], warnings: vec![] })?;
         let how = reading(&self.dataset_options, resume.as_ref());
-        let mut job = TrainJob::new(Dataset::load(path, &how)?, self.train.clone());
+        let photos = Dataset::load(path, &how)?;
+        if photos.views.len() < LEAST_PHOTOS {
+            let reason = format!("{} photos are not enough; give {LEAST_PHOTOS} or more", photos.views.len());
+            return Err(Error::unsupported(path, reason));
+        }
+        let mut job = TrainJob::new(photos, self.train.clone());
         job.dataset_options = how;
         job.backend = self.backend.clone();
-        let teacher = self.work.join("scene.teacher.ply");
         job.teacher_file = Some(teacher.clone());
         job.began = Some(Instant::now());
         match &resume {
@@ -204,7 +244,7 @@ impl MakeJob {
 
     /// Bakes, and writes the file and the page.
     fn bake(&mut self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<()> {
-        let mut job = BakeJob::new([BakeInput::File(self.work.join("scene.ply"))], self.bake.clone());
+        let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
         job.photos = Some(Dataset::load(path, &self.dataset_options)?);
         job.dataset_options = self.dataset_options.clone();
         let mut watching = observer.bakes();

@@ -9,18 +9,23 @@
 //! Among files that belong together one names the others. A few files are a set, [`AtomicFile::create_all`]
 //! and [`publish`]. Many files have names with a hash of their bytes, so they replace nothing:
 //! [`AtomicFile::commit_as`] makes them, [`AtomicFile::names`] ties them to the file that names them, and
-//! [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`].
+//! [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`]. What later runs may
+//! replace or remove in a user's folder is in its [`Manifest`].
 
 mod folder;
+mod inside;
 mod live;
 mod made;
+mod manifest;
 mod names;
 mod place;
 mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
+pub use inside::lies_inside;
 pub use live::{remove_temporaries, try_remove_temporaries};
 pub use made::MadeFolders;
+pub use manifest::{Manifest, remove_empty_folders};
 pub use names::{is_leftover, resolved, temporary_name};
 
 use crate::error::{Error, Result};

@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list of moves, one line each. If a killed run leaves it, the moves are undone.
+/// The list of moves, each ending with a zero byte. If a killed run leaves it, the moves are undone.
 const LIST: &str = ".moves";
 /// The same after all moves: only old files remain to be removed.
 const DONE: &str = ".moved";
@@ -78,9 +78,27 @@ impl AtomicFolder {
         Ok(this)
     }
 
+    /// Undoes the moves that a killed process left half done in `folder`.
+    ///
+    /// Errors: those of [`AtomicFolder::create`].
+    pub fn recover(folder: &Path) -> Result<()> {
+        match aside_folder(folder).exists() {
+            true => Self::create(folder).map(drop),
+            false => Ok(()),
+        }
+    }
+
     /// The folder where its files are made, under their final names.
     pub fn path(&self) -> &Path {
         &self.aside
+    }
+
+    /// Names of the files made so far, sorted.
+    pub(super) fn names(&self) -> Result<Vec<PathBuf>> {
+        let mut names = Vec::new();
+        collect(&self.aside, Path::new(""), &mut names).map_err(|e| Error::io(&self.folder, e))?;
+        names.sort();
+        Ok(names)
     }
 
     /// Moves the files to their places when they are on the disk. Those that begin with `naming`, which name
@@ -88,18 +106,22 @@ impl AtomicFolder {
     ///
     /// Errors: what the operating system refuses.
     pub fn publish(self, naming: &str) -> Result<()> {
+        self.publish_instead(naming, &[])
+    }
+
+    /// The same; `stale` are old files without a successor, which are removed in the same step.
+    pub(super) fn publish_instead(self, naming: &str, stale: &[PathBuf]) -> Result<()> {
         let io = |e| Error::io(&self.folder, e);
-        let mut names = Vec::new();
-        collect(&self.aside, Path::new(""), &mut names).map_err(io)?;
-        names.sort();
+        let mut names = self.names()?;
         names.sort_by_key(|name| name.starts_with(naming));
         names.iter().try_for_each(|name| sync(&self.aside.join(name))).map_err(io)?;
         let list = self.aside.join(LIST);
-        let moves = moves(&self.folder, &names);
+        let all: Vec<PathBuf> = stale.iter().chain(&names).cloned().collect();
+        let moves = moves(&self.folder, &all);
         write_list(&list, &moves).map_err(io)?;
         // Locked while files get their names: a signal waits.
         let live = live::list();
-        let replaced = replace(&self.folder, &self.aside, &names)
+        let replaced = replace(&self.folder, &self.aside, &all, &names)
             .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
         if let Err(error) = replaced {
             // Best effort.
@@ -138,7 +160,8 @@ fn collect(folder: &Path, below: &Path, names: &mut Vec<PathBuf>) -> io::Result<
 }
 
 fn sync(path: &Path) -> io::Result<()> {
-    File::options().write(true).open(path)?.sync_all()
+    // Unix syncs files that are read-only, as copied photos may be; Windows only those that may be written.
+    File::options().read(true).write(cfg!(not(unix))).open(path)?.sync_all()
 }
 
 /// A name, with `+` for a new file and `=` for a replaced one.
@@ -150,14 +173,14 @@ fn moves(folder: &Path, names: &[PathBuf]) -> Vec<Move> {
 }
 
 fn write_list(list: &Path, moves: &[Move]) -> io::Result<()> {
-    let line = |(mark, name): &Move| format!("{mark}{}\n", name.display());
+    let line = |(mark, name): &Move| format!("{mark}{}\0", name.display());
     std::fs::write(list, moves.iter().map(line).collect::<String>())?;
     sync(list)
 }
 
-/// Moves old files aside, first those that name others, then new ones in.
-fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
-    for target in names.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
+/// Moves the old files of `all` names aside, first those that name others, then new ones in.
+fn replace(folder: &Path, aside: &Path, all: &[PathBuf], names: &[PathBuf]) -> io::Result<()> {
+    for target in all.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
         std::fs::rename(&target, aside_name(&target))?;
     }
     for name in names {
@@ -174,7 +197,8 @@ fn read_list(aside: &Path, name: &str) -> io::Result<Vec<Move>> {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         text => text?,
     };
-    let moves = text.lines().filter_map(|line| Some((line.chars().next()?, line.get(1..)?.into())));
+    let moves =
+        text.split_terminator('\0').filter_map(|line| Some((line.chars().next()?, line.get(1..)?.into())));
     Ok(moves.collect())
 }
 
@@ -196,19 +220,24 @@ fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes old files that were moved aside for new ones which are all in their places.
+/// Removes old files that were moved aside for new ones which are all in their places, and folders that are
+/// empty without them.
 fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
     for (_, name) in moves.iter().filter(|(mark, _)| *mark == '=') {
-        let old = aside_name(&folder.join(name));
+        let target = folder.join(name);
+        let old = aside_name(&target);
         if old.exists() {
             std::fs::remove_file(old)?;
+        }
+        if !target.exists() {
+            remove_empty(folder, target.parent());
         }
     }
     Ok(())
 }
 
 /// Removes `below` and its parents up to `folder`, while they are empty. Inner ones may be missing.
-fn remove_empty(folder: &Path, below: Option<&Path>) {
+pub(super) fn remove_empty(folder: &Path, below: Option<&Path>) {
     let mut below = below;
     let goes = |empty: &Path| std::fs::remove_dir(empty).is_ok() || !empty.exists();
     while let Some(empty) = below.filter(|empty| *empty != folder && goes(empty)) {
@@ -310,6 +339,32 @@ mod tests {
             assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
             assert!(!folder.join("images").exists(), "{moved} were moved");
         }
+    }
+
+    #[test]
+    fn files_without_a_successor_go_with_the_move_or_stay() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path();
+        let stale = [PathBuf::from("more/c")];
+        std::fs::create_dir(folder.join("more")).unwrap();
+        std::fs::write(folder.join("more/c"), "old").unwrap();
+        // As a kill leaves it after the first move: the file is put back.
+        let made = AtomicFolder::create(folder).unwrap();
+        write_list(&made.path().join(LIST), &moves(folder, &stale)).unwrap();
+        std::fs::rename(folder.join("more/c"), aside_name(&folder.join("more/c"))).unwrap();
+        let (aside, kept) = (made.path().to_owned(), folder.with_extension("kept"));
+        std::fs::rename(&aside, &kept).unwrap();
+        drop(made);
+        std::fs::rename(&kept, &aside).unwrap();
+        std::fs::write(temporary_name(&folder_lock(folder)), "").unwrap();
+        AtomicFolder::recover(folder).unwrap();
+        assert_eq!(found(folder), [("more/c".into(), "old".into())]);
+
+        let made = AtomicFolder::create(folder).unwrap();
+        fill(&made, "new");
+        made.publish_instead("list", &stale).unwrap();
+        assert_eq!(found(folder), all("new"));
+        assert!(!folder.join("more").exists());
     }
 
     #[test]

@@ -1,0 +1,245 @@
+//! `capture` and `make` never delete or replace a file that they did not write, nor one that was changed since.
+#![cfg(unix)]
+
+use super::capture::{Fake, copy, names};
+use super::stderr;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const CAPTURE: [&str; 4] = ["capture", "photos", "-o", "set"];
+
+/// Every file below `folder` and its bytes.
+fn all(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => files.extend(all(&path)),
+            false => drop(files.insert(path.clone(), std::fs::read(&path).unwrap())),
+        }
+    }
+    files
+}
+
+#[test]
+fn photos_in_the_output_of_a_capture_are_refused_and_stay() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    std::fs::create_dir(fake.at("m.make")).unwrap();
+    let copied = Command::new("cp").arg("-r").arg(fake.at("set")).arg(fake.at("m.make/photos")).status();
+    assert!(copied.unwrap().success());
+    std::os::unix::fs::symlink("set/images", fake.at("link")).unwrap();
+    std::fs::create_dir(fake.at("linked")).unwrap();
+    std::os::unix::fs::symlink("../set/images/view_0001.png", fake.at("linked/a.png")).unwrap();
+    std::os::unix::fs::symlink("../set/images", fake.at("linked/more")).unwrap();
+    std::os::unix::fs::symlink("set", fake.at("same")).unwrap();
+    let before = all(fake.folder());
+    let inside = [
+        "capture set/images -o set -f",
+        "capture set/images/view_0001.png set/images/view_0002.png set/images/view_0003.png -o set -f",
+        "capture set/sparse/../images -o ./set/ -f",
+        "capture link -o set -f",
+        "capture linked -o set -f",
+        "capture linked/a.png -o set -f",
+        "capture set/images -o same -f",
+        "capture set/images -o set/images/view_0001.png/.. -f",
+        "make m.make/photos/images -o m.glb -f",
+        "make set/images -o m.glb --work set -f",
+    ];
+    for command in inside {
+        let words: Vec<&str> = command.split(' ').collect();
+        let said = fake.error(&words);
+        let refused = said.contains("lies in the output folder") || said.contains("a folder outside of");
+        assert!(refused, "{command}: {said}");
+        assert!(all(fake.folder()) == before, "{command}");
+    }
+    for output in ["photos/set", "photos", "link/new", "photos/../photos/a/b"] {
+        let input = if output.starts_with("link") { "set" } else { "photos" };
+        let said = fake.error(&["capture", input, "-o", output, "-f"]);
+        assert!(said.contains("a folder outside of"), "{output}: {said}");
+        assert!(all(fake.folder()) == before, "{output}");
+    }
+}
+
+#[test]
+fn a_missing_photo_comes_back_and_nothing_else_changes() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    let mine = ["images/mine.txt", "sparse/0/mine.txt", "sparse/mine/a", "capture/mine.txt", "mine.txt"];
+    for name in mine {
+        std::fs::create_dir_all(fake.at("set").join(name).parent().unwrap()).unwrap();
+        std::fs::write(fake.at("set").join(name), name).unwrap();
+    }
+    let model = std::fs::read_to_string(fake.at("set/sparse/0/cameras.txt")).unwrap() + "# refined by me\n";
+    std::fs::write(fake.at("set/sparse/0/cameras.txt"), &model).unwrap();
+    fake.calls();
+    let before = all(fake.folder());
+    std::fs::remove_file(fake.at("set/images/view_0003.png")).unwrap();
+    let said = fake.succeed(&CAPTURE);
+    assert!(said.contains("40 photos") && said.matches("done before").count() == 3, "{said}");
+    assert!(fake.calls().is_empty());
+    let after = all(fake.folder());
+    let changed: Vec<&PathBuf> = before.keys().filter(|path| after.get(*path) != before.get(*path)).collect();
+    assert!(changed.is_empty() && after.len() == before.len(), "{changed:?}");
+}
+
+#[test]
+fn a_photo_or_model_that_the_user_changed_stops_a_capture_that_would_replace_it() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    std::fs::remove_file(fake.at("set/images/view_0003.png")).unwrap();
+    for (name, again) in [
+        ("images/view_0004.png", &CAPTURE[..]),
+        ("images/view_0004.png", &["capture", "model/../photos/view_0001.png", "-o", "set", "-f"]),
+        ("sparse/0/cameras.txt", &["capture", "photos/view_0001.png", "-o", "set", "-f"]),
+        ("capture/database.db", &["capture", "photos/view_0001.png", "-o", "set", "-f"]),
+        ("sparse/0/cameras.txt", &["capture", "photos", "-o", "set", "--mapper", "incremental"]),
+    ] {
+        let path = fake.at("set").join(name);
+        let ours = std::fs::read(&path).unwrap();
+        std::fs::write(&path, "edited").unwrap();
+        if again.contains(&"--mapper") {
+            copy(&fake.at("photos"), &fake.at("set/images"));
+        }
+        let before = all(fake.folder());
+        let said = fake.error(again);
+        assert!(
+            said.contains(&format!("set/{name}: was changed after trisplat wrote it; move it elsewhere")),
+            "{said}"
+        );
+        assert!(all(fake.folder()) == before, "{name}");
+        std::fs::write(&path, ours).unwrap();
+    }
+}
+
+#[test]
+fn an_old_capture_stays_until_the_new_one_is_whole() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    std::fs::write(fake.at("set/images/mine.txt"), "mine").unwrap();
+    let old = |fake: &Fake| {
+        let mut files = all(&fake.at("set"));
+        files.retain(|path, _| !path.starts_with(fake.at("set/capture/next")));
+        files
+    };
+    let before = old(&fake);
+    std::fs::remove_file(fake.at("photos/view_0003.png")).unwrap();
+    std::fs::copy(fake.at("photos/view_0004.png"), fake.at("photos/view_0005.png")).unwrap();
+    let again = [&CAPTURE[..], &["--force"]].concat();
+    for step in ["feature_extractor", "exhaustive_matcher", "mapper"] {
+        std::fs::write(fake.at("fails"), step).unwrap();
+        let said = fake.error(&again);
+        assert!(said.contains("the disk is made of cheese"), "{said}");
+        assert!(old(&fake) == before, "{step}");
+    }
+    // The old one is still known as whole, and the begun one goes on.
+    std::fs::remove_file(fake.at("fails")).unwrap();
+    fake.calls();
+    let said = fake.succeed(&again);
+    assert!(said.contains("39 photos") && said.matches("done before").count() == 3, "{said}");
+    assert_eq!(fake.calls().len(), 1, "the mapper alone");
+    let images = names(&fake.at("set/images"));
+    assert!(images.len() == 40 && images.contains(&"mine.txt".into()), "{images:?}");
+    assert!(!fake.at("set/capture/next").exists() && fake.at("set/capture/poses.log").is_file());
+    let photo = |name: &str| std::fs::read(fake.at(name)).unwrap();
+    assert!(photo("set/images/view_0005.png") == photo("photos/view_0004.png"));
+    assert_eq!(fake.succeed(&CAPTURE).matches("done before").count(), 4);
+}
+
+#[test]
+fn a_photo_folder_that_is_a_link_stays_as_it_is() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    std::fs::remove_dir_all(fake.at("set/images")).unwrap();
+    std::os::unix::fs::symlink("../photos", fake.at("set/images")).unwrap();
+    copy(&fake.at("photos"), &fake.at("other"));
+    std::fs::remove_file(fake.at("other/view_0001.png")).unwrap();
+    let before = all(&fake.at("photos"));
+    let said = fake.error(&["capture", "other", "-o", "set", "-f"]);
+    assert!(said.contains("is a link, which"), "{said}");
+    assert!(all(&fake.at("photos")) == before);
+}
+
+#[test]
+fn photos_of_one_stem_are_all_taken() {
+    let fake = Fake::new();
+    let webp = |from: &str, to: &str| {
+        let picture = trisplat_scene::image::Pixels::load(&fake.at(from)).unwrap();
+        let mut bytes = Vec::new();
+        let (rgb, size): (Vec<u8>, _) = (picture.rgb.concat(), picture.size);
+        image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
+            .encode(&rgb, size.x, size.y, image::ExtendedColorType::Rgb8)
+            .unwrap();
+        std::fs::write(fake.at(to), bytes).unwrap();
+    };
+    webp("photos/view_0002.png", "photos/view_0001.webp");
+    webp("photos/view_0003.png", "photos/view_0041.webp");
+    std::fs::copy(fake.at("photos/view_0004.png"), fake.at("photos/VIEW_0005.PNG")).unwrap();
+    let said = fake.succeed(&CAPTURE);
+    assert!(said.contains("43 photos"), "{said}");
+    let images = names(&fake.at("set/images"));
+    assert_eq!(images.len(), 43, "{images:?}");
+    let pixels = |name: &str| trisplat_scene::image::Pixels::load(&fake.at(name)).unwrap();
+    for (made, from) in [
+        ("view_0001.png", "view_0001.png"),
+        ("view_0001.webp.png", "view_0002.png"),
+        ("view_0041.png", "view_0003.png"),
+        ("VIEW_0005.PNG", "view_0004.png"),
+        ("view_0005-2.png", "view_0005.png"),
+    ] {
+        assert!(pixels(&format!("set/images/{made}")) == pixels(&format!("photos/{from}")), "{made}");
+    }
+}
+
+/// A short run on small pictures; the fake program finds the poses.
+const MAKE: [&str; 11] =
+    ["make", "photos", "-o", "m.glb", "--max-size", "60", "--budget", "8s", "--max-triangles", "500", "-f"];
+
+#[test]
+fn a_users_scene_in_the_working_folder_is_not_replaced() {
+    let fake = Fake::new();
+    let make = [&MAKE[..], &["--work", "w"]].concat();
+    for name in ["scene.ply", "training.json", "scene.checkpoint", "scene.teacher.ply", "files.json"] {
+        std::fs::create_dir_all(fake.at("w")).unwrap();
+        std::fs::write(fake.at("w").join(name), "mine").unwrap();
+        let said = fake.error(&make);
+        assert!(said.contains(&format!("w/{name}: is not a file that trisplat wrote; move it")), "{said}");
+        assert_eq!(std::fs::read_to_string(fake.at("w").join(name)).unwrap(), "mine");
+        assert_eq!(names(&fake.at("w")).len(), 2, "photos and {name}: {:?}", names(&fake.at("w")));
+        std::fs::remove_file(fake.at("w").join(name)).unwrap();
+    }
+    let output = fake.run(&make);
+    assert!(output.status.success(), "{}", stderr(&output));
+    // A finished scene that was changed is baked as it is, and never trained over.
+    let scene = std::fs::read(fake.at("w/scene.ply")).unwrap();
+    std::fs::write(fake.at("w/scene.ply"), [&scene[..], b"\n"].concat()).unwrap();
+    let other: Vec<&str> = make.iter().map(|word| if *word == "60" { "50" } else { word }).collect();
+    let said = fake.error(&other);
+    assert!(said.contains("w/scene.ply: was changed after trisplat wrote it"), "{said}");
+    assert!(std::fs::read(fake.at("w/scene.ply")).unwrap().len() == scene.len() + 1);
+}
+
+#[test]
+fn one_or_two_photos_are_refused_before_anything_runs_and_no_folder_is_left() {
+    let fake = Fake::new();
+    for photos in [&["photos/view_0001.png"][..], &["photos/view_0001.png", "photos/view_0002.png"]] {
+        let said = fake.error(&[&["make", "-o", "m.glb"], photos].concat());
+        assert!(
+            said.contains(&format!("{} photo", photos.len())) && said.contains("give 3 or more"),
+            "{said}"
+        );
+        assert!(fake.calls().is_empty() && !fake.at("m.make").exists() && !fake.at("m.glb").exists());
+    }
+    std::fs::create_dir(fake.at("none")).unwrap();
+    for input in ["none", "missing", "colmap"] {
+        fake.error(&["make", input, "-o", "m.glb"]);
+        assert!(!fake.at("m.make").exists(), "{input}");
+    }
+    // A data set with poses too.
+    let small = "sample dataset -o two --views 2 --width 32 --points 60";
+    fake.succeed(&small.split(' ').collect::<Vec<_>>());
+    let said = fake.error(&["make", "two", "-o", "m.glb"]);
+    assert!(said.contains("2 photos are not enough; give 3 or more"), "{said}");
+    assert!(!fake.at("m.make").exists() && !fake.at("m.glb").exists());
+}
