@@ -5,6 +5,7 @@ use super::bake_args::BakeArgs;
 use super::bake_city;
 use super::bake_preparation::Terminal;
 use super::files;
+use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -24,16 +25,16 @@ use trisplat_scene::report::Report;
 use trisplat_train::{HardenedGain, TrainDetails};
 
 /// Bakes; `matches` says which flags were typed.
-pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global) -> Result<()> {
+pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<()> {
     let clock = Instant::now();
     let mut options = resolve(args, matches)?;
     if let [plan] = &args.inputs[..]
         && bake_city::is_plan(plan)
     {
-        return bake_city::run(args, plan, options, global);
+        return bake_city::run(args, plan, options, global, inputs);
     }
     let output = options.plan_output(&args.output, args.format)?;
-    let mut outputs = guard(args, &output)?;
+    let mut outputs = guard(args, inputs, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
 
@@ -112,10 +113,9 @@ fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
 }
 
 /// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
-fn guard(args: &BakeArgs, output: &Output) -> Result<Outputs> {
-    let inputs = args.inputs.iter().chain(&args.config).map(PathBuf::as_path);
-    let mut outputs = Outputs::new(inputs, args.force || args.dry_run).with_dataset(args.dataset.as_deref());
-    output.paths().try_for_each(|path| outputs.plan("--output", path))?;
+fn guard<'a>(args: &BakeArgs, inputs: &'a Inputs, output: &Output) -> Result<Outputs<'a>> {
+    let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
+    outputs.plan_scene(output)?;
     outputs.replacing(args.force);
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     Ok(outputs)

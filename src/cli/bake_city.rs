@@ -2,10 +2,11 @@
 
 use super::Global;
 use super::bake_args::BakeArgs;
+use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
 use trisplat_scale::{Blocks, manifest, tileset};
@@ -17,18 +18,22 @@ pub(super) fn is_plan(path: &Path) -> bool {
 }
 
 /// Bakes the blocks of `plan`.
-pub(super) fn run(args: &BakeArgs, plan: &Path, mut options: BakeOptions, global: &Global) -> Result<()> {
+pub(super) fn run(
+    args: &BakeArgs,
+    plan: &Path,
+    mut options: BakeOptions,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<()> {
     let clock = Instant::now();
     check(args, &options)?;
-    options.plan_output(&args.output, args.format)?;
+    let output = options.plan_output(&args.output, args.format)?;
     if !options.tiles.tiles {
         let wants = "a name ending in .tileset.json; for one file merge the blocks first";
         return Err(Error::invalid("output", args.output.display(), wants));
     }
     let blocks = Blocks::open(plan, &args.dataset_options.limits)?;
-    let sources: Vec<PathBuf> = (0..blocks.len()).map(|i| blocks.path(i)).collect();
-    let mut outputs = Outputs::new(sources.iter().map(PathBuf::as_path), args.force);
-    outputs.plan("--output", &args.output)?;
+    Outputs::new(inputs, args.force).plan_scene(&output)?;
     let mut say = |index: usize, triangles: u64| {
         if global.verbose {
             messages::print(&format!("block {index}: {} triangles", thousands(triangles)));

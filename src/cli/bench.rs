@@ -3,13 +3,15 @@
 use super::Global;
 use super::bench_cost;
 use super::files;
+use super::inputs::Inputs;
+use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use super::stress;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use trisplat_bench::stress::StressArgs;
-use trisplat_bench::{bake, cost, fidelity, measure, raster};
+use trisplat_bench::{bake, cost, fidelity, machine, measure, raster};
 #[cfg(feature = "gpu")]
 use trisplat_bench::{card, fps};
 use trisplat_dataset::ShrunkSize;
@@ -19,6 +21,9 @@ use trisplat_train::{TrainObserver, TrainSample};
 /// Which benchmark.
 #[derive(Debug, clap::Args)]
 pub struct BenchArgs {
+    /// Replace files that are there; rows are added to a table without it.
+    #[arg(short, long, global = true)]
+    pub force: bool,
     /// The benchmark.
     #[command(subcommand)]
     pub bench: BenchCommand,
@@ -69,7 +74,8 @@ pub enum BenchCommand {
 }
 
 /// Runs a benchmark; rows go to standard output.
-pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
+pub fn run(args: &BenchArgs, global: &Global, inputs: &Inputs) -> Result<()> {
+    guard(args, inputs)?;
     match &args.bench {
         BenchCommand::Bake(bake_args) => run_bake(bake_args, global),
         #[cfg(feature = "gpu")]
@@ -87,6 +93,37 @@ pub fn run(args: &BenchArgs, global: &Global) -> Result<()> {
         BenchCommand::Measure { command } => print_json(&measure::run_only_child(command)?),
         BenchCommand::Floor { input, like, output } => bake::floor(input, like, output),
     }
+}
+
+/// Refuses tables, plots and other files that must not be written, before anything is measured.
+fn guard(args: &BenchArgs, inputs: &Inputs) -> Result<()> {
+    let force = args.force;
+    let mut outputs = Outputs::new(inputs, force);
+    let (csv, plot) = match &args.bench {
+        BenchCommand::Bake(args) => (&args.csv, &args.plot),
+        BenchCommand::Fidelity(args) => (&args.csv, &args.plot),
+        #[cfg(feature = "gpu")]
+        BenchCommand::Fps(args) => (&args.csv, &args.plot),
+        BenchCommand::Cost(args) => (&None, &args.plot),
+        BenchCommand::Stress(args) if args.replay.is_some() => return Ok(()),
+        BenchCommand::Stress(args) => {
+            // It is written only if a promise is broken, and may be that of an earlier run.
+            outputs.replacing(force || stress::is_case(&args.worst));
+            outputs.plan("--worst", &args.worst)?;
+            (&None, &args.plot)
+        }
+        BenchCommand::Floor { output, .. } => {
+            outputs.replacing(true);
+            return outputs.plan("OUTPUT", output);
+        }
+        _ => return Ok(()),
+    };
+    outputs.replacing(force);
+    if let Some(path) = csv {
+        outputs.append("--csv", path)?;
+        machine::check_csv(path)?;
+    }
+    plot.as_deref().map_or(Ok(()), |path| outputs.plan("--plot", path))
 }
 
 fn run_bake(args: &bake::BakeBenchArgs, global: &Global) -> Result<()> {

@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::files;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals::{self, Listener};
@@ -34,9 +35,9 @@ pub struct CaptureArgs {
 }
 
 /// Makes the data set.
-pub fn run(args: &CaptureArgs, global: &Global) -> Result<ExitCode> {
+pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let clock = Instant::now();
-    let mut outputs = Outputs::new(args.inputs.iter().map(PathBuf::as_path), args.force);
+    let mut outputs = Outputs::new(inputs, args.force);
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     let mut job = Capture::new(args.inputs.iter().cloned(), args.output.clone());
     (job.options, job.force) = (args.options.clone(), args.force);

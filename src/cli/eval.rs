@@ -1,6 +1,7 @@
 //! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected colours.
 
 use super::Global;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::{Progress, thousands};
@@ -69,8 +70,8 @@ pub struct EvalArgs {
 }
 
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
-pub fn run(args: &EvalArgs, global: &Global, out: &mut dyn Write) -> Result<()> {
-    let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(Some(&args.dataset));
+pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
+    let mut outputs = Outputs::new(inputs, args.force);
     for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
         path.as_deref().map_or(Ok(()), |path| outputs.claim(option, path))?;
     }

@@ -4,6 +4,7 @@ use super::Global;
 use super::bake_preparation::Terminal;
 use super::capture::{CaptureTerminal, advise};
 use super::files;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals;
@@ -64,11 +65,11 @@ pub struct MakeArgs {
 }
 
 /// Makes it.
-pub fn run(args: &MakeArgs, global: &Global) -> Result<ExitCode> {
+pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
     let mut bake = BakeOptions::default();
     bake.output.target = args.target;
-    let mut outputs = guard(args, bake.clone(), &page)?;
+    let mut outputs = guard(args, inputs, bake.clone(), &page)?;
     let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
     if let Some(work) = &args.work {
         job.work = work.clone();
@@ -99,7 +100,7 @@ fn command() -> clap::Command {
 }
 
 /// Refuses outputs that cannot or must not be written, before any work.
-fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs> {
+fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, mut bake: BakeOptions, page: &Path) -> Result<Outputs<'a>> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
         return Err(Error::invalid("output", args.output.display(), wants));
@@ -108,10 +109,8 @@ fn guard(args: &MakeArgs, mut bake: BakeOptions, page: &Path) -> Result<Outputs>
         return Err(Error::invalid("page", page.display(), "a name ending in .html"));
     }
     let planned = bake.plan_output(&args.output, None)?;
-    let posed = args.inputs.first().filter(|input| trisplat_dataset::Dataset::is_posed(input));
-    let inputs = args.inputs.iter().map(PathBuf::as_path);
-    let mut outputs = Outputs::new(inputs, args.force).with_dataset(posed.map(PathBuf::as_path));
-    planned.paths().try_for_each(|path| outputs.plan("--output", path))?;
+    let mut outputs = Outputs::new(inputs, args.force);
+    outputs.plan_scene(&planned)?;
     outputs.plan("--page", page)?;
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     Ok(outputs)

@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::files;
+use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
 use super::progress::thousands;
@@ -42,16 +43,13 @@ pub struct MergeArgs {
 }
 
 /// Merges, and compares if requested.
-pub fn run(args: &MergeArgs, global: &Global) -> Result<()> {
+pub fn run(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         let wants = "a name that ends with .ply; bake turns it into .glb";
         return Err(Error::invalid("--output", args.output.display(), wants));
     }
     let blocks = Blocks::open(&args.city, &args.dataset_options.limits)?;
-    let sources: Vec<PathBuf> = (0..blocks.len()).map(|i| blocks.path(i)).collect();
-    let inputs = sources.iter().chain(&args.against).map(PathBuf::as_path);
-    let dataset = blocks.manifest.dataset_path(blocks.folder());
-    let mut files = Outputs::new(inputs, args.force).with_dataset(Some(&dataset));
+    let mut files = Outputs::new(inputs, args.force);
     // The report comes first, so that it exists when the scene does.
     let outputs: Vec<_> =
         args.report.iter().map(|path| ("--report", path)).chain([("--output", &args.output)]).collect();

@@ -3,6 +3,7 @@
 use super::Global;
 use super::files;
 use super::info_dataset::is_dataset;
+use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
@@ -56,7 +57,7 @@ pub struct MeshArgs {
 }
 
 /// Makes the surface and writes it.
-pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
+pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let clock = Instant::now();
     let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
     let options = &layers.resolve(|()| MeshOptions::default())?.options;
@@ -69,7 +70,7 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global) -> Result<Exi
         return Err(Error::invalid("DATASET", second.display(), wants));
     }
     options.check_photos(from_photos || args.dataset.is_some())?;
-    let mut outputs = guard(args, &output)?;
+    let mut outputs = guard(args, inputs, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
 
@@ -116,13 +117,9 @@ fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
 }
 
 /// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
-fn guard(args: &MeshArgs, output: &Output) -> Result<Outputs> {
-    let (scene, photos) = match is_dataset(&args.input) {
-        true => (None, Some(args.input.as_path())),
-        false => (Some(args.input.as_path()), args.dataset.as_deref()),
-    };
-    let mut outputs = Outputs::new(scene, args.force || args.dry_run).with_dataset(photos);
-    output.paths().try_for_each(|path| outputs.plan("--output", path))?;
+fn guard<'a>(args: &MeshArgs, inputs: &'a Inputs, output: &Output) -> Result<Outputs<'a>> {
+    let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
+    outputs.plan_scene(output)?;
     outputs.replacing(args.force);
     args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     Ok(outputs)

@@ -23,6 +23,7 @@ mod harden;
 pub mod info;
 pub mod info_dataset;
 mod info_tileset;
+pub mod inputs;
 pub mod layers;
 pub mod make;
 pub mod man;

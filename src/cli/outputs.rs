@@ -1,33 +1,37 @@
-//! Guards the files that a command writes, before any work: none is an input, a photo, another output or,
-//! without `--force`, an existing file; each can be written.
+//! Guards the files that a command writes, before any work: none is an input, another output or, without
+//! `--force`, an existing file; each can be written. Every command asks this for every file that it writes.
 
-use std::collections::{HashMap, HashSet};
+use super::inputs::Inputs;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use trisplat_capture::is_camera_file;
 use trisplat_dataset::Dataset;
-use trisplat_scene::atomic::{AtomicFile, FolderLock, MadeFolders, resolved};
+use trisplat_formats::output::Output;
+use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
 use trisplat_scene::error::{Error, Result};
 
-/// Other files of a data set than photos, by the beginning of their names.
-const DATASET_FILES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];
-/// Folders of a data set that hold such files.
-const DATASET_FOLDERS: [&str; 3] = ["", "sparse", "sparse/0"];
-
 /// The inputs and outputs of a command.
-#[derive(Debug, Default)]
-pub(super) struct Outputs {
+#[derive(Debug)]
+pub(super) struct Outputs<'a> {
     replace: bool,
-    inputs: HashSet<FileId>,
-    photos: HashSet<FileId>,
+    read: &'a Inputs,
+    inputs: HashMap<FileId, PathBuf>,
+    /// Inputs that later outputs may replace.
+    resumed: Vec<FileId>,
     planned: Vec<Planned>,
     /// The option that names each of them.
     options: HashMap<FileId, &'static str>,
-    folders: Vec<(&'static str, PathBuf)>,
+    /// Folders of outputs, and whether an input in one of them is in danger.
+    folders: Vec<(&'static str, PathBuf, InDanger)>,
     /// Held until the command ends.
     locks: Vec<FolderLock>,
     files: Vec<AtomicFile>,
     /// New folders; dropped after the files in them.
     made: Vec<MadeFolders>,
 }
+
+/// Whether an input that is directly in a folder of outputs might be replaced or removed.
+type InDanger = fn(&Path) -> bool;
 
 /// A file that will be written.
 #[derive(Debug)]
@@ -39,38 +43,79 @@ struct Planned {
     is_new: bool,
 }
 
-impl Outputs {
-    /// Of a command that reads `inputs`; with `replace` existing files may be replaced.
-    pub(super) fn new<'a>(inputs: impl IntoIterator<Item = &'a Path>, replace: bool) -> Self {
-        let inputs = inputs.into_iter().filter(|path| !is_stream(path)).map(FileId::of).collect();
-        Self { replace, inputs, ..Self::default() }
+impl<'a> Outputs<'a> {
+    /// Of a command that reads `read`; with `replace` existing files may be replaced.
+    pub(super) fn new(read: &'a Inputs, replace: bool) -> Self {
+        let mut outputs = Self {
+            replace,
+            read,
+            inputs: HashMap::new(),
+            resumed: Vec::new(),
+            planned: Vec::new(),
+            options: HashMap::new(),
+            folders: Vec::new(),
+            locks: Vec::new(),
+            files: Vec::new(),
+            made: Vec::new(),
+        };
+        outputs.insert(read.files());
+        outputs
     }
 
-    /// The files of a data set are inputs too.
-    pub(super) fn with_dataset(mut self, dataset: Option<&Path>) -> Self {
-        let files = dataset.into_iter().flat_map(dataset_files);
-        self.inputs.extend(files.map(|path| FileId::of(&path)));
-        self
+    fn insert(&mut self, files: impl IntoIterator<Item = PathBuf>) {
+        let files = files.into_iter().filter(|path| !is_stream(path) && !path.as_os_str().is_empty());
+        self.inputs.extend(files.map(|path| (FileId::of(&path), path)));
     }
 
-    /// Adds an input.
+    /// Adds an input whose option is not that of a path, and the files that it names.
     pub(super) fn add_input(&mut self, path: &Path) {
-        self.inputs.insert(FileId::of(path));
+        self.insert(self.read.files_of(path));
     }
 
-    /// A file that later outputs may replace, although it is read.
-    pub(super) fn remove_input(&mut self, path: &Path) {
-        self.inputs.remove(&FileId::of(path));
+    /// Adds a checkpoint, or those of a folder: inputs until [`Outputs::release`].
+    pub(super) fn add_resumed(&mut self, path: &Path) {
+        let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+        let inside = entries.map(|entry| entry.path()).filter(|path| path.is_file());
+        for path in inside.chain([path.to_owned()]) {
+            let id = FileId::of(&path);
+            if self.inputs.insert(id.clone(), path).is_none() {
+                self.resumed.push(id);
+            }
+        }
     }
 
-    /// A folder of pictures, made if missing; it must not be that of the photos.
-    pub(super) fn plan_folder(&mut self, option: &'static str, folder: &Path) -> Result<()> {
+    /// Later outputs may replace what the run goes on from, and existing files if `replace`.
+    pub(super) fn release(&mut self, replace: bool) {
+        self.replace = replace;
+        for id in std::mem::take(&mut self.resumed) {
+            self.inputs.remove(&id);
+        }
+    }
+
+    /// A folder of pictures, made if missing, whose names begin like `begin`; it must not be that of the photos.
+    pub(super) fn plan_pictures(&mut self, option: &'static str, folder: &Path, begin: &str) -> Result<()> {
+        self.check_folder(option, folder, is_camera_file)?;
+        let is_one = |name: &str| name.starts_with(begin) && name.ends_with(".png");
+        let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        if !self.replace && entries.any(|entry| entry.file_name().to_str().is_some_and(is_one)) {
+            let wants = "a folder without pictures of an earlier run, or --force to replace them";
+            return Err(Error::invalid(option, folder.display(), wants));
+        }
         self.make_folder(folder)?;
         self.lock_folder(folder)?;
         // Its pictures have names of this length.
-        AtomicFile::create(&folder.join("step-000000.png")).map(drop)?;
-        self.folders.push((option, folder.to_owned()));
-        Ok(())
+        AtomicFile::create(&folder.join(format!("{begin}000000.png"))).map(drop)
+    }
+
+    /// Plans a folder for files with names of their own; it must not hold an input that is `in_danger`.
+    pub(super) fn check_folder(
+        &mut self,
+        option: &'static str,
+        folder: &Path,
+        in_danger: InDanger,
+    ) -> Result<()> {
+        self.folders.push((option, folder.to_owned(), in_danger));
+        self.check_inputs()
     }
 
     /// Makes a folder for outputs if missing; it is removed if it stays empty.
@@ -94,31 +139,45 @@ impl Outputs {
     ///
     /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
     pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
+        self.plan_as(option, path, self.replace)
+    }
+
+    /// Plans to add to the end of `path`, which may exist.
+    ///
+    /// Errors: those of [`Outputs::plan`].
+    pub(super) fn append(&mut self, option: &'static str, path: &Path) -> Result<()> {
+        self.plan_as(option, path, true)
+    }
+
+    fn plan_as(&mut self, option: &'static str, path: &Path, replace: bool) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
         let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));
         if meta.as_ref().is_some_and(std::fs::Metadata::is_dir) {
             return refuse("a file name; this is a folder".into());
-        }
-        if self.inputs.contains(&id) {
-            return refuse("a file that is not also an input".into());
-        }
-        if self.photos.contains(&id) {
-            return refuse("a file that is not also a photo".into());
         }
         // A device may take several outputs.
         let device = path.as_os_str() != "-" && meta.as_ref().is_some_and(|meta| !meta.is_file());
         if let Some(other) = self.options.get(&id).filter(|_| !device) {
             return refuse(format!("a file that {other} does not write too"));
         }
-        if !is_stream(path) && !folder(&resolved(path)).is_dir() {
+        if !is_stream(path) && !folder_of(&resolved(path)).is_dir() {
             return refuse("a file in a folder that exists".into());
         }
-        let is_new = !self.replace && path.as_os_str() != "-" && !device;
-        self.options.insert(id.clone(), option);
+        let is_new = !replace && path.as_os_str() != "-" && !device;
         let planned = Planned { option, path: path.to_owned(), id, is_new };
+        self.check_input(&planned)?;
         planned.check_new()?;
+        self.options.insert(planned.id.clone(), option);
         self.planned.push(planned);
         Ok(())
+    }
+
+    /// Plans to write the files of a scene, and the folder of its tiles.
+    ///
+    /// Errors: those of [`Outputs::plan`]; a folder of tiles that holds an input.
+    pub(super) fn plan_scene(&mut self, scene: &Output) -> Result<()> {
+        scene.paths().try_for_each(|path| self.plan("--output", path))?;
+        scene.tiles().map_or(Ok(()), |folder| self.check_folder("--output", &folder, |_| true))
     }
 
     /// Plans to write `path` and starts it, so that no other program does.
@@ -148,22 +207,38 @@ impl Outputs {
         self.planned.iter().try_for_each(Planned::check_new)
     }
 
-    /// Fails if a planned file, now or later, is a photo of `dataset`.
+    /// Adds the photos and masks of `dataset`, wherever they are, to the inputs.
+    ///
+    /// Errors: one of them is an output.
     pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
         let photos = dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
-        self.photos.extend(photos.filter(|path| !path.as_os_str().is_empty()).map(|path| FileId::of(path)));
-        let of_photos: HashSet<FileId> =
-            dataset.views.iter().filter_map(|view| view.photo.path.parent()).map(FileId::of).collect();
-        if let Some((option, path)) =
-            self.folders.iter().find(|(_, path)| of_photos.contains(&FileId::of(path)))
-        {
-            return Err(Error::invalid(*option, path.display(), "a folder that does not hold the photos"));
-        }
-        match self.planned.iter().find(|planned| self.photos.contains(&planned.id)) {
-            Some(Planned { option, path, .. }) => {
-                Err(Error::invalid(*option, path.display(), "a file that is not also a photo"))
+        self.insert(photos.cloned());
+        self.check_inputs()
+    }
+
+    /// Fails if an input is an output.
+    fn check_inputs(&self) -> Result<()> {
+        self.planned.iter().try_for_each(|planned| self.check_input(planned))?;
+        for (option, folder, in_danger) in &self.folders {
+            let id = FileId::of(folder);
+            let mut parents: HashMap<&Path, bool> = HashMap::new();
+            for input in self.inputs.values().filter(|path| in_danger(path)) {
+                let parent = folder_of(input);
+                if !*parents.entry(parent).or_insert_with(|| FileId::of(parent) == id) {
+                    continue;
+                }
+                let name = input.file_name().unwrap_or_default().to_string_lossy();
+                let wants = format!("a folder that does not hold inputs, as {name}");
+                return Err(Error::invalid(*option, folder.display(), wants));
             }
-            None => Ok(()),
+        }
+        Ok(())
+    }
+
+    fn check_input(&self, Planned { option, path, id, .. }: &Planned) -> Result<()> {
+        match self.inputs.contains_key(id) {
+            true => Err(Error::invalid(*option, path.display(), "a file that is not also an input")),
+            false => Ok(()),
         }
     }
 
@@ -187,63 +262,6 @@ impl Planned {
     }
 }
 
-/// Identity of a file: equal for all names and links, whether it exists or not.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-enum FileId {
-    /// Device and number of an existing file.
-    #[cfg(unix)]
-    Number(u64, u64),
-    /// The full name of a missing file, or on systems without file numbers.
-    Name(PathBuf),
-}
-
-impl FileId {
-    fn of(path: &Path) -> Self {
-        let path = resolved(path);
-        #[cfg(unix)]
-        if let Ok(meta) = std::fs::metadata(&path) {
-            use std::os::unix::fs::MetadataExt;
-            return Self::Number(meta.dev(), meta.ino());
-        }
-        if let Ok(full) = std::fs::canonicalize(&path) {
-            return Self::Name(full);
-        }
-        let name = path.file_name().unwrap_or_default().to_owned();
-        // Names that differ only in case are one file on most disks of these systems.
-        let name = match cfg!(any(windows, target_os = "macos")) {
-            true => name.to_string_lossy().to_lowercase().into(),
-            false => name,
-        };
-        let folder = folder(&path);
-        Self::Name(std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned()).join(name))
-    }
-}
-
 fn is_stream(path: &Path) -> bool {
     path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|meta| !meta.is_file() && !meta.is_dir())
-}
-
-fn folder(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// The pose files of the data set at `path`.
-fn dataset_files(path: &Path) -> Vec<PathBuf> {
-    let root = if path.is_dir() { path } else { folder(path) };
-    let is_one = |name: &str| DATASET_FILES.iter().any(|start| name.starts_with(start));
-    let mut files = vec![path.to_owned()];
-    for folder in DATASET_FOLDERS {
-        let Ok(entries) = std::fs::read_dir(root.join(folder)) else { continue };
-        let found = entries.flatten().filter(|entry| entry.file_name().to_str().is_some_and(is_one));
-        files.extend(found.map(|entry| entry.path()));
-    }
-    // The cloud of a transforms.json may have any name.
-    let jsons = files.iter().filter(|path| path.extension().is_some_and(|ending| ending == "json"));
-    let cloud = |path: &PathBuf| -> Option<PathBuf> {
-        let value: serde_json::Value = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
-        Some(root.join(value.get("ply_file_path")?.as_str()?))
-    };
-    let clouds: Vec<PathBuf> = jsons.filter_map(cloud).collect();
-    files.extend(clouds);
-    files
 }

@@ -20,7 +20,7 @@ impl Pictures {
         option: &'static str,
         folder: &Path,
         photos: impl Iterator<Item = &'a str>,
-        outputs: &mut Outputs,
+        outputs: &mut Outputs<'_>,
     ) -> Result<Self> {
         let paths: Vec<PathBuf> =
             file_names(&photos.collect::<Vec<_>>()).map(|name| folder.join(name)).collect();

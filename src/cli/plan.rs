@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::bake_bytes::ByteSize;
+use super::inputs::Inputs;
 use super::layers;
 use super::messages;
 use super::outputs::Outputs;
@@ -15,7 +16,7 @@ use std::process::ExitCode;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scale::manifest::{Expected, NAME};
-use trisplat_scale::plan::check;
+use trisplat_scale::plan::{check, find_coarse, keep_coarse};
 use trisplat_scale::{Manifest, PlanOptions, Planner, status, task};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::layered::Layers;
@@ -67,10 +68,16 @@ pub struct PlanArgs {
 }
 
 /// Plans, or prints the progress of a plan.
-pub fn run(args: &PlanArgs, matches: &ArgMatches, global: &Global, out: &mut dyn Write) -> Result<ExitCode> {
+pub fn run(
+    args: &PlanArgs,
+    matches: &ArgMatches,
+    global: &Global,
+    inputs: &Inputs,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
     match (&args.status, &args.dataset, &args.output) {
         (Some(city), ..) => print_status(args, city, out).map(|()| ExitCode::SUCCESS),
-        (None, Some(dataset), Some(city)) => make(args, matches, dataset, city, global),
+        (None, Some(dataset), Some(city)) => make(args, matches, (dataset, city), global, inputs),
         _ => Err(Error::invalid("plan", "nothing", "a data set and --output, or --status")),
     }
 }
@@ -79,14 +86,14 @@ pub fn run(args: &PlanArgs, matches: &ArgMatches, global: &Global, out: &mut dyn
 fn make(
     args: &PlanArgs,
     matches: &ArgMatches,
-    path: &Path,
-    city: &Path,
+    (path, city): (&Path, &Path),
     global: &Global,
+    inputs: &Inputs,
 ) -> Result<ExitCode> {
     let whole = resolve(args, matches)?;
     let max_bytes = args.memory.map(|size| size.0);
     check(&args.plan, &whole, max_bytes)?;
-    let mut files = Outputs::new(args.config.as_deref(), args.force).with_dataset(Some(path));
+    let mut files = Outputs::new(inputs, args.force);
     files.make_folder(city)?;
     let path_of_plan = city.join(NAME);
     // If the manifest exists, so do all files of the plan.
@@ -99,20 +106,21 @@ fn make(
         options: &args.plan,
         whole: &whole,
     };
+    planner.address(city)?;
     let photos = planner.photos()?;
     let coarse = match planner.coarse_options()? {
         None => None,
         Some(options) => {
             let name = planner.coarse_name(&options, &photos)?;
             match coarse_scene(args, &dataset, &options, &city.join(&name), global)? {
-                Some(scene) => Some((name, scene)),
+                Some(coarse) => Some(coarse),
                 None => return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from)),
             }
         }
     };
-    let named = coarse.as_ref().map(|(name, scene)| (name.as_str(), scene));
+    let coarse = coarse.as_ref().map(|(path, scene)| (path.as_path(), scene));
     let mut file = files.take(&path_of_plan)?;
-    let manifest = planner.plan(&mut file, photos, named, max_bytes)?;
+    let manifest = planner.plan(&mut file, photos, coarse, max_bytes)?;
     files.confirm()?;
     manifest.write(file)?;
     if !global.quiet {
@@ -128,50 +136,69 @@ fn make(
     Ok(ExitCode::SUCCESS)
 }
 
-/// The coarse scene, trained unless it exists; `None` when the training was stopped.
+/// The coarse scene begun as `path`, trained unless it exists, and its file; `None` when the training was stopped.
 fn coarse_scene(
+    args: &PlanArgs,
+    dataset: &Dataset,
+    options: &(TrainOptions, u64),
+    path: &Path,
+    global: &Global,
+) -> Result<Option<(PathBuf, Loaded)>> {
+    let limits = args.dataset_options.limits;
+    let made = match find_coarse(path, &limits) {
+        Some(made) => made,
+        None => match train_coarse(args, dataset, options, path, global)? {
+            Some(made) => made,
+            None => return Ok(None),
+        },
+    };
+    // With the exact bits that every block will read.
+    let how = ReadOptions { sh_degree: 3, limits, ..ReadOptions::default() };
+    let scene = formats::read(&made, &how)?;
+    Ok(Some((made, scene)))
+}
+
+/// Trains the coarse scene, or goes on with it; returns its file, or `None` when it was stopped.
+fn train_coarse(
     args: &PlanArgs,
     dataset: &Dataset,
     (options, until): &(TrainOptions, u64),
     path: &Path,
     global: &Global,
-) -> Result<Option<Loaded>> {
+) -> Result<Option<PathBuf>> {
     let point = path.with_extension("checkpoint");
-    if !path.is_file() {
-        let outputs = RunOptions {
-            checkpoint: Some(point.clone()),
-            checkpoint_every: args.checkpoint_every,
-            ..RunOptions::default()
-        };
-        let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
-        let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
-        let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
-        let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
-        let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
-        bar.line("training the coarse scene");
-        card.iter().for_each(|card| bar.line(&format!("training on {card}")));
-        warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
-        let trained = task::unnamed(run.finish(&mut bar)?);
-        let lost = bar.done();
-        match (trained.stopped, &trained.checkpoint) {
-            (true, Some(_)) => {
-                bar.line("stopped; the same command continues");
-                return Ok(None);
-            }
-            (true, None) => {
-                return Err(Error::Incomplete(format!(
-                    "the coarse scene was stopped without a checkpoint: {}",
-                    lost.join("; ")
-                )));
-            }
-            (false, _) => trained.save(path)?,
-        };
-        let _ = std::fs::remove_file(&point);
-        bar.line(&format!("wrote {}: {:.1} CPU s", path.display(), trained.cpu_secs));
+    let outputs = RunOptions {
+        checkpoint: Some(point.clone()),
+        checkpoint_every: args.checkpoint_every,
+        ..RunOptions::default()
+    };
+    let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
+    let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
+    let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
+    let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
+    let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
+    bar.line("training the coarse scene");
+    card.iter().for_each(|card| bar.line(&format!("training on {card}")));
+    warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
+    let trained = task::unnamed(run.finish(&mut bar)?);
+    let lost = bar.done();
+    match (trained.stopped, &trained.checkpoint) {
+        (true, Some(_)) => {
+            bar.line("stopped; the same command continues");
+            return Ok(None);
+        }
+        (true, None) => {
+            return Err(Error::Incomplete(format!(
+                "the coarse scene was stopped without a checkpoint: {}",
+                lost.join("; ")
+            )));
+        }
+        (false, _) => {}
     }
-    // With the exact bits that every block will read.
-    let how = ReadOptions { sh_degree: 3, limits: args.dataset_options.limits, ..ReadOptions::default() };
-    formats::read(path, &how).map(Some)
+    let made = keep_coarse(path, &trained, &args.dataset_options.limits)?;
+    let _ = std::fs::remove_file(&point);
+    bar.line(&format!("wrote {}: {:.1} CPU s", made.display(), trained.cpu_secs));
+    Ok(Some(made))
 }
 
 /// Preset, then config file, then `--set`, then the flags really typed.

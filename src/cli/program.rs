@@ -2,6 +2,7 @@
 
 #[cfg(feature = "bench")]
 use super::bench;
+use super::inputs::Inputs;
 #[cfg(not(all(feature = "bench", feature = "view")))]
 use super::missing;
 use super::{
@@ -119,26 +120,27 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     }
     let typed = matches.subcommand().map_or(matches, |(_, typed)| typed);
     let out = &mut Stdout;
+    let inputs = &Inputs::typed(typed, limits);
     match &cli.command {
-        Command::Make(args) => return make::run(args, &cli.global),
-        Command::Capture(args) => return capture::run(args, &cli.global),
-        Command::Bake(args) => bake::run(args, typed, &cli.global),
-        Command::Mesh(args) => return mesh::run(args, typed, &cli.global),
+        Command::Make(args) => return make::run(args, &cli.global, inputs),
+        Command::Capture(args) => return capture::run(args, &cli.global, inputs),
+        Command::Bake(args) => bake::run(args, typed, &cli.global, inputs),
+        Command::Mesh(args) => return mesh::run(args, typed, &cli.global, inputs),
         #[cfg(feature = "view")]
-        Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global),
+        Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global, inputs),
         #[cfg(not(feature = "view"))]
         Command::Train(args) if args.view => Err(missing::error("view")),
-        Command::Train(args) => return train::run(args, typed, &cli.global, None),
-        Command::Plan(args) => return plan::run(args, typed, &cli.global, out),
-        Command::Merge(args) => merge::run(args, &cli.global),
-        Command::Eval(args) => eval::run(args, &cli.global, out),
-        Command::Render(args) => render::run(args, &cli.global),
+        Command::Train(args) => return train::run(args, typed, &cli.global, inputs, None),
+        Command::Plan(args) => return plan::run(args, typed, &cli.global, inputs, out),
+        Command::Merge(args) => merge::run(args, &cli.global, inputs),
+        Command::Eval(args) => eval::run(args, &cli.global, inputs, out),
+        Command::Render(args) => render::run(args, &cli.global, inputs),
         #[cfg(feature = "view")]
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
         Command::View(_) => Err(missing::error("view")),
         #[cfg(feature = "bench")]
-        Command::Bench(args) => bench::run(args, &cli.global),
+        Command::Bench(args) => bench::run(args, &cli.global, inputs),
         #[cfg(not(feature = "bench"))]
         Command::Bench(_) => Err(missing::error("bench")),
         Command::Info(args) => info::run(args, out),
@@ -147,7 +149,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
                 ReadOptions { limits, allow_outside: cli.global.allow_outside, ..ReadOptions::default() };
             validate::run(args, &options, out)
         }
-        Command::Sample(args) => sample::run(args),
+        Command::Sample(args) => sample::run(args, inputs),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => completions::run(args, &mut Cli::command()),
         Command::Man(args) => man::run(args, Cli::command()),

@@ -1,6 +1,7 @@
 //! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, from the photos' cameras or from a circle around it.
 
 use super::Global;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::Progress;
@@ -61,14 +62,14 @@ pub struct RenderArgs {
 }
 
 /// Draws all pictures.
-pub fn run(args: &RenderArgs, global: &Global) -> Result<()> {
+pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     check_folder(&args.output)?;
     if args.floats {
         args.job().check_values()?;
     }
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
     let mut ready = args.job().prepare(dataset.as_ref())?;
-    let mut outputs = Outputs::new([args.file.as_path()], args.force).with_dataset(args.dataset.as_deref());
+    let mut outputs = Outputs::new(inputs, args.force);
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let names = ready.cameras().iter().map(|(name, _)| name.as_str());
     let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;

@@ -1,5 +1,6 @@
 //! `trisplat sample NAME -o OUT`: synthetic soups and data sets to try things on.
 
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
@@ -85,10 +86,10 @@ pub struct DatasetArgs {
 }
 
 /// Makes the sample and writes it.
-pub fn run(args: &SampleArgs) -> Result<()> {
+pub fn run(args: &SampleArgs, inputs: &Inputs) -> Result<()> {
     match &args.sample {
-        SampleCommand::Studio(args) => write_soup(SampleScene::Studio, args),
-        SampleCommand::Degenerate(args) => write_soup(SampleScene::Degenerate, args),
+        SampleCommand::Studio(args) => write_soup(SampleScene::Studio, args, inputs),
+        SampleCommand::Degenerate(args) => write_soup(SampleScene::Degenerate, args, inputs),
         SampleCommand::Dataset(args) => {
             // Undoes what a killed run began there.
             let folder = AtomicFolder::create(&args.output)?;
@@ -109,8 +110,8 @@ pub fn run(args: &SampleArgs) -> Result<()> {
     }
 }
 
-fn write_soup(scene: SampleScene, args: &SoupArgs) -> Result<()> {
-    let mut outputs = Outputs::new([], args.force);
+fn write_soup(scene: SampleScene, args: &SoupArgs, inputs: &Inputs) -> Result<()> {
+    let mut outputs = Outputs::new(inputs, args.force);
     outputs.claim("--output", &args.output)?;
     let triangles = args.triangles as usize;
     let mut soup = scenes::soup(scene, triangles, args.seed);

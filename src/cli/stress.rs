@@ -53,6 +53,11 @@ fn replay(path: &Path) -> Result<()> {
     stress::broken(&case, &found).map_or(Ok(()), |what| Err(Error::Incomplete(what)))
 }
 
+/// Whether a file holds a case, as an earlier run wrote it.
+pub(super) fn is_case(path: &Path) -> bool {
+    read_case(path).is_ok()
+}
+
 fn read_case(path: &Path) -> Result<StressCase> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
     serde_json::from_str(&text).map_err(|e| {

@@ -4,6 +4,7 @@ use super::Global;
 use super::files;
 use super::flags;
 use super::harden;
+use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
 use super::resume;
@@ -35,7 +36,7 @@ use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
 use trisplat_train::device::OpenRun;
 use trisplat_train::eval::Quality;
 use trisplat_train::light::ExposureDetails;
-use trisplat_train::{Checkpoint, Preview, RunOptions, TrainOptions, Trained, checkpoint, rotation};
+use trisplat_train::{Checkpoint, PREVIEW, Preview, RunOptions, TrainOptions, Trained, checkpoint, rotation};
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that
 /// was finished, or stopped cleanly.
@@ -43,14 +44,15 @@ pub fn run(
     args: &TrainArgs,
     matches: &ArgMatches,
     global: &Global,
+    inputs: &Inputs,
     watcher: Option<Box<dyn Watcher>>,
 ) -> Result<ExitCode> {
     if let Some(block) = &args.block {
-        return train_block::run(args, block, global);
+        return train_block::run(args, block, global, inputs);
     }
     let clock = Instant::now();
     let outputs = outputs(args);
-    let mut files = guard(args, &outputs)?;
+    let mut files = guard(args, inputs, &outputs)?;
     let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
@@ -209,7 +211,7 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOption
 }
 
 /// Refuses outputs that would fail, or replace a file, only after the training.
-fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
+fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         return Err(Error::invalid(
@@ -227,9 +229,9 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
         Some(TeacherPlan::Train) => teacher_files(&teacher_file),
         _ => Vec::new(),
     };
-    let inputs = args.from.as_deref().into_iter().chain(read).chain(args.config.as_deref());
-    let mut files = Outputs::new(inputs, args.force).with_dataset(args.dataset.as_deref());
-    args.resume.iter().for_each(|path| files.add_input(path));
+    let mut files = Outputs::new(inputs, args.force);
+    read.into_iter().for_each(|path| files.add_input(path));
+    args.resume.iter().for_each(|path| files.add_resumed(path));
     files.claim("--output", out)?;
     let [report, curve] = [&args.report, &args.curve].map(Option::as_deref);
     trained.iter().try_for_each(|path| files.claim("--teacher", path))?;
@@ -237,9 +239,8 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
         path.map_or(Ok(()), |path| files.claim(option, path))?;
     }
     // A resumed run adds to its log and replaces its own checkpoint.
-    args.resume.iter().for_each(|path| files.remove_input(path));
     let goes_on = args.force || args.resume.is_some();
-    files.replacing(goes_on);
+    files.release(goes_on);
     if let Some(path) = &outputs.checkpoint {
         if let (false, true, Some((_, old))) = (goes_on, args.keep > 1, rotation::kept(path).first()) {
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
@@ -248,7 +249,7 @@ fn guard(args: &TrainArgs, outputs: &RunOptions) -> Result<Outputs> {
         files.probe("--checkpoint", path)?;
     }
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
-    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_folder("--preview", folder))?;
+    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
     Ok(files)
 }
 

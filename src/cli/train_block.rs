@@ -2,6 +2,8 @@
 
 use super::Global;
 use super::files;
+use super::inputs::Inputs;
+use super::outputs::Outputs;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
@@ -13,10 +15,15 @@ use trisplat_scene::atomic::{self, AtomicFile};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::report::counted;
 use trisplat_train::device::OpenRun;
-use trisplat_train::{Preview, Trained};
+use trisplat_train::{PREVIEW, Preview, Trained};
 
 /// Trains the block, unless its result exists.
-pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Result<ExitCode> {
+pub(super) fn run(
+    args: &TrainArgs,
+    block: &BlockAddress,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<ExitCode> {
     let clock = Instant::now();
     let task = Task::open(&block.plan, block.index, &args.dataset_options.limits)?;
     let done = task.output();
@@ -34,9 +41,11 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         say(format!("{} already exists", done.display()))?;
         return Ok(ExitCode::SUCCESS);
     }
+    let mut guard = guard(args, block, &task, inputs)?;
     // Tried before any work, because another process may train this block.
     let mut set = AtomicFile::create_all(&[&task.figures(), &done])?;
     let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
+    guard.spare_photos(&dataset)?;
     let preview = args
         .preview
         .clone()
@@ -73,6 +82,16 @@ pub(super) fn run(args: &TrainArgs, block: &BlockAddress, global: &Global) -> Re
         clock.elapsed().as_secs_f64()
     ));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses a log and previews that cannot or must not be written; the block's own files have names with a hash. A block that
+/// goes on from its checkpoint goes on with them, too.
+fn guard<'a>(args: &TrainArgs, block: &BlockAddress, task: &Task, inputs: &'a Inputs) -> Result<Outputs<'a>> {
+    let mut files = Outputs::new(inputs, args.force || task.checkpoint().is_file());
+    files.add_input(&block.plan);
+    args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
+    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+    Ok(files)
 }
 
 /// The end of a stopped run; a missing checkpoint is an error.

@@ -11,9 +11,9 @@ use trisplat_scene::report::{OutputReport, counted};
 use trisplat_train::{TrainObserver, TrainOptions, Trained};
 
 /// Shows the preparation, and writes the teacher.
-pub(super) struct Preparation<'a> {
+pub(super) struct Preparation<'a, 'b> {
     global: &'a Global,
-    files: &'a mut Outputs,
+    files: &'a mut Outputs<'b>,
     /// Path for trained teachers.
     teacher_files: Vec<PathBuf>,
     drawing: Option<Progress>,
@@ -23,8 +23,8 @@ pub(super) struct Preparation<'a> {
     lost: Vec<Error>,
 }
 
-impl<'a> Preparation<'a> {
-    pub(super) fn new(global: &'a Global, files: &'a mut Outputs, teacher_files: Vec<PathBuf>) -> Self {
+impl<'a, 'b> Preparation<'a, 'b> {
+    pub(super) fn new(global: &'a Global, files: &'a mut Outputs<'b>, teacher_files: Vec<PathBuf>) -> Self {
         Self { global, files, teacher_files, drawing: None, written: vec![], lost: vec![] }
     }
 
@@ -44,7 +44,7 @@ impl<'a> Preparation<'a> {
     }
 }
 
-impl TrainJobObserver for Preparation<'_> {
+impl TrainJobObserver for Preparation<'_, '_> {
     fn watching_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         let steps = counted(options.steps, "step");
@@ -87,4 +87,4 @@ impl TrainJobObserver for Preparation<'_> {
 }
 
 /// The steps of the run itself have a bar of their own.
-impl TrainObserver for Preparation<'_> {}
+impl TrainObserver for Preparation<'_, '_> {}

@@ -10,6 +10,7 @@
 //! by a pause of many times its duration.
 
 use super::Global;
+use super::inputs::Inputs;
 use super::train;
 use super::train_args::TrainArgs;
 use super::train_progress::Watcher;
@@ -54,7 +55,12 @@ enum News {
 /// Trains on another thread, because the window needs this one.
 ///
 /// Errors: no window can be opened; those of the training.
-pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Result<ExitCode> {
+pub(super) fn run(
+    args: &TrainArgs,
+    matches: &ArgMatches,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<ExitCode> {
     let (news, received) = mpsc::channel();
     let (start, started) = mpsc::channel();
     let wanted = Arc::new(AtomicBool::new(true));
@@ -63,7 +69,7 @@ pub(super) fn run(args: &TrainArgs, matches: &ArgMatches, global: &Global) -> Re
     std::thread::scope(|scope| {
         let training = scope.spawn(move || {
             // Without a window the training does not begin.
-            started.recv().ok().map(|()| train::run(args, matches, global, Some(watcher)))
+            started.recv().ok().map(|()| train::run(args, matches, global, inputs, Some(watcher)))
         });
         let files = SceneFiles { file: args.output.clone(), dataset: args.dataset.clone() };
         let shown = window::open(window_options(args), files, loader(args, follower, start));

@@ -145,10 +145,16 @@ pub(super) fn window_scene(
 
 /// Writes the region as a config file of `trisplat bake` and says how to use it.
 fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
-    let mut name = file.file_stem().unwrap_or_default().to_owned();
-    name.push(".crop.json");
-    let path = folder.join(name);
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    // An earlier region stays.
+    let named = |i: usize| {
+        let mut name = file.file_stem().unwrap_or_default().to_owned();
+        name.push(if i == 1 { ".crop.json".to_owned() } else { format!(".crop-{i}.json") });
+        folder.join(name)
+    };
+    let path = (1..10_000).map(named).find(|path| !path.exists()).ok_or_else(|| {
+        Error::invalid("screenshots", folder.display(), "a folder with fewer saved regions")
+    })?;
     let mut config = AtomicFile::create(&path)?;
     let text = format!("{:#}\n", serde_json::json!({ "crop": { "crop": [region] } }));
     config.write_all(text.as_bytes()).map_err(|e| Error::io(&path, e))?;

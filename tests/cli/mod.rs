@@ -10,6 +10,7 @@ mod checkpoints;
 mod damaged;
 mod examples;
 mod fidelity;
+mod guards;
 mod inputs;
 mod library;
 mod make;

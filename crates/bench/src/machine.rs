@@ -2,12 +2,12 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
+use std::io::{BufRead, Read, Write};
 use std::path::Path;
 use trisplat_scene::error::{Error, Result};
 
 /// The machine and the state of the code.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Machine {
     /// Days as YYYY-MM-DD, UTC.
     pub date: String,
@@ -41,6 +41,24 @@ fn first_line(command: &[&str]) -> String {
         .and_then(|o| String::from_utf8(o.stdout).ok())
         .and_then(|s| s.lines().next().map(str::to_owned))
         .unwrap_or_default()
+}
+
+/// Fails if the file `path` is there and no table of [`append_csv`].
+pub fn check_csv(path: &Path) -> Result<()> {
+    let start = match std::fs::File::open(path) {
+        Ok(file) => file,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(Error::io(path, e)),
+    };
+    let (mut line, longest) = (Vec::new(), 1 << 16);
+    let mut start = std::io::BufReader::new(start).take(longest);
+    let read = start.read_until(b'\n', &mut line).map_err(|e| Error::io(path, e))?;
+    let line = String::from_utf8_lossy(&line);
+    let has = |name: &str| line.trim_end().split(',').any(|column| column == name);
+    match read == 0 || columns(&Machine::default()).iter().all(|(name, _)| has(name)) {
+        true => Ok(()),
+        false => Err(Error::unsupported(path, "is no table of this benchmark; give the name of a new file")),
+    }
 }
 
 /// Appends `rows` to the CSV file `path`, with a header when it is new. Columns are the fields of
@@ -79,6 +97,17 @@ fn columns<T: Serialize>(row: &T) -> Vec<(String, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_table_is_continued() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.csv");
+        check_csv(&path).unwrap();
+        append_csv(&path, &Machine::default(), &[Machine::default()]).unwrap();
+        check_csv(&path).unwrap();
+        std::fs::write(&path, b"\x89PNG\xff\n").unwrap();
+        assert!(check_csv(&path).unwrap_err().to_string().contains("is no table"));
+    }
 
     #[test]
     fn what_is_absent_is_empty_in_a_csv() {

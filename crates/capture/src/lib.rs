@@ -26,4 +26,5 @@ pub use observer::CaptureObserver;
 pub use options::{CaptureOptions, Mapper};
 pub use poses::{FeaturesDetails, MatchesDetails, ModelDetails};
 pub use recipe::{Capture, check_apart};
+pub use source::{camera_files, is_camera_file};
 pub use verdict::{Gap, Verdict, VerdictDetails};

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::input::files_below;
 
 const PHOTOS: [&str; 7] = ["jpg", "jpeg", "jpe", "png", "webp", "tif", "tiff"];
 const VIDEOS: [&str; 9] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mpg", "mts", "3gp"];
@@ -146,6 +147,18 @@ impl Sources {
         }
         Ok(true)
     }
+}
+
+/// The photos and videos at `input`, a file or a folder, including those of kinds that are not read.
+pub fn camera_files(input: &Path) -> Vec<PathBuf> {
+    let mut files = if input.is_dir() { files_below(input) } else { vec![input.to_owned()] };
+    files.retain(|path| is_camera_file(path));
+    files
+}
+
+/// Whether a name ends like that of a photo or a video.
+pub fn is_camera_file(path: &Path) -> bool {
+    !matches!(kind(path), Kind::Other)
 }
 
 fn kind(path: &Path) -> Kind {

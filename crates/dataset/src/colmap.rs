@@ -62,14 +62,19 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
 /// The folder that holds the folder of photos: the data set's, or a parent when the model's own folder
 /// was given.
 fn photo_root(root: &Path, options: &DatasetOptions) -> Result<PathBuf> {
-    let candidates = [Some(root), root.parent(), root.parent().and_then(Path::parent)];
-    match candidates.into_iter().flatten().find(|folder| folder.join(&options.images).is_dir()) {
+    match with_photos(root, &options.images) {
         Some(folder) => Ok(folder.to_owned()),
         None => Err(Error::unsupported(
             root.join(&options.images),
             "does not exist; put the photos of the COLMAP model into it, or name their folder with `images`",
         )),
     }
+}
+
+/// The same, if there is one; `images` is the name of the folder of photos.
+pub(super) fn with_photos<'a>(root: &'a Path, images: &Path) -> Option<&'a Path> {
+    let candidates = [Some(root), root.parent(), root.parent().and_then(Path::parent)];
+    candidates.into_iter().flatten().find(|folder| folder.join(images).is_dir())
 }
 
 fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<FoundPhoto> {

@@ -11,6 +11,7 @@ mod colmap_binary;
 mod colmap_model;
 mod colmap_text;
 pub mod describe;
+mod files;
 mod found;
 mod found_point;
 mod kind;

@@ -166,7 +166,7 @@ fn frame(
 }
 
 /// Blender writes names without their extension.
-fn with_extension(path: PathBuf) -> PathBuf {
+pub(super) fn with_extension(path: PathBuf) -> PathBuf {
     if path.is_file() {
         return path;
     }

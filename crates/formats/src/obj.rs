@@ -18,8 +18,6 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
-use std::io::{self, Write};
-use std::sync::LazyLock;
 use trisplat_scene::asset::Asset;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
@@ -27,6 +25,10 @@ use trisplat_scene::math::srgb8::srgb8_from_linear;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::scene::{Loaded, Scene};
 use trisplat_scene::texture::FaceTexture;
+
+pub(super) use materials::named_files;
+use std::io::{self, Write};
+use std::sync::LazyLock;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
 /// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if

@@ -200,13 +200,17 @@ impl Output {
         options: &OutputOptions,
         bvh: bool,
     ) -> Result<Self> {
+        let stream = path.as_os_str() == "-" || is_device(path);
+        if !stream && path.file_name().is_some_and(|name| name.to_str().is_none()) {
+            let wants = "a name in UTF-8, because files that belong together name each other";
+            return Err(Error::invalid("output", path.display(), wants));
+        }
         let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
         let second = match format {
             OutputFormat::Gltf => Some(path.with_extension("bin")),
             OutputFormat::Obj => Some(path.with_extension("mtl")),
             OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html | OutputFormat::Tiles => None,
         };
-        let stream = path.as_os_str() == "-" || is_device(path);
         if stream && (second.is_some() || bvh || format == OutputFormat::Tiles) {
             let what = if bvh { "`bvh`" } else { "this kind" };
             let wants = format!("a file name: {what} writes a second file beside the first");
@@ -249,6 +253,11 @@ impl Output {
             let all = rest.into_iter().chain(output.of_levels());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
+    }
+
+    /// The folder of its tiles, in which files get names with hashes.
+    pub fn tiles(&self) -> Option<PathBuf> {
+        (self.format == OutputFormat::Tiles).then(|| tiles::folder_of(&self.main))
     }
 
     /// The scene, its backdrop, its collider, its levels.

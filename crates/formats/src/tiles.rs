@@ -23,12 +23,12 @@ pub const ENDING: &str = "tileset.json";
 
 /// Whether a file of this name is a tileset.
 pub fn is_tileset(path: &Path) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     name == ENDING || name.ends_with(&format!(".{ENDING}"))
 }
 
 /// The folder of the tiles: OUT.tiles beside OUT.tileset.json, or "tiles".
-fn folder_of(tileset: &Path) -> PathBuf {
+pub(super) fn folder_of(tileset: &Path) -> PathBuf {
     let name = tileset.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let stem = name.len().saturating_sub(ENDING.len());
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
@@ -205,13 +205,22 @@ impl TileFiles {
         let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
         let path = self.folder.join(&name);
         self.bytes += bytes.len() as u64;
-        if !self.dry && !std::fs::read(&path).is_ok_and(|old| old == bytes) {
-            let mut file = AtomicFile::create(&path)?;
-            file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
-            if !path.exists() {
-                tileset.names(&path);
+        match std::fs::read(&path) {
+            _ if self.dry => {}
+            Ok(old) if old == bytes => {}
+            Ok(_) => {
+                let reason = "was changed, its name says so; move it to another folder";
+                return Err(Error::unsupported(&path, reason));
             }
-            file.commit()?;
+            Err(_) => {
+                let mut file = AtomicFile::create(&path)?;
+                file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
+                // One that is there but cannot be read may belong to an earlier tileset.
+                if !path.exists() {
+                    tileset.names(&path);
+                }
+                file.commit()?;
+            }
         }
         let uri = self.address(&name);
         self.names.insert(name);

@@ -14,6 +14,7 @@ mod evaluating;
 mod event;
 mod fitted;
 pub mod harden;
+pub mod inputs;
 mod making;
 mod meshing;
 mod observer;

@@ -19,6 +19,7 @@ mod cover;
 mod cuts;
 pub mod expected;
 mod hash;
+mod hashed;
 pub mod manifest;
 pub mod merge;
 pub mod options;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::DatasetOptions;
-use trisplat_scene::atomic::{AtomicFile, sweep_folder};
+use trisplat_scene::atomic::{AtomicFile, folder_of, sweep_folder};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::input;
 use trisplat_scene::limits::Limits;
@@ -221,8 +221,7 @@ impl Manifest {
             Error::malformed(&path, at, reason)
         })?;
         manifest.validate(&path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new(".")).to_owned();
+        let folder = folder_of(&path).to_owned();
         Ok((manifest, folder))
     }
 
@@ -272,11 +271,24 @@ impl Manifest {
         let path = file.path().to_owned();
         file.write_all(self.to_json()?.as_bytes()).map_err(|e| Error::io(&path, e))?;
         file.commit()?;
-        let starts = self.blocks.iter().filter_map(|block| block.start.as_ref());
-        let named: Vec<&str> = starts.chain(&self.coarse).map(|source| source.file.as_str()).collect();
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        sweep_folder(folder.unwrap_or(Path::new(".")), |name| is_of_a_plan(name) && !named.contains(&name));
+        let named: Vec<&str> = self.sources().map(|source| source.file.as_str()).collect();
+        sweep_folder(folder_of(&path), |name| is_of_a_plan(name) && !named.contains(&name));
         Ok(())
+    }
+
+    /// What blocks start from, and the coarse scene.
+    fn sources(&self) -> impl Iterator<Item = &Source> {
+        self.blocks.iter().filter_map(|block| block.start.as_ref()).chain(&self.coarse)
+    }
+
+    /// All files that belong to this plan in `folder`: what it names, and the results of its blocks, which may be missing.
+    pub fn files(&self, folder: &Path) -> Vec<PathBuf> {
+        let sources = self.sources().map(|source| source.file.clone());
+        let endings = ["ply", "json", "checkpoint"];
+        let results = self.blocks.iter().enumerate();
+        let results = results.flat_map(|(i, block)| endings.map(|ending| block.file(i, ending)));
+        let names = std::iter::once(NAME.to_owned()).chain(sources).chain(results);
+        names.map(|name| folder.join(name)).collect()
     }
 
     /// The folder or file of the data set of a plan in `folder`.
@@ -285,19 +297,13 @@ impl Manifest {
     }
 }
 
-/// Whether a file of this name is what blocks start from, or the coarse scene or its checkpoint.
+/// Whether a file of this name is what a block starts from or a coarse scene, finished or while it is made. The hash at the end of a
+/// finished one is that of its bytes, which [`sweep_folder`] compares.
 fn is_of_a_plan(name: &str) -> bool {
-    let hex = |text: &str, digits: usize| text.len() == digits && text.bytes().all(|b| b.is_ascii_hexdigit());
-    let Some((stem, ending)) = name.rsplit_once('.') else { return false };
-    if let Some(hash) = stem.strip_prefix("coarse-") {
-        return hex(hash, 16) && matches!(ending, "ply" | "checkpoint");
-    }
-    let Some(rest) = stem.strip_prefix("start-").filter(|_| ending == "ply") else { return false };
-    match rest.split_once('-') {
-        Some((index, hash)) => hex(index, index.len().max(4)) && hex(hash, 16),
-        // As they are called while they are made.
-        None => hex(rest, rest.len().max(4)),
-    }
+    let Some(stem) = name.strip_suffix(".ply") else { return false };
+    let is_hex = |text: &str| text.len() >= 4 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    let rest = stem.strip_prefix("coarse-").or_else(|| stem.strip_prefix("start-"));
+    rest.is_some_and(|rest| rest.split('-').count() <= 2 && rest.split('-').all(is_hex))
 }
 
 impl Block {
@@ -336,15 +342,19 @@ mod tests {
         let hash = "0123456789abcdef";
         for ours in [
             format!("start-0001-{hash}.ply"),
+            format!("coarse-{hash}-{hash}.ply"),
             format!("coarse-{hash}.ply"),
-            format!("coarse-{hash}.checkpoint"),
             "start-0012.ply".into(),
         ] {
             assert!(is_of_a_plan(&ours), "{ours}");
         }
-        for other in
-            [format!("block-0001-{hash}.ply"), "start-mine.ply".into(), "coarse.ply".into(), NAME.into()]
-        {
+        for other in [
+            format!("block-0001-{hash}.ply"),
+            format!("coarse-{hash}.checkpoint"),
+            "start-mine.ply".into(),
+            "coarse.ply".into(),
+            NAME.into(),
+        ] {
             assert!(!is_of_a_plan(&other), "{other}");
         }
     }

@@ -5,6 +5,7 @@ use super::cover::{Coverage, middles, owners};
 use super::cuts::{Surroundings, cut};
 use super::expected::{BlockLoad, expected};
 use super::hash;
+use super::hashed;
 use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
 use super::options::PlanOptions;
 use super::region::Region;
@@ -12,16 +13,16 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_formats::ply;
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
 use trisplat_scene::scene::{Loaded, Scene};
 use trisplat_scene::soup::Soup;
 use trisplat_scene::space::Space;
 use trisplat_train::options::REFERENCE_STEPS;
 use trisplat_train::schedule::Schedule;
-use trisplat_train::{RunIdentity, TrainOptions, TrainPreset};
+use trisplat_train::{RunIdentity, TrainOptions, TrainPreset, Trained};
 
 /// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
 /// block, but before triangles become opaque.
@@ -86,13 +87,21 @@ impl Planner<'_> {
         Ok(Some((TrainOptions { steps: whole, max_triangles, ..self.whole.clone() }, steps)))
     }
 
-    /// The name of the coarse scene's file, with a hash of what it was made of.
+    /// The name of the coarse scene's file while it is made, with a hash of what it is made of. The finished file has
+    /// a hash of its bytes behind that: [`keep_coarse`], [`find_coarse`].
     ///
     /// Errors: photos that cannot be read.
     pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
         let generator = trisplat_scene::report::generator();
         let parts = (generator, self.dataset_options, coarse, photos, self.points());
         Ok(format!("coarse-{}.ply", hash::of_value(&parts)?))
+    }
+
+    /// The data set as a plan in `folder` names it.
+    ///
+    /// Errors: a path that is not UTF-8; one that does not exist.
+    pub fn address(&self, folder: &Path) -> Result<String> {
+        relative(folder, &self.dataset.path)
     }
 
     /// The photos to train on, with the hashes of their files.
@@ -110,8 +119,8 @@ impl Planner<'_> {
         RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None)
     }
 
-    /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the name and the content of the
-    /// coarse scene.
+    /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the file, in this folder, and the
+    /// content of the coarse scene.
     ///
     /// Blocks that no photo shows are left out: there may be fewer than the options ask for.
     ///
@@ -120,12 +129,12 @@ impl Planner<'_> {
         &self,
         file: &mut AtomicFile,
         photos: Vec<PlannedPhoto>,
-        coarse: Option<(&str, &Loaded)>,
+        coarse: Option<(&Path, &Loaded)>,
         max_bytes: Option<u64>,
     ) -> Result<Manifest> {
         let options = self.whole;
         let folder = &file.path().parent().unwrap_or(Path::new("")).to_owned();
-        let dataset = relative(folder, &self.dataset.path)?;
+        let dataset = self.address(folder)?;
         let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
         manifest.origin = self.dataset.origin.to_array();
         manifest.photos = photos;
@@ -136,12 +145,12 @@ impl Planner<'_> {
                 manifest.points = Some(self.points());
                 manifest.blocks = vec![self.only_block(&views)];
             }
-            Some((name, scene)) => {
+            Some((path, scene)) => {
                 let cutter = Cutter::new(self, scene, &views, &cameras)?;
                 manifest.space = (cutter.space.center.to_array(), cutter.space.scale);
-                let hash = hash::of_file(&folder.join(name), &self.dataset_options.limits)?;
+                let hash = hash::of_file(path, &self.dataset_options.limits)?;
                 manifest.coarse =
-                    Some(Source { file: name.into(), hash, triangles: cutter.soup.len() as u64 });
+                    Some(Source { file: name_of(path), hash, triangles: cutter.soup.len() as u64 });
                 manifest.blocks = cutter.blocks(file, max_bytes)?;
             }
         }
@@ -173,6 +182,23 @@ impl Planner<'_> {
             ..empty_block(Region::EVERYWHERE, Region::EVERYWHERE, steps, max_triangles, seed)
         }
     }
+}
+
+/// The finished coarse scene that was begun as `path`, if it is there and unchanged.
+pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
+    hashed::find(path, limits)
+}
+
+/// Writes the coarse scene that was begun as `path`; returns the path of the finished file.
+///
+/// Errors: a file of that name with other bytes; what the operating system refuses.
+pub fn keep_coarse(path: &Path, trained: &Trained, limits: &Limits) -> Result<PathBuf> {
+    let parts = (&trained.soup, &trained.provenance, &trained.cameras[..]);
+    hashed::write(path, parts, limits, |_| ()).map(|(path, _)| path)
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The photos of `dataset` that are not held out, with the hashes of their files.
@@ -372,20 +398,18 @@ impl<'a> Cutter<'a> {
     /// Writes triangles of the coarse scene, in this order, as the start of block `index`. Its name holds the hash of its bytes, so that
     /// it replaces nothing; `manifest` names it.
     fn write_start(&self, index: usize, order: &[usize], manifest: &mut AtomicFile) -> Result<Source> {
-        let aside = manifest.path().with_file_name(format!("start-{index:04}.ply"));
+        let begun = manifest.path().with_file_name(format!("start-{index:04}.ply"));
         let mut soup = self.soup.picked(order);
         // The plan says which of these are the block's part of it.
         soup.shell.clear();
-        let mut out = hash::Hashed::new(AtomicFile::create(&aside)?);
-        ply::write_soup(&mut out, &soup, &self.scene.provenance, &[]).map_err(|e| Error::io(&aside, e))?;
-        let (out, hash) = out.end();
-        let file = format!("start-{index:04}-{hash}.ply");
-        let path = aside.with_file_name(&file);
-        if !path.exists() {
-            manifest.names(&path);
-        }
-        out.commit_as(&path)?;
-        Ok(Source { file, hash, triangles: order.len() as u64 })
+        let mut name = |path: &Path| {
+            if !path.exists() {
+                manifest.names(path);
+            }
+        };
+        let limits = &self.planner.dataset_options.limits;
+        let (path, hash) = hashed::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)?;
+        Ok(Source { file: name_of(&path), hash, triangles: order.len() as u64 })
     }
 }
 
@@ -412,6 +436,9 @@ fn relative(folder: &Path, to: &Path) -> Result<String> {
         0 => to,
         _ => a[common..].iter().map(|_| Component::ParentDir).chain(b[common..].iter().copied()).collect(),
     };
-    let text = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-    Ok(text.to_string_lossy().replace('\\', "/"))
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+    match path.to_str() {
+        Some(text) => Ok(text.replace('\\', "/")),
+        None => Err(Error::invalid("DATASET", path.display(), "a path in UTF-8, because the plan names it")),
+    }
 }

@@ -13,6 +13,7 @@
 //! replace or remove in a user's folder is in its [`Manifest`].
 
 mod folder;
+mod identity;
 mod inside;
 mod live;
 mod made;
@@ -22,6 +23,7 @@ mod place;
 mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
+pub use identity::{FileId, folder_of};
 pub use inside::lies_inside;
 pub use live::{remove_temporaries, try_remove_temporaries};
 pub use made::MadeFolders;
@@ -30,9 +32,10 @@ pub use names::{is_leftover, resolved, temporary_name};
 
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use temporary::Temporary;
+use xxhash_rust::xxh3::Xxh3Default;
 
 /// Large enough that most writes are only copies.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -172,17 +175,35 @@ pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     Ok(sizes)
 }
 
-/// Removes files of `folder` whose name `is_stale`, and temporary ones of killed runs.
+/// Removes files of `folder` whose name `is_stale` and ends with the hash of their bytes, as `start-0001-HASH.ply`,
+/// and temporary ones of killed runs. So a file that a user made, changed or renamed stays.
 pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         // Left-over files do no harm.
         let _ = match names::target_of_temporary(&name) {
             Some(target) if is_stale(target) => temporary::sweep(&entry.path()),
-            None if is_stale(&name) => std::fs::remove_file(entry.path()),
+            None if is_stale(&name) && names_its_bytes(&entry.path()) => std::fs::remove_file(entry.path()),
             _ => Ok(()),
         };
     }
+}
+
+/// Whether a file's name ends with the hash of its bytes (XXH3).
+fn names_its_bytes(path: &Path) -> bool {
+    let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    let Some((_, named)) = stem.rsplit_once('-') else { return false };
+    let mut hash = Xxh3Default::new();
+    let hashed = File::open(path).and_then(|mut file| {
+        let mut buffer = vec![0; BUFFER_BYTES];
+        loop {
+            match file.read(&mut buffer)? {
+                0 => return Ok(hash.digest()),
+                count => hash.update(&buffer[..count]),
+            }
+        }
+    });
+    hashed.is_ok_and(|hash| named == format!("{hash:016x}"))
 }
 
 impl Write for AtomicFile {
@@ -343,6 +364,20 @@ mod tests {
         drop(AtomicFile::create_all(&[&data, &main]).unwrap());
         assert_eq!(std::fs::read_to_string(&data).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
+    }
+
+    #[test]
+    fn only_files_that_are_named_after_their_bytes_are_swept() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let ours = format!("start-0000-{:016x}.ply", xxhash_rust::xxh3::xxh3_64(b"ours"));
+        let changed = format!("start-0001-{:016x}.ply", xxhash_rust::xxh3::xxh3_64(b"ours"));
+        write(&ours, "ours");
+        write(&changed, "changed since");
+        write("start-0002.ply", "of the user");
+        write(".start-0003.ply.trisplat.tmp", "half");
+        sweep_folder(folder.path(), |name| name.starts_with("start-"));
+        assert_eq!(names(folder.path()), [changed.as_str(), "start-0002.ply"]);
     }
 
     #[cfg(unix)]

@@ -5,9 +5,10 @@
 
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use std::collections::HashSet;
 use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 /// The byte-order mark that some editors put before a text in UTF-8.
 pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
@@ -123,6 +124,23 @@ pub fn leaves_folder(relative: &Path) -> bool {
         }
         depth < 0
     })
+}
+
+/// All files below `folder`, also through links; each folder once. What cannot be listed is left out.
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut files, mut seen, mut folders) = (Vec::new(), HashSet::new(), vec![folder.to_owned()]);
+    while let Some(folder) = folders.pop() {
+        // Links may lead in a circle.
+        let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| seen.insert(full));
+        let entries = is_new.then(|| std::fs::read_dir(&folder).ok()).flatten();
+        for path in entries.into_iter().flatten().flatten().map(|entry| entry.path()) {
+            match path.is_dir() {
+                true => folders.push(path),
+                false => files.push(path),
+            }
+        }
+    }
+    files
 }
 
 fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {

@@ -58,7 +58,7 @@ pub use core::Core;
 pub use device::{BackendKind, BackendOptions};
 pub use identity::RunIdentity;
 pub use options::{PoseUse, TrainOptions, TrainPreset};
-pub use outputs::{Preview, RunOptions};
+pub use outputs::{PREVIEW, Preview, RunOptions};
 pub use progress::{TrainObserver, TrainSample};
 pub use run::TrainRun;
 pub use skipped::SkippedWork;

@@ -32,6 +32,9 @@ pub struct RunOptions {
     pub max_cpu_secs: f64,
 }
 
+/// The beginning of the names of previews.
+pub const PREVIEW: &str = "step-";
+
 /// Pictures of the first held-out photo while a scene trains.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Preview {
@@ -211,7 +214,7 @@ impl Recorder {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
             let (soup, space, drawing) = (trainer.soup()?, trainer.space(), trainer.drawing(&run.drawing));
             match run.evaluator.first_picture(&soup, &space, &drawing) {
-                Some(picture) => picture.save_png(&folder.join(format!("step-{step:06}.png"))),
+                Some(picture) => picture.save_png(&folder.join(format!("{PREVIEW}{step:06}.png"))),
                 None => Ok(()),
             }
         });

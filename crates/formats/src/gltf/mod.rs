@@ -29,6 +29,7 @@ mod grid;
 pub(super) mod limits;
 mod merge;
 mod meshopt;
+mod named;
 mod nodes;
 mod options;
 mod part;
@@ -38,6 +39,7 @@ pub(super) mod uri;
 mod write;
 
 pub use container::{Container, check_size, glb_size, stream_offsets};
+pub(super) use named::named_files;
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 pub(crate) use part::{backdrop_nodes, scene_nodes};
 pub use read::read;

@@ -10,12 +10,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::input;
+use trisplat_scene::limits::Limits;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::texture::Texture;
 
 /// Most libraries of a file; each is read whole.
 const MOST_LIBRARIES: usize = 64;
+
+/// Keywords of pictures that do not begin with `map_`.
+const OTHER_PICTURES: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
 
 /// A material of a library.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -142,6 +146,39 @@ impl Materials {
         }
         known
     }
+}
+
+/// The libraries that an OBJ names, and the pictures that these name.
+pub(crate) fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
+    let options = ReadOptions { limits: *limits, allow_outside: true, ..ReadOptions::default() };
+    let (mut lines, mut materials) = (Lines::new(source)?, Materials::default());
+    while lines.advance()? {
+        if lines.words().next() == Some("mtllib") {
+            materials.library(lines.rest());
+        }
+    }
+    let mut files = Vec::new();
+    for name in &materials.libraries {
+        let library = beside(&source.path, name, &options)?;
+        // One that cannot be read names nothing.
+        let pictures = pictures(&library, &options).unwrap_or_default();
+        files.push(library);
+        files.extend(pictures.iter().filter_map(|name| beside(&source.path, name, &options).ok()));
+    }
+    Ok(files)
+}
+
+/// The names of all pictures in a library, also of kinds that are not read: of bumps, reflections and so on.
+fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
+    let source = Source::open(library, &options.limits)?;
+    let (mut lines, mut names) = (Lines::new(&source)?, Vec::new());
+    while lines.advance_to_text()? {
+        let keyword = lines.words().next().unwrap_or_default().to_ascii_lowercase();
+        if keyword.starts_with("map_") || OTHER_PICTURES.contains(&keyword.as_str()) {
+            names.push(without_options(lines.rest()));
+        }
+    }
+    Ok(names)
 }
 
 /// The path of a file that the OBJ names.
