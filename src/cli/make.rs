@@ -37,6 +37,9 @@ pub struct MakeArgs {
     /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h
     #[arg(long, value_name = "TIME", default_value_t = Seconds(600.0))]
     pub budget: Seconds,
+    /// Train this many steps instead: the same bytes on every run, also after a stop
+    #[arg(long, value_name = "N", conflicts_with = "budget", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub steps: Option<u64>,
     /// Folder for continuing a stopped run: photos, poses, checkpoints; OUT with the ending .make unless
     /// given
     #[arg(long, value_name = "FOLDER")]
@@ -80,7 +83,10 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
     if let Some(most) = args.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
     }
-    (job.bake, job.budget) = (bake, args.budget);
+    (job.bake, job.budget) = (bake, Some(args.budget));
+    if let Some(steps) = args.steps {
+        (job.train.steps, job.budget) = (steps, None);
+    }
 
     let work = job.work.display().to_string();
     let mut terminal = MakeTerminal { global };
@@ -170,6 +176,10 @@ impl MakeJobObserver for MakeTerminal<'_> {
 
     fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_> {
         Box::new(BakeTerminal(Terminal::new(self.global, command())))
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        signals::exit_code().is_some()
     }
 
     fn finished(&mut self, stage: &StageReport) {

@@ -5,11 +5,12 @@
 //! While an observer listens, the first one is a request. Otherwise, and the second time, it ends the program
 //! at once and removes its temporary files.
 
-use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 use trisplat_scene::atomic;
 use trisplat_scene::process;
 
-static LISTENED_TO: AtomicBool = AtomicBool::new(false);
+/// How many observers listen.
+static LISTENERS: AtomicUsize = AtomicUsize::new(0);
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
 /// The offset of exit codes for signals in shells.
 const EXIT_BASE: i32 = 128;
@@ -46,8 +47,8 @@ pub(super) fn start() {
 }
 
 fn receive(signal: i32) {
-    RECEIVED.store(signal, Ordering::Relaxed);
-    if !LISTENED_TO.swap(false, Ordering::Relaxed) {
+    let is_first = RECEIVED.swap(signal, Ordering::Relaxed) == 0;
+    if !is_first || LISTENERS.load(Ordering::Relaxed) == 0 {
         process::running::end_all();
         atomic::remove_temporaries();
         std::process::exit(EXIT_BASE + signal);
@@ -67,9 +68,9 @@ pub(super) fn exit_code() -> Option<u8> {
 pub(super) struct Listener;
 
 impl Listener {
-    /// From here on the first request goes to this observer.
+    /// From here on the first request goes to this observer, and to all others.
     pub(super) fn new() -> Self {
-        LISTENED_TO.store(true, Ordering::Relaxed);
+        LISTENERS.fetch_add(1, Ordering::Relaxed);
         Self
     }
 
@@ -81,6 +82,6 @@ impl Listener {
 
 impl Drop for Listener {
     fn drop(&mut self) {
-        LISTENED_TO.store(false, Ordering::Relaxed);
+        LISTENERS.fetch_sub(1, Ordering::Relaxed);
     }
 }

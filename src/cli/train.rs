@@ -7,13 +7,14 @@ use super::harden;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
+use super::progress::Progress;
 use super::resume;
 use super::signals;
 use super::teacher_args;
 use super::train_args::TrainArgs;
 use super::train_block;
 use super::train_curve;
-use super::train_preparation::Preparation;
+use super::train_preparation::{Preparation, Prepared};
 use super::train_progress::{Bar, Watcher};
 use clap::ArgMatches;
 use indicatif::HumanCount;
@@ -52,8 +53,8 @@ pub fn run(
     }
     let clock = Instant::now();
     let outputs = outputs(args);
-    let mut files = guard(args, inputs, &outputs)?;
     let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
+    let mut files = guard(args, inputs, &outputs, point.as_ref())?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
         None => resolve(args, matches)?,
@@ -64,34 +65,25 @@ pub fn run(
     let dataset = dataset(args, &how, from.as_ref(), &options.options, global)?;
     files.spare_photos(&dataset)?;
     let teacher_file = teacher_args::beside(&args.output);
-    let mut job = TrainJob {
-        dataset,
-        dataset_options: how,
-        options,
-        from,
-        teacher: args.teacher.teacher.clone(),
-        teacher_share: args.teacher.teacher_share,
-        teacher_file: Some(teacher_file.clone()),
-        budget: args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall)),
-        poses: None,
-        watched: None,
-        watch_secs: 0.0,
-        began: Some(clock),
-        backend: args.backend_options.clone(),
-        outputs,
-        resume: point,
-        force_resume: args.force_resume,
-    };
-    job.watch(&mut Preparation::new(global, &mut files, Vec::new()))?;
-    let tracked = job.poses.as_ref().and_then(|stage| stage.details_as::<TrackedPoses>()?.summary());
-    if job.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
-        // A requested one is claimed already.
-        teacher_files(&teacher_file).iter().try_for_each(|path| files.claim("--teacher", path))?;
-    }
+    let mut job = TrainJob::new(dataset, options.options.clone());
+    (job.dataset_options, job.options, job.from) = (how, options, from);
+    (job.teacher, job.teacher_share) = (args.teacher.teacher.clone(), args.teacher.teacher_share);
+    job.teacher_file = Some(teacher_file.clone());
+    job.budget = args.budget.map(Budget::cpu).or_else(|| args.budget_wall.map(Budget::wall));
+    (job.began, job.backend, job.outputs) = (Some(clock), args.backend_options.clone(), outputs);
+    (job.resume, job.force_resume) = (point, args.force_resume);
+
     let mut preparation = Preparation::new(global, &mut files, teacher_files(&teacher_file));
-    let ready = job.prepare(&mut preparation);
-    let (teacher_output, lost_teachers) = preparation.done();
-    let ready = ready?;
+    let ready = prepare(job, args, &mut preparation);
+    let Prepared { teachers, lost_teachers, lost, stop } = preparation.done();
+    let (ready, tracked) = match ready {
+        Err(Error::Stopped { what, checkpoint: Some(checkpoint) }) => {
+            let command = resume::command(matches, args, &checkpoint);
+            Progress::new(global).line(&format!("{what}; to continue: {command}"));
+            return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+        }
+        ready => ready?,
+    };
     let (plan, notes) = (ready.budget_summary(), ready.notes());
     let ReadyTrain { dataset, photos, teacher, teacher_share, warnings: about_inputs, start, .. } = ready;
     let OpenRun { run, card, warnings: about_start } = start.open(&dataset)?;
@@ -99,7 +91,8 @@ pub fn run(
     warnings.extend(about_start);
     let (triangles, steps) = (run.triangles(), run.steps());
     let bar = Bar::new(global, run.options().steps, steps, args.log.as_deref(), run.curve())?;
-    let mut bar = bar.watched(photos.as_ref().unwrap_or(&dataset), watcher);
+    drop(stop);
+    let mut bar = bar.losing_to(&lost).watched(photos.as_ref().unwrap_or(&dataset), watcher);
     if let Some(card) = card {
         bar.line(&format!("training on {card}"));
         bar.say_rate(steps);
@@ -118,7 +111,7 @@ pub fn run(
     let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
     report.inputs = read.map(|path| path.display().to_string()).collect();
     report.warnings = warnings;
-    report.outputs.extend(teacher_output);
+    report.outputs.extend(teachers);
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
     summary(args, (&teacher, teacher_share), &trained, &mut bar);
@@ -127,6 +120,21 @@ pub fn run(
         bar.line(&format!("stopped early; to continue: {command}"));
     }
     ended(args, &trained, &lost)
+}
+
+/// Prepares the run; also what became of the photos' poses, in a sentence.
+fn prepare(
+    mut job: TrainJob,
+    args: &TrainArgs,
+    preparation: &mut Preparation<'_>,
+) -> Result<(ReadyTrain, Option<String>)> {
+    job.watch(preparation)?;
+    let tracked = job.poses.as_ref().and_then(|stage| stage.details_as::<TrackedPoses>()?.summary());
+    // A requested one is claimed already.
+    if args.teacher.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
+        preparation.claim_teachers()?;
+    }
+    Ok((job.prepare(preparation)?, tracked))
 }
 
 /// The end of the program: success, stopped, or an error that names missing outputs beside the scene.
@@ -194,6 +202,7 @@ fn outputs(args: &TrainArgs) -> RunOptions {
         evaluate_every: args.eval_every,
         preview: args.preview.clone().map(|folder| Preview { folder, pause }),
         max_cpu_secs: args.max_cpu_secs,
+        ..RunOptions::default()
     }
 }
 
@@ -210,8 +219,13 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOption
     Ok(options)
 }
 
-/// Refuses outputs that would fail, or replace a file, only after the training.
-fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
+/// Refuses outputs that would fail, or replace a file, only after the training. It may resume at `point`.
+fn guard<'a>(
+    args: &TrainArgs,
+    inputs: &'a Inputs,
+    outputs: &RunOptions,
+    point: Option<&Checkpoint>,
+) -> Result<Outputs<'a>> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         return Err(Error::invalid(
@@ -222,7 +236,9 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
     }
     // A default one is claimed when the photos are counted.
     let teacher_file = teacher_args::beside(out);
-    let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
+    // One that prepares a run still has its teacher to train.
+    let has_teacher = point.is_some_and(|point| point.meta.prepares.is_none());
+    let plan = |source| TeacherPlan::asked(source, has_teacher, Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
     let trained = match teacher {
@@ -273,7 +289,7 @@ fn write(
         }
     }
     if let Some(path) = &args.report {
-        report.warnings.extend_from_slice(bar.lost_so_far());
+        report.warnings.extend(bar.lost_so_far());
         report.seconds = clock.elapsed().as_secs_f64();
         if let Err(error) = files.take(path).and_then(|file| files::save_json(&report, file)) {
             bar.note_lost(&error, "the report is missing");

@@ -4,15 +4,18 @@ use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::counted;
 use trisplat_scene::scene::Loaded;
 use trisplat_train::budget::Correction;
 use trisplat_train::refine::Refined;
-use trisplat_train::{TrainObserver, TrainSample, Trained};
+use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
 
 /// Another observer of a run.
 pub trait Watcher: TrainObserver {
@@ -22,6 +25,9 @@ pub trait Watcher: TrainObserver {
     fn ended(&mut self, what: &str, scene: Loaded);
 }
 
+/// Outputs that a run and the trainings that prepare it could not write, with their errors.
+pub type Lost = Rc<RefCell<Vec<String>>>;
+
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
     quiet: bool,
@@ -29,7 +35,7 @@ pub struct Bar {
     bar: Option<ProgressBar>,
     log: Option<(PathBuf, Box<dyn Write>)>,
     /// Outputs that could not be written, with their errors.
-    lost: Vec<String>,
+    lost: Lost,
     stop: Option<Listener>,
     psnr: Option<(f64, Option<ShrunkSize>)>,
     steps: u64,
@@ -65,8 +71,17 @@ impl Bar {
         let stop = Some(Listener::new());
         let (quiet, verbose) = (global.quiet, global.verbose);
         let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
-        let (lost, psnr, rate_from, watcher) = (Vec::new(), None, None, None);
+        let (lost, psnr, rate_from, watcher) = (Lost::default(), None, None, None);
         Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from, watcher })
+    }
+
+    /// The bar of a short training that leaves some photos out; `hint` says how to do without.
+    pub fn of_watching(global: &Global, options: &TrainOptions, hint: &str) -> Result<Self> {
+        let (bar, steps) = (Self::new(global, options.steps, 0, None, &[])?, counted(options.steps, "step"));
+        bar.line(&format!(
+            "a short training leaves some photos out, to see what more steps gain: {steps}{hint}"
+        ));
+        Ok(bar)
     }
 
     /// Makes it print the steps per second when known; `done` steps are made already.
@@ -78,6 +93,12 @@ impl Bar {
     pub fn watched(mut self, dataset: &Dataset, mut watcher: Option<Box<dyn Watcher>>) -> Self {
         watcher.iter_mut().for_each(|watcher| watcher.begun(dataset));
         self.watcher = watcher;
+        self
+    }
+
+    /// The same, with outputs that are lost added to `lost`.
+    pub fn losing_to(mut self, lost: &Lost) -> Self {
+        self.lost = Lost::clone(lost);
         self
     }
 
@@ -97,7 +118,7 @@ impl Bar {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        std::mem::take(&mut self.lost)
+        self.lost.take()
     }
 
     /// Prints the result of the run; `trained` was written.
@@ -107,14 +128,14 @@ impl Bar {
     }
 
     /// Outputs that could not be written so far, with their errors.
-    pub fn lost_so_far(&self) -> &[String] {
-        &self.lost
+    pub fn lost_so_far(&self) -> Vec<String> {
+        self.lost.borrow().clone()
     }
 
     /// Warns that something was not written.
     pub fn note_lost(&mut self, error: &Error, what: &str) {
         self.line(&format!("warning: {error}; {what}"));
-        self.lost.push(error.to_string());
+        self.lost.borrow_mut().push(error.to_string());
     }
 }
 

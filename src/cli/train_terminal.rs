@@ -2,6 +2,7 @@
 
 use super::Global;
 use super::progress::Progress;
+use super::signals::Listener;
 use super::train_progress::Bar;
 use std::path::PathBuf;
 use trisplat_job::{TrainBegins, TrainJobObserver};
@@ -15,6 +16,8 @@ use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
 pub(super) struct TrainTerminal<'a> {
     global: &'a Global,
     teacher_files: Vec<PathBuf>,
+    /// From the first training on, a request to stop waits for the next step, which saves everything.
+    stop: Option<Listener>,
     bar: Option<Bar>,
     drawing: Option<Progress>,
 }
@@ -22,26 +25,38 @@ pub(super) struct TrainTerminal<'a> {
 impl<'a> TrainTerminal<'a> {
     /// Keeps teachers in these files; without files, none.
     pub(super) fn new(global: &'a Global, teacher_files: Vec<PathBuf>) -> Self {
-        Self { global, teacher_files, bar: None, drawing: None }
+        Self { global, teacher_files, stop: None, bar: None, drawing: None }
     }
 }
 
 impl TrainJobObserver for TrainTerminal<'_> {
+    fn watching_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        self.stop.get_or_insert_with(Listener::new);
+        Ok(Box::new(Bar::of_watching(self.global, options, "")?))
+    }
+
+    fn watched(&mut self, summary: &str) {
+        Progress::new(self.global).line(summary);
+    }
+
     fn teacher_begins(
         &mut self,
         options: &TrainOptions,
         _asked: bool,
     ) -> Result<Box<dyn TrainObserver + '_>> {
+        self.stop.get_or_insert_with(Listener::new);
         let bar = Bar::new(self.global, options.steps, 0, None, &[])?;
         bar.line(&format!("a soft teacher scene is trained first: {}", counted(options.steps, "step")));
         Ok(Box::new(bar))
     }
 
     fn keep_teacher(&mut self, which: usize, teacher: &Trained) -> Result<()> {
-        match self.teacher_files.get(which) {
-            Some(path) => teacher.save(path).map(drop),
-            None => Ok(()),
-        }
+        let Some((path, later)) = self.teacher_files.get(which..).and_then(<[PathBuf]>::split_first) else {
+            return Ok(());
+        };
+        // A resumed run would take those of an earlier run for its own.
+        later.iter().for_each(|old| drop(std::fs::remove_file(old)));
+        teacher.save(path).map(drop)
     }
 
     fn drew(&mut self, done: usize, all: usize) {

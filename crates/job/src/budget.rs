@@ -1,6 +1,5 @@
 //! Choices for a training with a budget, before it begins.
 
-use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
 use trisplat_scene::budget::{Budget, Spending};
 use trisplat_scene::error::{Error, Result};
@@ -36,9 +35,8 @@ pub(super) struct Budgeted {
     pub(super) paced: Option<Paced>,
 }
 
-/// Measures the machine and chooses steps, triangles and the size of photos. The run on `dataset` began at `began` and starts
-/// from the scene `from`, if any. It gets at most `enough`.
-/// `how`, the options that `dataset` was read with, receives the size.
+/// Measures the machine and chooses steps, triangles and the size of photos. The run on `dataset` starts from the scene `from`, if
+/// any, and gets at most `enough`. `spending` is the clock of its budget. `how`, the options that `dataset` was read with, receives the size.
 ///
 /// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
 pub(super) fn budgeted(
@@ -47,7 +45,7 @@ pub(super) fn budgeted(
     from: Option<&Loaded>,
     budget: Option<Budget>,
     enough: Enough,
-    began: Instant,
+    spending: Spending,
     how: &mut DatasetOptions,
 ) -> Result<Budgeted> {
     let triangles_given = options.is_given("max_triangles");
@@ -56,7 +54,6 @@ pub(super) fn budgeted(
         return Ok(Budgeted { dataset, options, paced: None });
     };
     let options = options.options;
-    let spending = Spending::of_process(budget.clock, began);
     let (background, secs) = (how.background.to_f32(), budget.seconds.0);
     let calibration = calibrate(&dataset, from, &options, background, &spending, secs)?;
     let input = PlanInput {

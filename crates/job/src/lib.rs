@@ -19,12 +19,15 @@ mod making;
 mod meshing;
 mod observer;
 mod plain;
+mod preparation;
 pub mod rendering;
+mod taught;
 pub mod teacher;
 mod tracked;
 mod training;
 mod unhardened;
 pub mod watched;
+mod watching;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use describe::describe;

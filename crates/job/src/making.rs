@@ -60,8 +60,8 @@ pub struct MakeJob {
     pub backend: BackendOptions,
     /// Bake options.
     pub bake: BakeOptions,
-    /// CPU time for training and bake together.
-    pub budget: Seconds,
+    /// CPU time for training and bake together; `None`: the steps of `train`, so equal jobs make equal bytes.
+    pub budget: Option<Seconds>,
 }
 
 /// The result of a [`MakeJob`].
@@ -100,7 +100,7 @@ impl MakeJob {
             train: TrainOptions::default(),
             backend: BackendOptions::default(),
             bake: BakeOptions::default(),
-            budget: Seconds(600.0),
+            budget: Some(Seconds(600.0)),
         }
     }
 
@@ -133,9 +133,11 @@ impl MakeJob {
             done.stopped = verdict.is_none();
             done.verdict = verdict;
         }
+        done.stopped |= observer.wants_to_stop();
         if !done.stopped {
             done.stopped = !self.train_once(&done.dataset, &mut done.report, observer)?;
         }
+        done.stopped |= observer.wants_to_stop();
         if !done.stopped {
             self.bake(&done.dataset, &mut done.report, observer)?;
         }
@@ -186,6 +188,10 @@ impl MakeJob {
         let teachers = teacher_files(Path::new(TEACHER));
         let teachers = teachers.iter().filter_map(|file| file.to_str());
         ours.begin(&[SCENE, CHECKPOINT, NOTES].into_iter().chain(teachers).collect::<Vec<_>>())?;
+        if resume.is_none() && point.exists() {
+            // From here on the notes name this training, and a checkpoint beside them would pass for its own.
+            std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
+        }
         save(&notes, &StoredTraining { key: key.clone(), stages: vec![], warnings: vec![] })?;
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
@@ -203,7 +209,10 @@ impl MakeJob {
                 job.options =
                     trisplat_scene::layered::Layered::over(&point.meta.options, point.meta.options.clone())
             }
-            None => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + TRAINING * self.budget.0))),
+            None => match self.budget {
+                Some(budget) => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + TRAINING * budget.0))),
+                None => job.options = job.options.giving(&["steps"]),
+            },
         }
         job.resume = resume;
         job.outputs = RunOptions {
@@ -211,7 +220,10 @@ impl MakeJob {
             checkpoint_every: CHECKPOINT_EVERY,
             ..RunOptions::default()
         };
-        let trained = job.run(&mut *observer.trains(&teacher_files(&teacher))?)?;
+        let trained = match job.run(&mut *observer.trains(&teacher_files(&teacher))?) {
+            Err(Error::Stopped { checkpoint: Some(_), .. }) => return Ok(false),
+            trained => trained?,
+        };
         if trained.trained.stopped {
             return Ok(false);
         }

@@ -69,7 +69,10 @@ impl MeshJob {
                 let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
                 job.dataset_options = self.dataset_options.clone();
                 job.budget = Some(Budget::cpu(Seconds(cpu_secs() + self.budget.0)));
-                let done = job.run(trains)?;
+                let done = match job.run(trains) {
+                    Err(Error::Stopped { .. }) => return Ok(None),
+                    done => done?,
+                };
                 report.stages.extend(done.report.stages);
                 // Those of the photos are known.
                 let is_new = |warning: &String| !photos.warnings.contains(warning);

@@ -59,6 +59,10 @@ pub trait MakeJobObserver {
     fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>>;
     /// The files.
     fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_>;
+    /// Whether to stop between two parts.
+    fn wants_to_stop(&mut self) -> bool {
+        false
+    }
     /// A stage is over that has no observer of its own, or was not needed.
     fn finished(&mut self, _stage: &StageReport) {}
 }

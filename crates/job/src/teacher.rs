@@ -1,32 +1,27 @@
-//! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and trains it.
+//! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
-use super::budget::{Budgeted, budgeted, with_fewer_steps};
 use super::harden;
 use super::observer::TrainJobObserver;
 use super::watched;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::time::Instant;
-use trisplat_bake::teacher::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_scene::budget::{Budget, Seconds, Spending};
+use trisplat_scene::budget::{Budget, Seconds};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::layered::{Layered, Layers};
-use trisplat_scene::report::{StageDetails, StageReport};
 use trisplat_scene::scene::Loaded;
 use trisplat_teacher as teacher;
-use trisplat_train::budget::{Enough, Paced};
-use trisplat_train::device::OpenRun;
-use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
+use trisplat_train::budget::Enough;
+use trisplat_train::{Checkpoint, TrainOptions, TrainPreset};
 
 /// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;
 const TRIANGLES_SHARE: f64 = 0.67;
 /// Time of one teacher, and of all teachers at most, as a share of the budget.
-const BUDGET_SHARE: f64 = 0.4;
-const ALL_TEACHERS_SHARE: f64 = 0.55;
+pub(super) const BUDGET_SHARE: f64 = 0.4;
+pub(super) const ALL_TEACHERS_SHARE: f64 = 0.55;
 /// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
 /// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
 const FEW_PHOTOS: f64 = 20.0;
@@ -36,7 +31,7 @@ const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 /// The least weight that is worth the teacher's training.
 const LEAST_WEIGHT: f64 = 0.1;
 /// Most teachers of a run. The mean picture of several is closer to the photos than the picture of one.
-const MOST_TEACHERS: usize = 3;
+pub(super) const MOST_TEACHERS: usize = 3;
 /// Steps per training photo after which a teacher, and its run, only memorise these photos: the shortest and
 /// longest that watched photos choose. Divided by the teacher's weight.
 const TEACHER_STEPS_PER_PHOTO: [f64; 2] = [40.0, 85.0];
@@ -155,7 +150,7 @@ fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u
 }
 
 /// Limits of a teacher.
-fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
+pub(super) fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
     let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
     Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
@@ -169,14 +164,14 @@ pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
 }
 
 /// Budget for the first teacher of this `weight` after `spent` seconds of the run's budget.
-fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
+pub(super) fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
 }
 
 /// Training options of a teacher of this `weight`. A budget chooses its triangles unless the run's are given.
 ///
 /// Errors: none if options are in range.
-fn teacher_options(
+pub(super) fn teacher_options(
     run: &Layered<TrainOptions>,
     has_budget: bool,
     weight: f64,
@@ -247,104 +242,6 @@ pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
     std::iter::once(first.to_owned()).chain((2..=MOST_TEACHERS).map(name)).collect()
 }
 
-/// The trained teachers of a run.
-pub(super) struct Teachers {
-    /// Their scenes.
-    pub(super) scenes: Vec<Loaded>,
-    /// Report stage of their training.
-    pub(super) stage: StageReport,
-}
-
-/// The run that needs teachers.
-pub(super) struct TaughtRun<'a> {
-    /// The photos and the options that they were read with.
-    pub(super) photos: &'a Dataset,
-    pub(super) how: &'a DatasetOptions,
-    pub(super) options: &'a Layered<TrainOptions>,
-    pub(super) budget: Option<Budget>,
-    pub(super) began: Instant,
-    pub(super) backend: &'a BackendOptions,
-    /// CPU seconds after which it is stopped; 0: never.
-    pub(super) max_cpu_secs: f64,
-    /// Whether the teacher was requested.
-    pub(super) asked: bool,
-    /// Weight of the teacher, 0 to 1.
-    pub(super) weight: f64,
-    /// Training time of the teacher, from 0 (shortest) to 1 (longest).
-    pub(super) length: f64,
-}
-
-impl TaughtRun<'_> {
-    /// Trains one teacher, and more of them if the first leaves time.
-    ///
-    /// Errors: those of a training; a stopped training; a budget that is too small.
-    pub(super) fn train_teachers(&self, observer: &mut dyn TrainJobObserver) -> Result<Teachers> {
-        let (clock, mut how) = (Instant::now(), self.how.clone());
-        let (photos, weight) = (self.photos.train().count(), self.weight);
-        let spent = |budget: Budget| Spending::of_process(budget.clock, self.began).seconds();
-        let budget = self.budget.map(|budget| teacher_budget(budget, weight, spent(budget)));
-        let mut options = teacher_options(self.options, budget.is_some(), weight)?;
-        let mut enough = enough_for_teacher(photos, weight, self.length);
-        // Steps given for the run also hold for its teacher.
-        enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
-        if budget.is_none() {
-            let triangles_given = self.options.is_given("max_triangles");
-            options.options = with_fewer_steps(options.options, enough.steps, triangles_given);
-        }
-        let Budgeted { dataset, options, paced } =
-            budgeted(self.photos.clone(), options, None, budget, enough, self.began, &mut how)?;
-        let began_secs = paced.as_ref().map(|paced| paced.spending.seconds());
-        let (trained, stage) = self.train_teacher(0, (&dataset, &how), &options, paced, observer)?;
-        let more = match (&trained.paced, began_secs, budget) {
-            (Some(paced), Some(began), Some(budget)) => {
-                let share = ALL_TEACHERS_SHARE / BUDGET_SHARE;
-                let fit = share * (budget.seconds.0 - began) / (paced.spending.seconds() - began);
-                (fit as usize).clamp(1, MOST_TEACHERS) - 1
-            }
-            _ => 0,
-        };
-        let like = trained.options.clone();
-        let mut scenes = vec![trained.into()];
-        for which in 1..=more {
-            let options = TrainOptions { seed: like.seed.wrapping_add(which as u64), ..like.clone() };
-            let (trained, _) = self.train_teacher(which, (&dataset, &how), &options, None, observer)?;
-            scenes.push(trained.into());
-        }
-        let stage = StageReport { seconds: clock.elapsed().as_secs_f64(), ..stage };
-        Ok(Teachers { scenes, stage })
-    }
-
-    /// Trains teacher `which` on `photos`, with the options that they were read with.
-    fn train_teacher(
-        &self,
-        which: usize,
-        (photos, how): (&Dataset, &DatasetOptions),
-        options: &TrainOptions,
-        paced: Option<Paced>,
-        observer: &mut dyn TrainJobObserver,
-    ) -> Result<(Trained, StageReport)> {
-        let clock = Instant::now();
-        let outputs = RunOptions { max_cpu_secs: self.max_cpu_secs, ..RunOptions::default() };
-        let run = TrainRun::new(photos, options).with_dataset_options(how);
-        let run = TrainRun { outputs, paced, ..run };
-        // The run reports the card, so the teacher does not.
-        let OpenRun { run, .. } = run.start_at(self.backend)?;
-        let triangles = run.triangles();
-        let trained = {
-            let mut steps = observer.teacher_begins(options, self.asked)?;
-            run.finish(&mut *steps)?
-        };
-        if trained.stopped {
-            let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
-            return Err(Error::invalid("teacher", value, "all of its steps; nothing was written"));
-        }
-        observer.keep_teacher(which, &trained)?;
-        let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
-        TeacherDetails::STAGE.clone_into(&mut stage.name);
-        Ok((trained, stage))
-    }
-}
-
 /// `photos` and mean pictures of the soft `scenes`, which get `share` of the steps of a run with `options`.
 ///
 /// Errors: no room on the disk.
@@ -378,7 +275,7 @@ pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<Loade
 /// The soft scene of a file.
 ///
 /// Errors: a file that cannot be read, a scene that is solid.
-fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
+pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
     let scene = formats::read(path, &how.read_options(3))?;
     match harden::needless(&scene) {
         Some(_) => {

@@ -2,15 +2,18 @@
 
 use super::budget::{self, Budgeted};
 use super::observer::{TrainBegins, TrainJobObserver};
-use super::teacher::{self, TaughtRun, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
+use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing, TeacherPlace};
+use super::taught::TaughtRun;
+use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
 use super::tracked;
-use super::watched::{self, Watched, Watching};
+use super::watched::{self, Watched, WatchedTraining};
+use super::watching::Watching;
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::teacher::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
-use trisplat_scene::budget::Budget;
-use trisplat_scene::error::Result;
+use trisplat_scene::budget::{Budget, Spending};
+use trisplat_scene::error::{Error, Result};
 use trisplat_scene::layered::Layered;
 use trisplat_scene::report::{Report, StageDetails, StageReport};
 use trisplat_scene::scene::Loaded;
@@ -70,10 +73,12 @@ pub struct TrainJob {
     pub backend: BackendOptions,
     /// Files that the run writes on the way.
     pub outputs: RunOptions,
-    /// Checkpoint to resume from.
+    /// Checkpoint to resume from: that of the run, or of a training that its preparation needs.
     pub resume: Option<Checkpoint>,
     /// Resume although photos, cameras, points or background differ from the checkpoint's.
     pub force_resume: bool,
+    /// The preparation that goes on.
+    preparation: Option<Resumed>,
 }
 
 /// A trained scene and its report.
@@ -143,12 +148,14 @@ impl TrainJob {
             outputs: RunOptions::default(),
             resume: None,
             force_resume: false,
+            preparation: None,
         }
     }
 
     /// Plans, prepares and runs the training, to the end or until `observer` stops it.
     ///
     /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
+    /// [`Error::Stopped`] if it was stopped before its own first step; its checkpoint is one for `resume` all the same.
     pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
         let ready = self.prepare(observer)?;
         let (notes, plan, start) = (ready.notes(), ready.budget_summary(), ready.start);
@@ -176,8 +183,9 @@ impl TrainJob {
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
     /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
     ///
-    /// Errors: options that the budget chooses, undecodable photos, a stopped training.
+    /// Errors: options that the budget chooses, undecodable photos, a stopped training, a checkpoint of another run.
     pub fn watch(&mut self, observer: &mut dyn TrainJobObserver) -> Result<()> {
+        self.unpack()?;
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
@@ -187,11 +195,13 @@ impl TrainJob {
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
         let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
         let fits_both = self.has_time_to_watch(2);
-        if !self.has_time_to_watch(1) || !wanted || cut || self.resume.is_some() || self.watched.is_some() {
+        let is_over = self.resume.is_some() || self.watched.is_some() || self.is_teaching();
+        if !self.has_time_to_watch(1) || !wanted || cut || is_over {
             return Ok(());
         }
-        let how = self.dataset_options.clone();
-        let watching = Watching::new(&self.dataset, &how, self.options.options.seed)?;
+        let (how, began) = (self.dataset_options.clone(), self.began.unwrap_or_else(Instant::now));
+        let (earlier, seed) = (self.earlier_trials(), self.options.options.seed);
+        let mut watching = Watching::new(&self.dataset, &how, seed, self.storing(began), earlier)?;
         let mut watched = watching.nothing_yet();
         if unsure {
             watched.solid = Some(watching.solid(observer)?);
@@ -206,12 +216,88 @@ impl TrainJob {
         Ok(())
     }
 
+    /// The checkpoint of a training that a preparation needs resumes that training: the run itself begins again, with all that
+    /// it began with.
+    fn unpack(&mut self) -> Result<()> {
+        let Some(prepared) = self.resume.as_mut().and_then(|point| point.meta.prepares.take()) else {
+            return Ok(());
+        };
+        if let Some(TeacherSource::Off | TeacherSource::File(_)) = &self.teacher {
+            let wants = "`teacher` auto or nothing, as the run began";
+            return Err(Error::invalid("resume", "of a run that was stopped before its teacher", wants));
+        }
+        let (run, spent_secs) = preparation::unpack(prepared)?;
+        let Preparation { options, budget, max_cpu_secs, asked, teacher_share, part } = run;
+        (self.options, self.budget) = (options, budget);
+        self.teacher = asked.then_some(TeacherSource::Auto);
+        self.teacher_share = self.teacher_share.or(teacher_share);
+        if let PreparationPart::Teachers { watched, .. } = &part {
+            self.watched.clone_from(watched);
+        }
+        let checkpoint = self.resume.take();
+        self.preparation = Some(Resumed { part, checkpoint, spent_secs, max_cpu_secs });
+        Ok(())
+    }
+
+    /// Whether the preparation goes on at a teacher.
+    fn is_teaching(&self) -> bool {
+        let part = self.preparation.as_ref().map(|resumed| &resumed.part);
+        matches!(part, Some(PreparationPart::Teachers { .. }))
+    }
+
+    /// Results of the short trainings of an earlier process, and the one that it was stopped in.
+    fn earlier_trials(&mut self) -> (Vec<WatchedTraining>, Option<Checkpoint>) {
+        match &mut self.preparation {
+            Some(Resumed { part: PreparationPart::Watching(done), checkpoint, .. }) => {
+                (done.clone(), checkpoint.take())
+            }
+            _ => (Vec::new(), None),
+        }
+    }
+
+    /// The teacher that an earlier process was stopped in.
+    fn stopped_teacher(&mut self) -> Option<(Checkpoint, TeacherPlace)> {
+        let Resumed { part, checkpoint, .. } = self.preparation.as_mut()?;
+        let PreparationPart::Teachers { place, .. } = part else { return None };
+        Some((checkpoint.take()?, *place))
+    }
+
+    /// Where and how trainings of the preparation are stored.
+    fn storing(&self, began: Instant) -> Storing {
+        let RunOptions { checkpoint, keep, checkpoint_every, max_cpu_secs, .. } = self.outputs.clone();
+        Storing {
+            outputs: RunOptions { checkpoint, keep, checkpoint_every, max_cpu_secs, ..RunOptions::default() },
+            force_resume: self.force_resume,
+            spending: self.spending(began),
+            run: Preparation {
+                options: self.options.clone(),
+                budget: self.budget,
+                max_cpu_secs: self.max_cpu_secs(),
+                asked: self.teacher.is_some(),
+                teacher_share: self.teacher_share,
+                part: PreparationPart::Watching(Vec::new()),
+            },
+        }
+    }
+
+    /// The clock of the budget.
+    fn spending(&self, began: Instant) -> Spending {
+        let clock = self.budget.map(|budget| budget.clock).unwrap_or_default();
+        let before = self.preparation.as_ref().map_or(0.0, |resumed| resumed.spent_secs);
+        Spending::of_process(clock, began).after(before)
+    }
+
+    /// The limit of CPU seconds that the run began with, which decides about its preparation.
+    fn max_cpu_secs(&self) -> f64 {
+        self.preparation.as_ref().map_or(self.outputs.max_cpu_secs, |resumed| resumed.max_cpu_secs)
+    }
+
     /// Whether there are photos to watch, and time for `pairs` of short trainings.
     fn has_time_to_watch(&self, pairs: usize) -> bool {
         match self.budget {
             Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count(), pairs),
             // Short trainings do not obey the run's limit.
-            None if self.outputs.max_cpu_secs > 0.0 => false,
+            None if self.max_cpu_secs() > 0.0 => false,
             None => watched::fits_beside(&self.options.options, &self.dataset, pairs),
         }
     }
@@ -240,7 +326,7 @@ impl TrainJob {
             watched: self.watched.as_ref().and_then(gain),
             preset: self.options.options.preset,
             starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
-            max_cpu_secs: self.outputs.max_cpu_secs,
+            max_cpu_secs: self.max_cpu_secs(),
         }
     }
 
@@ -264,8 +350,8 @@ impl TrainJob {
 
     /// Prepares the training pictures: photos in the size that the budget allows, and pictures of the teacher.
     ///
-    /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training, which must
-    /// not be stopped; a budget that is too small.
+    /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training; a budget that is
+    /// too small; a checkpoint of another run; [`Error::Stopped`].
     pub fn prepare(mut self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
         let began = self.began.unwrap_or_else(Instant::now);
         self.watch(observer)?;
@@ -281,10 +367,16 @@ impl TrainJob {
                 if !self.options.is_given("steps") {
                     enough = teacher::enough(self.dataset.train().count(), weight, self.teacher_length());
                 }
-                let teachers = self.taught(began, weight).train_teachers(observer)?;
+                let stopped = self.stopped_teacher();
+                let teachers = self.taught(began, weight).train_teachers(stopped, observer)?;
                 (Some(teachers.scenes), Some(teachers.stage))
             }
         };
+        if self.preparation.as_ref().is_some_and(|resumed| resumed.checkpoint.is_some()) {
+            let wants = "the photos and options of its run";
+            return Err(Error::invalid("resume", "of a preparation that these photos do not need", wants));
+        }
+        let spending = self.spending(began);
         let mut how = self.dataset_options;
         let Budgeted { dataset, options, paced } = budget::budgeted(
             self.dataset,
@@ -292,7 +384,7 @@ impl TrainJob {
             self.from.as_ref(),
             self.budget,
             enough,
-            began,
+            spending,
             &mut how,
         )?;
         let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
@@ -348,7 +440,9 @@ impl TrainJob {
             budget: self.budget,
             began,
             backend: &self.backend,
-            max_cpu_secs: self.outputs.max_cpu_secs,
+            storing: self.storing(began),
+            watched: self.watched.clone(),
+            file: self.teacher_file.as_deref(),
             asked: self.teacher.is_some(),
             weight,
             length: self.teacher_length(),
@@ -417,6 +511,8 @@ impl TrainStart {
 
 /// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.
 pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
+    // A training that prepares a run does not choose for it.
+    let resume = resume.filter(|point| point.meta.prepares.is_none());
     let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
     DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
 }

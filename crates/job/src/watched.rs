@@ -5,22 +5,18 @@
 //! decibel or more; if it memorises photos, they gain little or lose. Solid scenes decide about a teacher, soft
 //! ones about its training time. See docs/benchmarks/few-photos.md.
 
-use super::observer::TrainJobObserver;
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
-use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
+use trisplat_dataset::{Dataset, View};
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::report::{Counts, StageDetails, StageReport, to_json};
 use trisplat_train::budget::{CostModel, Workload, part_secs};
-use trisplat_train::{TrainOptions, TrainPreset, TrainRun, Trained};
+use trisplat_train::{TrainOptions, TrainPreset};
 
 /// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
-const LONGEST_PX: u32 = 96;
-const TRIANGLES: u64 = 1500;
-/// Fewest pixels of a photo per triangle.
-const PIXELS_PER_TRIANGLE: u64 = 4;
+pub(super) const LONGEST_PX: u32 = 96;
+pub(super) const TRIANGLES: u64 = 1500;
 /// One photo in this many is watched, at least the second number.
 const ONE_IN: usize = 6;
 const FEWEST_WATCHED: usize = 3;
@@ -35,8 +31,8 @@ const LEAST_SECS: f64 = 50.0;
 /// Largest share of a pair of trainings in a run without a budget.
 const MOST_SHARE: f64 = 0.1;
 /// Steps per photo of the two solid scenes, and of the two soft ones.
-const SOLID_STEPS: [u64; 2] = [25, 75];
-const SOFT_STEPS: [u64; 2] = [40, 120];
+pub(super) const SOLID_STEPS: [u64; 2] = [25, 75];
+pub(super) const SOFT_STEPS: [u64; 2] = [40, 120];
 /// Gains of solid scenes, dB, for which a teacher has weight 1 and 0.
 const SOLID_GAINS: [f64; 2] = [0.6, 1.1];
 /// Steps per photo of a run without a teacher. From the second on, gains count as they are; at the first, `HURRY` dB are added, because
@@ -126,7 +122,7 @@ pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
 }
 
 /// Whether training photo `i` of `count` is left out: one in six, at least three, spread evenly.
-fn is_left_out(i: usize, count: usize) -> bool {
+pub(super) fn is_left_out(i: usize, count: usize) -> bool {
     let watched = (count / ONE_IN).max(FEWEST_WATCHED);
     (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i)
 }
@@ -165,95 +161,10 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize
     })
 }
 
-/// Short trainings on the photos of a run.
-pub(super) struct Watching<'a> {
-    /// The training photos, small and in memory; watched ones are marked as held out.
-    photos: Dataset,
-    how: &'a DatasetOptions,
-    seed: u64,
-    began: Instant,
-}
-
-impl<'a> Watching<'a> {
-    /// Short trainings on `photos`, read with `how`.
-    ///
-    /// Errors: photos that cannot be decoded.
-    pub(super) fn new(photos: &Dataset, how: &'a DatasetOptions, seed: u64) -> Result<Self> {
-        let began = Instant::now();
-        let count = photos.train().count();
-        let view = |(i, view): (usize, &View)| {
-            let camera = view.camera.within(LONGEST_PX);
-            let photo = Photo::drawn(view.photo.decode()?.downscaled(camera.size));
-            Ok(View { camera, photo, test: is_left_out(i, count), ..view.clone() })
-        };
-        let views = photos.train().enumerate().map(view).collect::<Result<_>>()?;
-        Ok(Self { photos: Dataset { views, ..photos.clone() }, how, seed, began })
-    }
-
-    /// A result without trainings.
-    pub(super) fn nothing_yet(&self) -> Watched {
-        let photos = self.photos.test().map(|view| view.name.clone()).collect();
-        Watched { photos, solid: None, soft: None }
-    }
-
-    /// Seconds since this began.
-    pub(super) fn seconds(&self) -> f64 {
-        self.began.elapsed().as_secs_f64()
-    }
-
-    /// Two solid scenes.
-    ///
-    /// Errors: a training that was stopped.
-    pub(super) fn solid(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
-        self.trainings(TrainPreset::Solid, SOLID_STEPS, observer)
-    }
-
-    /// Two soft scenes.
-    ///
-    /// Errors: a training that was stopped.
-    pub(super) fn soft(&self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
-        self.trainings(TrainPreset::Outdoor, SOFT_STEPS, observer)
-    }
-
-    fn trainings(
-        &self,
-        preset: TrainPreset,
-        steps_per_photo: [u64; 2],
-        observer: &mut dyn TrainJobObserver,
-    ) -> Result<[WatchedTraining; 2]> {
-        let mut training = |steps_per_photo: u64| {
-            let steps = steps_per_photo * self.photos.views.len() as u64;
-            let pixels =
-                self.photos.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
-            let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
-            let preset = TrainOptions::preset(preset);
-            let options = TrainOptions { steps, max_triangles, seed: self.seed, ..preset };
-            let trained = self.train(&options, observer)?;
-            let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
-            Ok(WatchedTraining { steps, psnr })
-        };
-        let [few, many] = steps_per_photo;
-        Ok([training(few)?, training(many)?])
-    }
-
-    fn train(&self, options: &TrainOptions, observer: &mut dyn TrainJobObserver) -> Result<Trained> {
-        let run = TrainRun::new(&self.photos, options).with_dataset_options(self.how);
-        let mut steps = observer.watching_begins(options)?;
-        // A graphics card gains nothing on small photos.
-        let trained = run.run(&mut *steps)?;
-        match trained.stopped {
-            true => {
-                let value = format!("stopped after {} of {} steps", trained.steps, trained.options.steps);
-                Err(Error::invalid("watched photos", value, "all steps; nothing was written"))
-            }
-            false => Ok(trained),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_dataset::DatasetOptions;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
     fn pair(gain: f64) -> Option<[WatchedTraining; 2]> {

@@ -60,6 +60,14 @@ pub enum Error {
     /// The result exists, but another output is missing; the text names it.
     #[error("{0}")]
     Incomplete(String),
+    /// A run was stopped before it had a result.
+    #[error("{what}")]
+    Stopped {
+        /// Where it was stopped, and what was lost if there is no checkpoint.
+        what: String,
+        /// The checkpoint from which it continues.
+        checkpoint: Option<PathBuf>,
+    },
     /// A file exceeds a limit: see [`Limits`](crate::limits::Limits).
     #[error("{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}")]
     Limit {

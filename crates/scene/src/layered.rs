@@ -3,11 +3,11 @@
 use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
-use serde::Serialize;
 use serde::de::value::StringDeserializer;
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, IgnoredAny, IntoDeserializer, MapAccess, Visitor,
 };
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::fmt;
 use std::path::Path;
@@ -18,7 +18,7 @@ const SCHEMA_KEY: &str = "$schema";
 const PRESET_KEY: &str = "preset";
 
 /// The layer of a value: the last one that has it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Origin {
     /// The preset.
     Preset,
@@ -54,7 +54,7 @@ impl<T> Default for Layers<T> {
 }
 
 /// Options, and the layer of each.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Layered<T> {
     /// The options.
     pub options: T,
@@ -72,6 +72,17 @@ impl<T> Layered<T> {
     /// Whether any layer above the preset has the option `key`.
     pub fn is_given(&self, key: &str) -> bool {
         self.origin(key) > Origin::Preset
+    }
+
+    /// The same with `keys` as given, also where their values are the preset's.
+    pub fn giving(mut self, keys: &[&str]) -> Self
+    where
+        T: Serialize,
+    {
+        let all = serde_json::to_value(&self.options).unwrap_or_default();
+        let given = keys.iter().filter_map(|key| Some(((*key).to_owned(), all.get(key)?.clone())));
+        overlay(&mut self.layers[0].1, &Value::Object(given.collect()));
+        self
     }
 }
 
@@ -325,7 +336,6 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for WithoutSchema<A> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde::Deserialize;
 
     #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
@@ -396,6 +406,8 @@ mod tests {
         let written = Options { steps: 7, ..Options::default() };
         let layered = Layered::over(&Options::default(), written);
         assert!(layered.is_given("steps") && !layered.is_given("refine.every"));
+        let same = Layered::over(&Options::default(), Options::default());
+        assert!(!same.is_given("steps") && same.giving(&["steps"]).is_given("steps"));
         Ok(())
     }
 

@@ -14,6 +14,7 @@ use super::identity::RunIdentity;
 use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
+use super::prepared_run::PreparedRun;
 use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
@@ -31,7 +32,7 @@ use trisplat_scene::limits::Limits;
 use trisplat_scene::space::Space;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: u32 = 14;
+const FORMAT: u32 = 15;
 
 /// Larger numbers have no finite f32 exponential.
 const MOST_RAW_SIGMA: f32 = 88.0;
@@ -77,6 +78,8 @@ pub struct CheckpointMeta {
     pub cpu_secs: f64,
     /// The known costs of a run with a budget.
     pub pace: Option<Pace>,
+    /// The run that this training prepares, if it is not the run itself.
+    pub prepares: Option<PreparedRun>,
 }
 
 impl CheckpointMeta {
@@ -397,6 +400,7 @@ mod tests {
             curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
             pace: None,
+            prepares: Some(PreparedRun { state: serde_json::json!({ "psnr": 21.3 }), spent_secs: 0.1 }),
         };
         let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
         Checkpoint { state, visibility, meta }

@@ -35,6 +35,7 @@ pub mod neighbours;
 pub mod options;
 pub mod outputs;
 pub mod params;
+pub mod prepared_run;
 mod presets;
 pub mod progress;
 pub mod pyramid;

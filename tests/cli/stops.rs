@@ -1,0 +1,331 @@
+//! A training that is stopped before its own first step, while it watches photos or trains its teacher, goes on there.
+
+use super::train::succeed;
+use super::train_teacher::{SHORT, few_photos, read, train_few};
+use super::{fails, stderr};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
+use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_job::TrainJobObserver;
+use trisplat_train::{TrainObserver, TrainSample, Trained, checkpoint};
+
+/// Photos of which some are watched before a training by default, in `folder/photos`: `views` of them, one in eight held out.
+fn photos(folder: &Path, views: u32) -> PathBuf {
+    let folder = folder.join("photos");
+    std::fs::create_dir(&folder).unwrap();
+    let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
+    synthetic::write(&folder, &options).unwrap();
+    folder
+}
+
+/// Stops at a step of one of the trainings, counted from 0: short ones, the teacher's, the run.
+#[derive(Default)]
+struct Stopper {
+    training: usize,
+    at: Option<(usize, u64)>,
+    teacher: Option<Trained>,
+}
+
+struct StopAt {
+    step: Option<u64>,
+    now: u64,
+}
+
+impl TrainObserver for StopAt {
+    fn stepped(&mut self, sample: &TrainSample) {
+        self.now = sample.step;
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.step.is_some_and(|step| self.now >= step)
+    }
+}
+
+impl Stopper {
+    fn next(&mut self) -> Box<dyn TrainObserver> {
+        let training = self.training;
+        self.training += 1;
+        let step = self.at.filter(|(which, _)| *which == training).map(|(_, step)| step);
+        Box::new(StopAt { step, now: 0 })
+    }
+}
+
+impl TrainObserver for Stopper {}
+
+impl TrainJobObserver for Stopper {
+    fn watching_begins(&mut self, _options: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
+        Ok(self.next())
+    }
+
+    fn teacher_begins(
+        &mut self,
+        _options: &TrainOptions,
+        _asked: bool,
+    ) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
+        Ok(self.next())
+    }
+
+    fn keep_teacher(&mut self, _which: usize, teacher: &Trained) -> trisplat::Result<()> {
+        self.teacher = Some(teacher.clone());
+        Ok(())
+    }
+}
+
+fn job(photos: &Path, options: TrainOptions, point: &Path) -> TrainJob {
+    let mut job = TrainJob::new(Dataset::load(photos, &DatasetOptions::default()).unwrap(), options);
+    job.outputs.checkpoint = Some(point.to_owned());
+    job.resume = point.is_file().then(|| checkpoint::read(point).unwrap());
+    job
+}
+
+/// The shell alone would be a poor witness.
+fn without_shell() -> TrainOptions {
+    let mut options = TrainOptions::default();
+    options.init.shell_subdivisions = 0;
+    options
+}
+
+/// Twenty-one photos decide by four short trainings.
+#[test]
+fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(folder.path(), 24);
+    let point = folder.path().join("a.checkpoint");
+    let mut straight = job(&photos, TrainOptions::default(), &point);
+    let mut observer = Stopper::default();
+    straight.watch(&mut observer).unwrap();
+    let figures = straight.watched.unwrap();
+    assert!(observer.training == 4 && figures.solid.is_some() && figures.soft.is_some(), "{figures:?}");
+
+    // Each process resumes one training, so the next is its second.
+    for (training, what) in
+        [(0, "of 525 steps"), (1, "of 1575 steps"), (1, "of 840 steps"), (1, "of 2520 steps")]
+    {
+        let mut observer = Stopper { at: Some((training, 100)), ..Stopper::default() };
+        // With other options: the checkpoint holds those that the run began with.
+        let options = TrainOptions { steps: 10, ..TrainOptions::default() };
+        let options = if point.is_file() { options } else { TrainOptions::default() };
+        let stopped = job(&photos, options, &point).watch(&mut observer).unwrap_err();
+        let said = stopped.to_string();
+        assert!(
+            matches!(&stopped, Error::Stopped { checkpoint: Some(path), .. } if *path == point),
+            "{said}"
+        );
+        assert!(said.contains("stopped in a short training") && said.contains(what), "{said}");
+    }
+    let mut resumed = job(&photos, TrainOptions::default(), &point);
+    resumed.watch(&mut ()).unwrap();
+    assert_eq!(resumed.watched, Some(figures));
+}
+
+#[test]
+fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = photos(folder.path(), 10);
+    let point = folder.path().join("a.checkpoint");
+    let mut observer = Stopper::default();
+    let straight = job(&photos, without_shell(), &point).run(&mut observer).unwrap().trained;
+    let teacher = observer.teacher.unwrap();
+    assert_eq!(observer.training, 3, "two short trainings and a teacher");
+
+    for (training, step, what) in [
+        (0, 1, "a short training"),
+        (0, 319, "a short training"),
+        (1, 7, "a short training"),
+        (1, 9, "soft teacher"),
+    ] {
+        let mut observer = Stopper { at: Some((training, step)), ..Stopper::default() };
+        let said = job(&photos, without_shell(), &point).run(&mut observer).unwrap_err().to_string();
+        assert!(said.contains(what), "{said}");
+    }
+    let mut observer = Stopper::default();
+    let resumed = job(&photos, without_shell(), &point).run(&mut observer).unwrap().trained;
+    assert_eq!(observer.training, 1, "only the teacher was left");
+    assert!(observer.teacher.unwrap().soup == teacher.soup);
+    assert!(resumed.soup == straight.soup && resumed.steps == straight.steps);
+}
+
+/// The rest of a command that was printed after "to continue: ".
+fn continuing(printed: &str) -> &str {
+    let command = printed.lines().find_map(|line| line.split_once("to continue: trisplat "));
+    command.unwrap_or_else(|| panic!("{printed}")).1
+}
+
+#[cfg(unix)]
+fn typed(folder: &Path, words: &str) -> Command {
+    let mut command = Command::new("sh");
+    let program = env!("CARGO_BIN_EXE_trisplat");
+    command.arg("-c").arg(format!("exec '{program}' {words}")).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+/// Runs `command` and sends `signal` as soon as a line of what it says holds `line`, and `file` exists, if one is given.
+#[cfg(unix)]
+fn stop(command: &mut Command, line: &str, file: Option<&Path>, signal: &str) -> Output {
+    use std::io::{BufRead, BufReader, Read};
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    let mut all = String::new();
+    while !all.contains(line) {
+        assert!(said.read_line(&mut all).unwrap() > 0, "it ended: {all}");
+    }
+    while file.is_some_and(|file| !file.exists()) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended: {all}");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    succeed(Command::new("kill").args([signal, &child.id().to_string()]));
+    said.read_to_string(&mut all).unwrap();
+    Output { status: child.wait().unwrap(), stdout: Vec::new(), stderr: all.into_bytes() }
+}
+
+const WATCHING: &str = "a short training leaves some photos out";
+const TEACHER: &str = "a soft teacher scene is trained first";
+
+#[cfg(unix)]
+#[test]
+fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_continues() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    photos(folder, 10);
+    // The shell alone would be a poor witness.
+    let options = "--set init.shell_subdivisions=0";
+    succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
+    let log = folder.join("a.log");
+    let mut words = format!("train photos -o a.ply --log a.log --log-every 1 {options}");
+    let parts: [(&str, Option<&Path>, &str, i32, &str); 4] = [
+        (WATCHING, None, "-HUP", 129, "stopped in a short training that leaves some photos out, after "),
+        (WATCHING, None, "-INT", 130, "stopped in a short training that leaves some photos out, after "),
+        (TEACHER, None, "-TERM", 143, "stopped in the training of a soft teacher scene, after "),
+        (TEACHER, Some(&log), "-QUIT", 131, "stopped early; "),
+    ];
+    for (line, file, signal, code, what) in parts {
+        let output = stop(&mut typed(folder, &words), line, file, signal);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(what) && !said.contains("error: "), "{said}");
+        assert_eq!(folder.join("a.ply").exists(), file.is_some(), "{said}");
+        words = continuing(&said).to_owned();
+        assert_eq!(
+            words,
+            "train photos --output a.ply --log a.log --log-every 1 --force --resume a.checkpoint"
+        );
+    }
+    succeed(&mut typed(folder, &words));
+    assert!(read(folder, "a.teacher.ply") == read(folder, "straight.teacher.ply"));
+    assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_requested_teacher_that_is_stopped_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    few_photos(folder);
+    let flags = |more: &[&'static str]| [&SHORT as &[&str], &["--teacher", "auto"], more].concat();
+    succeed(&mut train_few(folder, "straight.ply", &flags(&[])));
+    let stopped = succeed(&mut train_few(folder, "a.ply", &flags(&["--max-cpu-secs", "1e-9"])));
+    let said = stderr(&stopped);
+    assert!(
+        said.contains("stopped in the training of a soft teacher scene, after 1 of 16 steps; to"),
+        "{said}"
+    );
+    assert!(folder.join("a.checkpoint").is_file() && !folder.join("a.teacher.ply").exists());
+    // It began with a teacher to train, and takes no other.
+    let (data, out) = (folder.join("photos"), folder.join("a.ply"));
+    let point = folder.join("a.checkpoint");
+    fails(
+        folder,
+        &[&"train", &data, &"-o", &out, &"--resume", &point, &"--teacher", &"off"],
+        &["--resume", "stopped before its teacher", "--teacher auto or nothing"],
+    );
+    succeed(&mut typed(folder, continuing(&said)));
+    assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
+    // The flag may be forgotten: the checkpoint knows that a teacher was asked for.
+    let forgotten = format!("train '{}' -o a.ply --force --resume a.checkpoint", data.display());
+    succeed(&mut typed(folder, &forgotten));
+    assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_checkpoint_of_a_preparation_on_other_photos_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    few_photos(folder);
+    let flags = [&SHORT as &[&str], &["--max-cpu-secs", "1e-9", "--teacher", "auto"]].concat();
+    succeed(&mut train_few(folder, "a.ply", &flags));
+    let point = folder.join("a.checkpoint").display().to_string();
+    // Half as large, other photos.
+    let flags = ["--resume", &point, "--max-size", "12"];
+    let refused = train_few(folder, "a.ply", &flags).output().unwrap();
+    let said = stderr(&refused);
+    assert!(refused.status.code() == Some(1) && said.contains("of another run"), "{said}");
+    assert!(!folder.join("a.ply").exists());
+}
+
+#[cfg(unix)]
+fn make(folder: &Path, more: &str) -> Command {
+    typed(folder, &format!("make photos -o scene.glb --max-triangles 500 {more}"))
+}
+
+/// A checkpoint comes every 500 steps.
+#[cfg(unix)]
+#[test]
+fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
+    let (straight, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (straight, folder) = (straight.path(), folder.path());
+    photos(straight, 10);
+    photos(folder, 10);
+    let steps = "--steps 1100";
+    succeed(&mut make(straight, steps));
+    let at = |name: &str| folder.join("scene.make").join(name);
+    let saved = |path: &Path| checkpoint::read(path).unwrap().meta;
+
+    // Before its first checkpoint, and after the teacher's.
+    stop(&mut make(folder, steps), TEACHER, None, "-KILL");
+    assert!(!at("scene.checkpoint").exists());
+    stop(&mut make(folder, steps), TEACHER, Some(&at("scene.checkpoint")), "-KILL");
+    assert!(saved(&at("scene.checkpoint")).prepares.is_some());
+    // Asked in the rest of the teacher's training, and then in the run's.
+    let output = stop(&mut make(folder, steps), TEACHER, None, "-TERM");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(143), "{said}");
+    assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
+    let output = stop(&mut make(folder, steps), TEACHER, Some(&at("scene.teacher.ply")), "-HUP");
+    assert_eq!(output.status.code(), Some(129), "{}", stderr(&output));
+    assert!(saved(&at("scene.checkpoint")).prepares.is_none(), "{}", stderr(&output));
+    // Killed in the bake.
+    stop(&mut make(folder, steps), "the training goes on", Some(&at("scene.ply")), "-KILL");
+    assert!(!folder.join("scene.glb").exists());
+    succeed(&mut make(folder, steps));
+    for name in ["scene.make/scene.ply", "scene.glb", "scene.html"] {
+        assert!(read(folder, name) == read(straight, name), "{name}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_make_with_a_budget_that_is_stopped_goes_on_with_what_is_left_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    photos(folder, 10);
+    let state = || {
+        let meta = checkpoint::read(&folder.join("scene.make/scene.checkpoint")).unwrap().meta;
+        let prepares = meta.prepares.expect("a preparation");
+        (prepares.state, prepares.spent_secs)
+    };
+    for signal in ["-TERM", "-INT"] {
+        let output = stop(&mut make(folder, "--budget 10m"), WATCHING, None, signal);
+        let said = stderr(&output);
+        assert!(output.status.code().is_some_and(|code| code > 128), "{said}");
+        assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
+        let (first, spent) = state();
+        let output = stop(&mut make(folder, "--budget 10m"), WATCHING, None, signal);
+        assert!(output.status.code().is_some_and(|code| code > 128), "{}", stderr(&output));
+        assert!(state().0["budget"] == first["budget"] && state().1 > spent);
+    }
+    // Another budget is another training.
+    let output = stop(&mut make(folder, "--budget 5m"), WATCHING, None, "-TERM");
+    assert!(state().0["budget"]["seconds"].as_f64() < Some(300.0), "{}", stderr(&output));
+}
