@@ -126,7 +126,7 @@ pub fn run(
 fn prepare(
     mut job: TrainJob,
     args: &TrainArgs,
-    preparation: &mut Preparation<'_>,
+    preparation: &mut Preparation<'_, '_>,
 ) -> Result<(ReadyTrain, Option<String>)> {
     job.watch(preparation)?;
     let tracked = job.poses.as_ref().and_then(|stage| stage.details_as::<TrackedPoses>()?.summary());

@@ -49,7 +49,7 @@ impl Dataset {
             FOLDERS.iter().for_each(|folder| files.extend(poses(&root.join(folder))));
             for folder in [images, Path::new(MASKS)] {
                 // Photos may lie beside everything else.
-                let is_picture = |path: &PathBuf| ::image::ImageFormat::from_path(path).is_ok();
+                let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
                 files.extend(files_below(&root.join(folder)).into_iter().filter(is_picture));
             }
         }
