@@ -167,7 +167,7 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
 }
 
 /// Takes the card away after a number of steps, and notes when the scene was refined.
-struct TakeCard(u64, wgpu::Device, u64);
+struct TakeCard(u64, trisplat_gpu::wgpu::Device, u64);
 
 impl TrainObserver for TakeCard {
     fn stepped(&mut self, sample: &TrainSample) {

@@ -14,3 +14,5 @@ pub mod timer;
 
 pub use adapter::{AdapterOptions, GraphicsApi};
 pub use device::Gpu;
+/// The graphics interface, for those who hold a [`Gpu`].
+pub use wgpu;
