@@ -24,6 +24,7 @@ mod ranges;
 mod readme;
 mod samples;
 mod schemas;
+mod splats;
 mod train;
 mod train_teacher;
 mod words;

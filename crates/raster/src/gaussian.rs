@@ -1,6 +1,6 @@
 //! The rasteriser of Gaussian splats, forward only (Kerbl et al. 2023; Zwicker et al. 2001): projected as ellipses, blended in order of depth.
 //!
-//! Memory per frame: 52 bytes per Gaussian in view, 8 per Gaussian and row of tiles that it touches, and 4 per
+//! Memory per frame: 100 bytes per Gaussian in view, 8 per Gaussian and row of tiles that it touches, and 4 per
 //! Gaussian and tile for the rows that are being drawn, one per thread.
 
 mod draw;

@@ -134,9 +134,8 @@ impl Splats {
         if fine {
             return Ok(());
         }
-        let bad = |i: &usize| {
-            !self.is_finite(*i) || !in_range(*i) || !(0.0..=1.0).contains(&self.opacity[*i])
-        };
+        let bad =
+            |i: &usize| !self.is_finite(*i) || !in_range(*i) || !(0.0..=1.0).contains(&self.opacity[*i]);
         let first = (0..self.len()).find(bad).unwrap_or(0);
         let wants = "finite numbers, opacity in [0, 1], scales of 0 or more, rotations of length one";
         Err(Error::invalid("splats", format!("out of range at Gaussian {first}"), wants))
@@ -162,7 +161,8 @@ impl Splats {
         let axis = |a: usize| self.rotations[i] * Vec3::AXES[a] * (scales[a] * CORNER_SIGMAS);
         let (long, short) = (axis(axes[0]), axis(axes[1]));
         let (down, half) = (3f32.sqrt() / 2.0, 0.5);
-        [long, short * down - long * half, -short * down - long * half].map(|corner| self.positions[i] + corner)
+        [long, short * down - long * half, -short * down - long * half]
+            .map(|corner| self.positions[i] + corner)
     }
 }
 

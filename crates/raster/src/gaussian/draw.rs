@@ -89,8 +89,7 @@ impl Work for DrawTile<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> TilePixels {
-        let mut pixels =
-            TilePixels { transmittance: [[0.0; LANES]; LINES], rgb: [[[0.0; LANES]; LINES]; 3] };
+        let mut pixels = TilePixels { transmittance: [[0.0; LANES]; LINES], rgb: [[[0.0; LANES]; LINES]; 3] };
         for line in &mut pixels.transmittance[..self.height] {
             line[..self.width].fill(1.0);
         }

@@ -24,8 +24,10 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
         let squares = DMat3::from_diagonal(splats.scales[i].as_dvec3() * splats.scales[i].as_dvec3());
         let solid = rotation * own * squares * own.transpose() * rotation.transpose();
         let t = (at.truncate() / at.z).clamp(-guard, guard);
-        let rows =
-            [DVec3::new(focal.x, 0.0, -focal.x * t.x) / at.z, DVec3::new(0.0, focal.y, -focal.y * t.y) / at.z];
+        let rows = [
+            DVec3::new(focal.x, 0.0, -focal.x * t.x) / at.z,
+            DVec3::new(0.0, focal.y, -focal.y * t.y) / at.z,
+        ];
         let entry = |a: usize, b: usize| rows[a].dot(solid * rows[b]);
         let sharp = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)]);
         let blurred = sharp + DMat2::from_diagonal(DVec2::splat(splats.filter.variance.into()));
@@ -107,8 +109,7 @@ fn camera(eye: Vec3, center: Vec2) -> Camera {
 
 /// The difference that 99.9% of the numbers of two pictures stay below, and the largest one.
 fn differences(a: &[[f32; 3]], b: &[[f32; 3]]) -> (f32, f32) {
-    let mut all: Vec<f32> =
-        a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).collect();
+    let mut all: Vec<f32> = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).collect();
     all.sort_by(f32::total_cmp);
     (all[all.len() * 999 / 1000], all[all.len() - 1])
 }
@@ -122,8 +123,7 @@ fn pictures_are_those_of_brute_force_from_outside_and_inside_and_off_centre() {
         camera(Vec3::new(3.0, 0.2, 1.0), Vec2::new(10.0, 70.0)),
         camera(Vec3::new(0.1, 0.1, -0.3), Vec2::new(60.0, 12.0)),
     ];
-    for (seed, filter) in
-        [(1, ScreenFilter::DILATED), (2, ScreenFilter::ANTIALIASED), (3, ScreenFilter::MIP)]
+    for (seed, filter) in [(1, ScreenFilter::DILATED), (2, ScreenFilter::ANTIALIASED), (3, ScreenFilter::MIP)]
     {
         let splats = Splats { filter, ..random(400, seed) };
         for view in &views {
@@ -145,7 +145,8 @@ fn a_disc_and_a_needle_across_the_picture_are_drawn_exactly() {
         sh: vec![[1.0, 0.2, -1.0], [-1.0, 1.0, 0.5]],
         ..Splats::default()
     };
-    let (view, options) = (camera(Vec3::new(0.0, 0.0, -3.0), Vec2::new(40.0, 30.0)), GaussianOptions::default());
+    let (view, options) =
+        (camera(Vec3::new(0.0, 0.0, -3.0), Vec2::new(40.0, 30.0)), GaussianOptions::default());
     let frame = draw(&splats, &view, &options);
     let (_, worst) = differences(&frame.rgb, &brute_force(&splats, &view, &options));
     assert!(worst < 2e-4, "{worst}");
@@ -156,13 +157,15 @@ fn pictures_do_not_depend_on_the_number_of_threads_and_ties_go_by_index() {
     let mut splats = random(3000, 4);
     // All at one depth: what lies in front is what comes first in the file.
     splats.positions.iter_mut().for_each(|p| p.z = 0.0);
-    let view = Camera { rotation: Mat3::IDENTITY, translation: Vec3::Z * 3.0, ..camera(Vec3::X, Vec2::splat(30.0)) };
+    let view =
+        Camera { rotation: Mat3::IDENTITY, translation: Vec3::Z * 3.0, ..camera(Vec3::X, Vec2::splat(30.0)) };
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| draw(&splats, &view, &GaussianOptions::default()))
     };
     assert_eq!(with(1), with(3));
-    let (nearly_all, _) = differences(&with(2).rgb, &brute_force(&splats, &view, &GaussianOptions::default()));
+    let (nearly_all, _) =
+        differences(&with(2).rgb, &brute_force(&splats, &view, &GaussianOptions::default()));
     assert!(nearly_all < 1.0 / 255.0, "{nearly_all}");
 }
 

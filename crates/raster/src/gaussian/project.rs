@@ -114,8 +114,10 @@ impl Projector<'_> {
     fn axes_on_screen(&self, i: usize, tangent: Vec2, depth: f32) -> [Vec3; 2] {
         let t = tangent.clamp(-self.guard, self.guard);
         let per_depth = self.camera.focal / depth;
-        let jacobian =
-            [Vec3::new(per_depth.x, 0.0, -per_depth.x * t.x), Vec3::new(0.0, per_depth.y, -per_depth.y * t.y)];
+        let jacobian = [
+            Vec3::new(per_depth.x, 0.0, -per_depth.x * t.x),
+            Vec3::new(0.0, per_depth.y, -per_depth.y * t.y),
+        ];
         let own_axes = Mat3::from_quat(self.splats.rotations[i]);
         jacobian.map(|row| {
             let world = self.camera.rotation.transpose() * row;
