@@ -13,7 +13,7 @@ use trisplat_scene::error::{Error, Result};
 /// What to describe.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
-    /// Soup or mesh to describe: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz or .sog; "-" is standard input.
     /// Or a data set: a folder of posed photos, or a transforms.json. Or a .tileset.json, and the tilesets that it names.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
@@ -53,10 +53,17 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
         (SceneKind::Soup, None) => "soup".to_owned(),
         (SceneKind::Mesh, _) if info.indexed => "mesh with shared vertices".to_owned(),
         (SceneKind::Mesh, _) => "mesh".to_owned(),
+        (SceneKind::Splats, degree) => {
+            format!("Gaussian splats, spherical harmonics of degree {}", degree.unwrap_or(0))
+        }
     };
     line(out, "kind", &kind)?;
-    line(out, "triangles", &thousands(info.triangles))?;
-    line(out, "vertices", &thousands(info.vertices))?;
+    if info.kind == SceneKind::Splats {
+        line(out, "splats", &thousands(info.splats))?;
+    } else {
+        line(out, "triangles", &thousands(info.triangles))?;
+        line(out, "vertices", &thousands(info.vertices))?;
+    }
     if info.shell > 0 {
         line(out, "shell", &thousands(info.shell))?;
     }
@@ -86,7 +93,9 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
             print_spread(out, name, spread)?;
         }
     }
-    line(out, "bake", &bake_line(info))?;
+    if info.kind != SceneKind::Splats {
+        line(out, "bake", &bake_line(info))?;
+    }
     if let Some(softness) = &info.softness {
         line(out, "soft", &soft_line(softness))?;
     }

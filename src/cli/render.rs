@@ -1,4 +1,4 @@
-//! `trisplat render FILE -o DIR`: pictures of a soup or a mesh, from the photos' cameras or from a circle around it.
+//! `trisplat render FILE -o DIR`: pictures of a soup, a mesh or Gaussian splats, from given cameras or from a circle around it.
 
 use super::Global;
 use super::inputs::Inputs;
@@ -16,6 +16,7 @@ use trisplat_train::BackendOptions;
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
     /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
+    /// Or Gaussian splats (.ply .splat .spz .sog), drawn as their trainers draw them.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// How it is drawn.
@@ -27,6 +28,9 @@ pub struct RenderArgs {
     /// Data set whose cameras are used: a folder of posed photos, or a transforms.json.
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
+    /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For Gaussians, one beside the file is found.
+    #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
+    pub cameras: Option<PathBuf>,
     /// Which photos' cameras.
     #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
     pub split: Split,
@@ -96,6 +100,7 @@ impl RenderArgs {
     fn job(&self) -> RenderJob {
         let mut job = RenderJob::new(&self.file);
         (job.render, job.split, job.show) = (self.render, self.split, self.show);
+        job.cameras.clone_from(&self.cameras);
         (job.orbit, job.width) = (self.orbit, self.width);
         (job.share, job.seed) = (self.share, self.seed);
         job.backend = self.backend_options.clone();

@@ -26,6 +26,7 @@ mod readme;
 mod resources;
 mod samples;
 mod schemas;
+mod splats;
 mod stops;
 mod train;
 mod train_teacher;

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use std::fmt::Display;
-use trisplat_scene::asset::Placement;
+use trisplat_scene::asset::{Placement, Provenance};
 use trisplat_scene::error::Result;
 use trisplat_scene::limits::Limits;
 use trisplat_scene::math::median::median;
@@ -98,13 +98,18 @@ impl FarPositions {
 
 /// Records the origin subtracted from a scene's positions.
 pub(super) fn note_origin(loaded: &mut Loaded, origin: DVec3) {
+    note_in(&mut loaded.provenance, &mut loaded.warnings, origin);
+}
+
+/// The same for what is no scene of triangles.
+pub(super) fn note_in(provenance: &mut Provenance, warnings: &mut Vec<String>, origin: DVec3) {
     if origin == DVec3::ZERO {
         return;
     }
     let moved = Placement { center: origin.to_array(), ..Placement::IDENTITY };
-    loaded.provenance.placement = loaded.provenance.placement.then(&moved);
+    provenance.placement = provenance.placement.then(&moved);
     let [x, y, z] = origin.to_array();
-    loaded.warnings.push(format!(
+    warnings.push(format!(
         "the scene is far from the origin of its world: {x} {y} {z} is subtracted from every position and stored in the file's placement"
     ));
 }

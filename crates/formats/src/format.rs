@@ -21,6 +21,12 @@ pub enum Format {
     Glb,
     /// glTF 2.0, JSON.
     Gltf,
+    /// `.splat`: Gaussians, recognised by its name.
+    Splat,
+    /// SPZ: Gaussians.
+    Spz,
+    /// SOG: Gaussians as pictures in a zip archive.
+    Sog,
     /// A page of this program, with a GLB in it.
     Html,
     /// 3D Tiles: JSON that names files with tiles. It is checked, and not read as a scene.
@@ -88,6 +94,9 @@ impl Format {
             Format::Obj => "Wavefront OBJ",
             Format::Glb => "binary glTF",
             Format::Gltf => "glTF",
+            Format::Splat => ".splat",
+            Format::Spz => "SPZ",
+            Format::Sog => "SOG",
             Format::Html => "page with a scene",
             Format::Tileset => "3D Tiles",
         }

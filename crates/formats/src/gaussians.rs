@@ -1,5 +1,5 @@
-//! Files of 3D Gaussian splatting (Kerbl et al. 2023): they hold no triangles, and are recognised for a
-//! helpful message.
+//! Files of 3D Gaussian splatting (Kerbl et al. 2023): they hold no triangles. They are recognised for their readers, and for a
+//! helpful message where triangles are wanted.
 
 use super::format::Format;
 use serde_json::Value;
@@ -9,11 +9,16 @@ use trisplat_scene::error::Error;
 /// The extension of glTF that holds them (a Khronos release candidate).
 pub(super) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
 
-/// The refusal of a file of Gaussians; `kind` is the usual name of the format.
+/// The names of formats that have readers.
+pub(super) const SPZ: &str = "SPZ";
+pub(super) const SPLAT: &str = ".splat";
+
+/// The refusal of a file of Gaussians where triangles are wanted, or in a format without a reader; `kind` is the usual name of
+/// the format.
 pub(super) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
-        "holds 3D Gaussians ({kind}), blurred ellipsoids that no triangles can be made from; train a triangle scene with \
-         `trisplat train`, from the photos they were trained on or from pictures drawn of them"
+        "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat info` and `trisplat render` read them as PLY, .splat, \
+         SPZ (versions 2 and 3) and SOG (version 2); for triangles use `trisplat train`, with the photos they were trained on or pictures drawn of them"
     );
     Error::unsupported(path, reason)
 }
@@ -27,8 +32,8 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     // A record of numbers may begin like a bare pickle; nothing else is taken for one.
     let other = !head.starts_with(&[0x80]) && Format::detect(head, path).is_some();
     match (head, extension.as_str()) {
-        ([b'N', b'G', b'S', b'P', ..], _) | ([0x1f, 0x8b, ..], "spz") => Some("SPZ"),
-        (_, "splat") if !other && !head.is_empty() => Some(".splat"),
+        ([b'N', b'G', b'S', b'P', ..], _) | ([0x1f, 0x8b, ..], "spz") => Some(SPZ),
+        (_, "splat") if !other && !head.is_empty() => Some(SPLAT),
         (_, "ksplat") if !other && !head.is_empty() => Some(".ksplat"),
         _ => None,
     }

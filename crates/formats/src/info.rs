@@ -1,5 +1,6 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
+use super::content::Content;
 use super::format::Format;
 use super::gltf::container::ContainerFile;
 use super::gltf::document::{self, Document};
@@ -7,6 +8,7 @@ use super::html;
 use super::read::{detect, read_as};
 use super::read_options::ReadOptions;
 use super::source::Source;
+use super::splats;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,6 +21,7 @@ use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::scene::{Loaded, Scene};
 use trisplat_scene::soup::Soup;
+use trisplat_scene::splats::Splats;
 use trisplat_scene::texture::{FaceTexture, StoredPicture};
 
 /// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
@@ -36,29 +39,32 @@ pub struct Info {
     pub format: Format,
     /// Its size in bytes.
     pub bytes: u64,
-    /// A soup of soft triangles or a mesh of solid ones.
+    /// A soup of soft triangles, a mesh of solid ones, or Gaussians.
     pub kind: SceneKind,
+    /// Number of Gaussians.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub splats: u64,
     /// Number of triangles.
     pub triangles: u64,
     /// Number of vertices; three per triangle when they are not shared.
     pub vertices: u64,
     /// True when triangles share vertices.
     pub indexed: bool,
-    /// Degree of the spherical harmonics of a soup.
+    /// Degree of the spherical harmonics of a soup or of Gaussians.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sh_degree: Option<u8>,
-    /// Cameras of the training photos, if the file stores them.
+    /// Cameras of the training photos, if the file or a list beside it stores them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub cameras: u64,
     /// Triangles of the shell that closes a trained soup, its backdrop.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shell: u64,
-    /// The box around all triangles.
+    /// The box around all triangles, or around the middles of all Gaussians.
     pub bounds: BoundingBox,
     /// σ of a soup.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Distribution>,
-    /// Opacity of a soup, or of a mesh that is not opaque.
+    /// Opacity of a soup, of Gaussians, or of a mesh that is not opaque.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub opacity: Option<Distribution>,
     /// Colours, sRGB-encoded.
@@ -81,7 +87,7 @@ pub struct Info {
     pub softness: Option<Softness>,
 }
 
-/// The two kinds of scene.
+/// The kinds of scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SceneKind {
@@ -89,6 +95,8 @@ pub enum SceneKind {
     Soup,
     /// Coloured triangles.
     Mesh,
+    /// Gaussians with opacity and spherical harmonics.
+    Splats,
 }
 
 /// The loss of a scene when its triangles are just made solid.
@@ -136,7 +144,7 @@ pub struct HistogramBin {
     pub count: u64,
 }
 
-/// Colours of all triangles, sRGB-encoded, 0 to 1.
+/// Colours of all triangles or Gaussians, sRGB-encoded, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ColorStats {
     /// Mean of each channel.
@@ -145,7 +153,7 @@ pub struct ColorStats {
     pub min: [f32; 3],
     /// Largest of each channel.
     pub max: [f32; 3],
-    /// Triangles with a channel outside 0 to 1, which the bake clamps.
+    /// Triangles with a channel outside 0 to 1, which the bake clamps; Gaussians with one.
     pub outside: u64,
 }
 
@@ -216,9 +224,35 @@ pub struct BakeInfo {
 /// `bake`.
 ///
 /// # Errors
-/// Errors of reading.
+/// Errors of reading; Gaussians, which [`info_of_content`] describes.
 pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
+    info_of_scene(path, Source::open(path, &options.limits)?, options)
+}
+
+/// The same for a file of triangles or Gaussians.
+///
+/// # Errors
+/// Errors of reading.
+pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Content)> {
     let mut source = Source::open(path, &options.limits)?;
+    let Some(format) = splats::format_of(&mut source)? else {
+        return info_of_scene(path, source, options).map(|(info, loaded)| (info, Content::Scene(loaded)));
+    };
+    let bytes = source.len;
+    let loaded = splats::read_as(format, source, options)?;
+    let info = Info {
+        path: path.display().to_string(),
+        format,
+        bytes,
+        provenance: loaded.provenance.clone(),
+        cameras: loaded.cameras.len() as u64,
+        warnings: loaded.warnings.clone(),
+        ..splats_info(&loaded.splats)
+    };
+    Ok((info, Content::Splats(loaded)))
+}
+
+fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Result<(Info, Loaded)> {
     let (format, bytes) = (detect(&mut source)?, source.len);
     let (inner, mut source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
@@ -246,6 +280,17 @@ fn soup_info(soup: &Soup) -> Info {
         sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
         opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
         ..Info::new(SceneKind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
+    }
+}
+
+fn splats_info(splats: &Splats) -> Info {
+    let bounds = BoundingBox::of(splats.positions.iter().copied());
+    let colors = ColorStats::of((0..splats.len()).map(|i| splats.rgb(i)), 1);
+    Info {
+        splats: splats.len() as u64,
+        sh_degree: Some(splats.sh_degree),
+        opacity: Distribution::of(splats.opacity.clone(), &OPACITY_BINS),
+        ..Info::new(SceneKind::Splats, 0, 0, bounds, colors)
     }
 }
 
@@ -293,6 +338,7 @@ impl Info {
             format: Format::Ply,
             bytes: 0,
             kind,
+            splats: 0,
             triangles: triangles as u64,
             vertices: vertices as u64,
             indexed: false,

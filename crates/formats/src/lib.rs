@@ -1,11 +1,12 @@
 //! Files in and out. The types of a scene do not depend on them.
 //!
-//! In: bytes of scene files. Out: scenes. In: assets. Out: bytes.
+//! In: bytes of scene files. Out: scenes and splats. In: assets. Out: bytes.
 
 mod blocks;
 pub mod bvh;
 mod channel;
 pub mod check;
+mod content;
 mod faces;
 pub mod far;
 mod finish;
@@ -28,6 +29,7 @@ pub mod pt;
 mod read;
 mod read_options;
 mod source;
+pub mod splats;
 pub mod target;
 pub mod tiles;
 pub mod tileset;
@@ -35,6 +37,7 @@ pub mod tileset_info;
 mod tileset_json;
 mod write;
 
+pub use content::{Content, read_content};
 pub use faces::MAX_CORNERS;
 pub use finish::finish;
 pub use format::Format;

@@ -5,7 +5,9 @@ mod corners;
 mod encode;
 pub mod header;
 mod mesh;
+mod packed_splats;
 mod soup;
+mod splats;
 mod table;
 mod tables;
 mod transcode;
@@ -22,12 +24,14 @@ use super::gaussians;
 use super::provenance;
 use super::read_options::ReadOptions;
 use super::source::Source;
+use super::splats::build;
 use glam::DVec3;
 use header::{Element, Header};
 use std::path::Path;
 use transcode::Wanted;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::splats::LoadedSplats;
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
 /// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.
@@ -64,16 +68,41 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(path, loaded)
 }
 
+/// Whether a PLY holds Gaussians instead of triangles.
+///
+/// Errors: a broken header.
+pub(super) fn holds_splats(source: &mut Source) -> Result<bool> {
+    let header = header::read(source)?;
+    source.rewind().map_err(|e| Error::io(&source.path, e))?;
+    let has_faces = header.element("face").is_some_and(|faces| faces.rows > 0);
+    Ok(!has_faces && header.element("vertex").is_some_and(splats::are_in))
+}
+
+/// The Gaussians in a PLY file, plain or compressed.
+///
+/// Errors: `Malformed` for a broken file, naming the place.
+pub(super) fn read_splats(mut source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+    let header = header::read(&mut source)?;
+    let mut warnings = Vec::new();
+    let comments = header.comments.iter().map(String::as_str);
+    let provenance = provenance::from_comments(comments, &mut warnings);
+    let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
+    let (splats, origin) = match packed {
+        true => (packed_splats::read(&source, &header, options)?, DVec3::ZERO),
+        false => splats::read(&source, &header, options)?,
+    };
+    build::finish(&source.path, splats, provenance, warnings, origin)
+}
+
 /// The face element, or why the file has no usable triangles.
 fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
     let Some(vertices) = header.element("vertex") else {
         return Err(Error::malformed(path, "header", "has no element vertex"));
     };
     let faces = header.element("face").filter(|faces| faces.rows > 0);
-    let is_gaussians = ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p));
     match faces {
         Some(faces) => Ok(faces),
-        None if is_gaussians => Err(gaussians::refusal(path, "PLY")),
+        None if splats::are_in(vertices) => Err(gaussians::refusal(path, "PLY")),
         None if header.element("tristrips").is_some() => {
             Err(Error::unsupported(path, "holds triangle strips; save it with separate triangles"))
         }

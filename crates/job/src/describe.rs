@@ -4,17 +4,18 @@ use std::path::Path;
 use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
 use trisplat_bake::solid::SolidOptions;
 use trisplat_bake::teacher::softness;
-use trisplat_formats::ReadOptions;
-use trisplat_formats::info::{BakeInfo, Info, info};
+use trisplat_formats::info::{BakeInfo, Info, info_of_content};
+use trisplat_formats::{Content, ReadOptions};
 use trisplat_scene::error::Result;
 use trisplat_scene::report::{self, Outcome};
 use trisplat_scene::scene::Loaded;
 
-/// Describes the scene at `path`. A soft scene is drawn on a few small pictures to measure its softness.
+/// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to measure its softness.
 ///
 /// Errors: those of reading.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
-    let (mut info, loaded) = info(path, options)?;
+    let (mut info, content) = info_of_content(path, options)?;
+    let Content::Scene(loaded) = content else { return Ok(info) };
     info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);
     Ok(info)

@@ -4,8 +4,10 @@ use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_eval::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use trisplat_eval::render::splats_renderer::SplatsRenderer;
 use trisplat_eval::steps;
-use trisplat_formats as formats;
+use trisplat_formats::splats::cameras;
+use trisplat_formats::{self as formats, Content};
 use trisplat_raster::framing::Surroundings;
 use trisplat_raster::framing::surroundings::up_of;
 use trisplat_scene::asset::{Placement, Provenance, UpAxis};
@@ -15,6 +17,7 @@ use trisplat_scene::image::Pixels;
 use trisplat_scene::placed;
 use trisplat_scene::rng::Rng;
 use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::splats::LoadedSplats;
 use trisplat_train::BackendOptions;
 use trisplat_view::orbit;
 
@@ -43,12 +46,14 @@ pub const WIDTH: u32 = 960;
 /// ```
 #[derive(Debug, Clone)]
 pub struct RenderJob {
-    /// Trained soup or mesh.
+    /// Trained soup, mesh or Gaussian splats.
     pub file: PathBuf,
     /// Renderer and its options.
     pub render: RenderOptions,
     /// The photos whose cameras are used, with a data set and without an orbit.
     pub split: Split,
+    /// List of cameras to draw from, as the trainers of Gaussians write it: `cameras.json`.
+    pub cameras: Option<PathBuf>,
     /// Number of pictures on a circle around the subject.
     pub orbit: Option<u32>,
     /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
@@ -70,7 +75,14 @@ pub struct RenderJob {
 pub struct ReadyRender {
     job: RenderJob,
     cameras: Vec<(String, Camera)>,
-    renderer: SceneRenderer,
+    renderer: Renderer,
+}
+
+/// Draws triangles or Gaussians.
+#[derive(Debug)]
+enum Renderer {
+    Scene(SceneRenderer),
+    Splats(SplatsRenderer),
 }
 
 impl RenderJob {
@@ -80,6 +92,7 @@ impl RenderJob {
             file: file.into(),
             render: RenderOptions::default(),
             split: Split::default(),
+            cameras: None,
             orbit: None,
             width: WIDTH,
             show: PictureKind::default(),
@@ -109,23 +122,72 @@ impl RenderJob {
         if !(0.0..=1.0).contains(&self.share) {
             return Err(Error::invalid("share", self.share, "a number from 0 to 1"));
         }
-        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
-        let loaded = solid_if_asked(&self, loaded)?;
-        let cameras = match (dataset, self.orbit) {
-            (_, Some(count)) => orbit_cameras(&self, &loaded, dataset, count)?,
-            (Some(dataset), None) => {
-                self.split.some_of(dataset)?.iter().map(|v| (v.name.clone(), v.camera)).collect()
-            }
-            (None, None) => {
-                let wants = "cameras to draw from: `orbit` 24 for a circle around the scene, or `dataset` for those of its photos";
-                return Err(Error::invalid("cameras", "none", wants));
-            }
-        };
+        match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
+            Content::Scene(loaded) => self.prepare_scene(loaded, dataset),
+            Content::Splats(loaded) => self.prepare_splats(loaded, dataset),
+        }
+    }
+
+    fn prepare_scene(self, loaded: Loaded, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+        let mut loaded = solid_if_asked(&self, loaded)?;
+        let listed = self.listed_cameras(&loaded.provenance.placement)?;
+        if !listed.is_empty() {
+            loaded.cameras = listed.iter().map(|(_, camera)| *camera).collect();
+        }
+        let cameras = self.choose_cameras(&loaded, listed, dataset)?;
         let Loaded { scene, provenance, .. } = loaded;
         let renderer = renderer(&self, scene, &provenance.placement, dataset);
         let limits = &self.dataset_options.limits;
         cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
-        Ok(ReadyRender { job: self, cameras, renderer })
+        Ok(ReadyRender { job: self, cameras, renderer: Renderer::Scene(renderer) })
+    }
+
+    /// Gaussians are drawn in the frame of their file.
+    fn prepare_splats(self, mut loaded: LoadedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+        check_splats(&self)?;
+        let placement = loaded.provenance.placement;
+        if self.cameras.is_some() {
+            loaded.cameras = self.listed_cameras(&placement)?;
+        }
+        let mut cameras = self.choose_cameras(&loaded.stand_in(), loaded.cameras.clone(), dataset)?;
+        if let Some(dataset) = dataset {
+            cameras.iter_mut().for_each(|(_, c)| *c = placed::to_file(c, &placement, dataset.origin));
+        }
+        let limits = &self.dataset_options.limits;
+        cameras.iter().try_for_each(|(_, camera)| limits.camera("camera", camera.size))?;
+        if self.show == PictureKind::RandomSubset {
+            loaded.splats.retain(random_subset(&self));
+        }
+        let renderer = SplatsRenderer::new(loaded.splats, self.dataset_options.background.to_f32());
+        Ok(ReadyRender { job: self, cameras, renderer: Renderer::Splats(renderer) })
+    }
+
+    /// The cameras of the list that was given, in the frame of the file.
+    fn listed_cameras(&self, placement: &Placement) -> Result<Vec<(String, Camera)>> {
+        let Some(list) = &self.cameras else { return Ok(Vec::new()) };
+        let origin = DVec3::from(placement.center);
+        let listed = cameras::read(list, origin, &self.dataset_options.limits)?;
+        Ok(listed.into_iter().map(|(name, c)| (name, placed::to_file(&c, placement, origin))).collect())
+    }
+
+    /// The cameras of the pictures: in the data set's world, or in the file's frame without one.
+    fn choose_cameras(
+        &self,
+        loaded: &Loaded,
+        listed: Vec<(String, Camera)>,
+        dataset: Option<&Dataset>,
+    ) -> Result<Vec<(String, Camera)>> {
+        match (dataset, self.orbit) {
+            (_, Some(count)) => orbit_cameras(self, loaded, dataset, count),
+            (Some(dataset), None) => {
+                Ok(self.split.some_of(dataset)?.iter().map(|v| (v.name.clone(), v.camera)).collect())
+            }
+            (None, None) if !listed.is_empty() => Ok(listed),
+            (None, None) => {
+                let wants = "cameras to draw from: `orbit` 24 for a circle around the scene, `dataset` for those of its photos, or a list in `cameras`";
+                Err(Error::invalid("cameras", "none", wants))
+            }
+        }
     }
 }
 
@@ -139,8 +201,10 @@ impl ReadyRender {
     ///
     /// Errors: a card that was asked for and is not there.
     pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
-        match self.job.show {
-            PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
+        match (self.job.show, &mut self.renderer) {
+            (PictureKind::Color | PictureKind::RandomSubset, Renderer::Scene(renderer)) => {
+                renderer.draw_on(&self.job.backend)
+            }
             _ => Ok((None, Vec::new())),
         }
     }
@@ -151,8 +215,14 @@ impl ReadyRender {
     /// Errors: normals and layer counts.
     pub fn values(&mut self, camera: usize) -> Result<(Vec<u32>, Vec<f32>)> {
         self.job.check_values()?;
-        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        let camera = &self.cameras[camera].1;
         let [width, height] = camera.size.to_array();
+        let renderer = match &mut self.renderer {
+            Renderer::Scene(renderer) => renderer,
+            Renderer::Splats(splats) => {
+                return Ok((vec![height, width, 3], splats.image(camera).pixels.into_flattened()));
+            }
+        };
         Ok(match self.job.show {
             PictureKind::Depth => (vec![height, width], renderer.surface_depth(camera)),
             _ => (vec![height, width, 3], renderer.image(camera, None).pixels.into_flattened()),
@@ -163,7 +233,11 @@ impl ReadyRender {
     ///
     /// Errors: layer counts of a solid drawing.
     pub fn draw(&mut self, camera: usize) -> Result<Pixels> {
-        let (camera, renderer) = (&self.cameras[camera].1, &mut self.renderer);
+        let camera = &self.cameras[camera].1;
+        let renderer = match &mut self.renderer {
+            Renderer::Scene(renderer) => renderer,
+            Renderer::Splats(splats) => return Ok(splats.color(camera)),
+        };
         match self.job.show {
             PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
             PictureKind::Depth => Ok(renderer.depth(camera)),
@@ -191,6 +265,28 @@ pub enum PictureKind {
     RandomSubset,
 }
 
+/// Refuses what only triangles have.
+fn check_splats(job: &RenderJob) -> Result<()> {
+    if job.render.mode.is_some() {
+        let wants = "no value for Gaussians, which are drawn in one way";
+        return Err(Error::invalid("as", "given", wants));
+    }
+    match job.show {
+        PictureKind::Color | PictureKind::RandomSubset => Ok(()),
+        _ => Err(Error::invalid(
+            "show",
+            "a property of surfaces",
+            "color or random-subset: Gaussians have no surface",
+        )),
+    }
+}
+
+/// Which triangles or Gaussians a random subset keeps.
+fn random_subset(job: &RenderJob) -> impl Fn(usize) -> bool {
+    let (rng, share) = (Rng::new(job.seed, "random subset", 0), job.share);
+    move |i: usize| rng.uniform_f64(i as u64) < share
+}
+
 /// Reads the scene; bakes a soup for a solid renderer.
 fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
     match (&loaded.scene, job.render.mode) {
@@ -216,8 +312,7 @@ fn renderer(
     dataset: Option<&Dataset>,
 ) -> SceneRenderer {
     let background = job.dataset_options.background.to_f32();
-    let rng = Rng::new(job.seed, "random subset", 0);
-    let kept = |i: usize| rng.uniform_f64(i as u64) < job.share;
+    let kept = random_subset(job);
     let subset = job.show == PictureKind::RandomSubset;
     match scene {
         Scene::Soup(mut soup) => {

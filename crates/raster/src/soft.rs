@@ -21,7 +21,7 @@ mod project;
 mod skipped;
 mod slabs;
 mod slots;
-mod sort;
+pub(crate) mod sort;
 mod soup_grad;
 mod soup_ref;
 mod splat_sums;

@@ -1,6 +1,6 @@
 //! Scenes, cameras, pictures and numbers of trisplat.
 //!
-//! In: nothing. Out: soups, meshes, scenes, cameras, pictures, BVH, assets; numbers, errors, reports; files that are read within limits and appear whole.
+//! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, BVH, assets; numbers, errors, reports; files that are read within limits and appear whole.
 
 pub mod asset;
 pub mod atomic;
@@ -24,5 +24,6 @@ pub mod rng;
 pub mod scene;
 pub mod soup;
 pub mod space;
+pub mod splats;
 pub mod texture;
 pub mod work;

@@ -49,11 +49,23 @@ fn check_rows(source: &Source, header: &Header, limits: &Limits) -> Result<()> {
 
 /// Only the rows of `vertex`: a cloud of points.
 pub fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
-    check_rows(source, header, limits)?;
-    let wanted =
-        |element: &Element| if element.name == "vertex" { Wanted::Triangles } else { Wanted::Nothing };
-    let [vertices] = open(source, header, wanted, ["vertex"])?;
+    let [vertices] = some(source, header, ["vertex"], limits)?;
     vertices.ok_or_else(|| Error::malformed(&source.path, "header", "has no element vertex"))
+}
+
+/// The rows of elements that have no lists which are read; `None` for those that the file lacks.
+pub(super) fn some<'a, const N: usize>(
+    source: &'a Source,
+    header: &'a Header,
+    names: [&str; N],
+    limits: &Limits,
+) -> Result<[Option<Table<'a>>; N]> {
+    check_rows(source, header, limits)?;
+    let wanted = |element: &Element| match names.contains(&element.name.as_str()) {
+        true => Wanted::Triangles,
+        false => Wanted::Nothing,
+    };
+    open(source, header, wanted, names)
 }
 
 /// Walks the elements of a file up to the last needed one; returns those of `names` that exist.

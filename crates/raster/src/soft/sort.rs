@@ -2,18 +2,18 @@
 
 /// Depth of a splat and its index.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct DepthKey {
+pub(crate) struct DepthKey {
     /// Bits of the depth, which is positive, so that they sort in its order.
-    pub(super) depth: u32,
+    pub(crate) depth: u32,
     /// Index of the splat before the sort.
-    pub(super) index: u32,
+    pub(crate) index: u32,
 }
 
 const BITS: u32 = 11;
 const BUCKETS: usize = 1 << BITS;
 
 /// Sorts `keys` by depth; equal depths keep their order.
-pub(super) fn by_depth(keys: &mut Vec<DepthKey>, scratch: &mut Vec<DepthKey>) {
+pub(crate) fn by_depth(keys: &mut Vec<DepthKey>, scratch: &mut Vec<DepthKey>) {
     scratch.clear();
     scratch.resize(keys.len(), DepthKey::default());
     for shift in [0, BITS, 2 * BITS] {

@@ -1,0 +1,31 @@
+//! Reads a file of any format, triangles or Gaussians.
+
+use super::read::{detect, read_as};
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::splats;
+use std::path::Path;
+use trisplat_scene::error::Result;
+use trisplat_scene::scene::Loaded;
+use trisplat_scene::splats::LoadedSplats;
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Content {
+    /// Triangles.
+    Scene(Loaded),
+    /// Gaussians.
+    Splats(LoadedSplats),
+}
+
+/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians.
+///
+/// # Errors
+/// Errors of the format's reader, or an unknown format.
+pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
+    let mut source = Source::open(path, &options.limits)?;
+    match splats::format_of(&mut source)? {
+        Some(format) => splats::read_as(format, source, options).map(Content::Splats),
+        None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
+    }
+}

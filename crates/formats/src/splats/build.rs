@@ -1,0 +1,84 @@
+//! The parts that all readers of Gaussians share: arrays within limits, conversions, and the end of every reader.
+
+use crate::far;
+use glam::{DVec3, Quat};
+use std::io::Read;
+use std::path::Path;
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::soup::SH_C0;
+use trisplat_scene::splats::{LoadedSplats, Splats};
+
+/// As many Gaussians of zeros.
+pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
+    limits.vertices(path.display(), count as u64)?;
+    let coefficients = count.saturating_mul((usize::from(sh_degree) + 1).pow(2));
+    Ok(Splats {
+        positions: limits.zeroed(path.display(), count)?,
+        scales: limits.zeroed(path.display(), count)?,
+        rotations: limits.zeroed(path.display(), count)?,
+        opacity: limits.zeroed(path.display(), count)?,
+        sh: limits.zeroed(path.display(), coefficients)?,
+        sh_degree,
+        ..Splats::default()
+    })
+}
+
+/// All bytes of a stream, at most `most`, within the limit of one array.
+pub(crate) fn read_all(path: &Path, from: impl Read, most: u64, limits: &Limits) -> Result<Vec<u8>> {
+    limits.reserve::<u8>(path.display(), &mut Vec::new(), 0)?;
+    let most = most.min(limits.array_bytes);
+    let mut bytes = Vec::new();
+    from.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    limits.reserve::<u8>(path.display(), &mut bytes, 0)?;
+    Ok(bytes)
+}
+
+/// The rotation of a quaternion w, x, y, z of any length; not finite where it has none.
+pub(crate) fn unit([w, x, y, z]: [f64; 4]) -> Quat {
+    let length = (w * w + x * x + y * y + z * z).sqrt();
+    let [w, x, y, z] = [w, x, y, z].map(|part| (part / length) as f32);
+    Quat::from_xyzw(x, y, z, w)
+}
+
+/// The coefficient of degree 0 of a channel, sRGB-encoded.
+pub(crate) fn sh0(channel: f64) -> f32 {
+    ((channel - 0.5) / f64::from(SH_C0)) as f32
+}
+
+/// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted from their positions.
+///
+/// Errors: none are left; numbers out of range.
+pub(crate) fn finish(
+    path: &Path,
+    mut splats: Splats,
+    mut provenance: Provenance,
+    mut warnings: Vec<String>,
+    origin: DVec3,
+) -> Result<LoadedSplats> {
+    let total = splats.len();
+    if total == 0 {
+        return Err(Error::malformed(path, "Gaussians", "there are none in the file"));
+    }
+    if splats.validate().is_err() {
+        splats.validate_shape()?;
+        let finite: Vec<bool> = (0..total).map(|i| splats.is_finite(i)).collect();
+        splats.retain(|i| finite[i]);
+        if splats.is_empty() {
+            let reason = format!(
+                "none of the {total} Gaussians is finite: they hold NaN or infinite numbers, or rotations of length 0"
+            );
+            return Err(Error::malformed(path, "values", reason));
+        }
+        splats.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
+        if let Some(first) = finite.iter().position(|finite| !finite) {
+            let dropped = total - splats.len();
+            warnings.push(format!(
+                "dropped {dropped} Gaussians with non-finite values (first: Gaussian {first})"
+            ));
+        }
+    }
+    far::note_in(&mut provenance, &mut warnings, origin);
+    Ok(LoadedSplats { splats, provenance, warnings, cameras: Vec::new() })
+}

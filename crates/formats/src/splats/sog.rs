@@ -1,0 +1,256 @@
+//! SOG version 2 (playcanvas/splat-transform): a zip archive of `meta.json` and WebP pictures, a pixel per Gaussian.
+//!
+//! ```text
+//! means    two pictures, low and high bytes of 16-bit shares between mins and maxs of sign(x) ln(1 + |x|)
+//! scales   a byte per axis into a codebook of logarithms      sh0  rgb into a codebook of sh[0], alpha is the opacity
+//! quats    alpha - 252 is the number of the largest of w, x, y, z; the others are (2 byte / 255 - 1) / √2
+//! shN      a 16-bit number per Gaussian in a list of coefficients, 64 a row, each a byte into a codebook
+//! ```
+
+use super::build::{finish, read_all, unit, zeroed};
+use crate::{ReadOptions, Source, gaussians};
+use glam::{DVec3, UVec2, Vec3};
+use image::codecs::webp::WebPDecoder;
+use image::{DynamicImage, ImageDecoder};
+use serde::Deserialize;
+use std::borrow::Cow;
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::fs::File;
+use std::io::{BufReader, Cursor};
+use std::path::Path;
+use trisplat_scene::asset::Provenance;
+use trisplat_scene::error::{Error, Result};
+use trisplat_scene::limits::Limits;
+use trisplat_scene::splats::{LoadedSplats, ScreenFilter, Splats};
+
+/// Lists of coefficients side by side in their picture.
+const LISTS_PER_ROW: usize = 64;
+
+#[derive(Deserialize)]
+struct Version {
+    version: Option<u32>,
+}
+
+#[derive(Deserialize)]
+struct Meta {
+    count: usize,
+    #[serde(default)]
+    antialias: bool,
+    means: Means,
+    scales: Coded,
+    quats: Quats,
+    sh0: Coded,
+    #[serde(rename = "shN")]
+    higher: Option<Higher>,
+}
+
+#[derive(Deserialize)]
+struct Means {
+    mins: [f64; 3],
+    maxs: [f64; 3],
+    files: [String; 2],
+}
+
+#[derive(Deserialize)]
+struct Coded {
+    codebook: Vec<f64>,
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Quats {
+    files: [String; 1],
+}
+
+#[derive(Deserialize)]
+struct Higher {
+    bands: u8,
+    codebook: Vec<f64>,
+    files: [String; 2],
+}
+
+/// An open archive.
+struct Archive<'a> {
+    path: &'a Path,
+    zip: zip::ZipArchive<BufReader<&'a File>>,
+    /// The folder of `meta.json` in it.
+    folder: String,
+    limits: Limits,
+}
+
+/// The pixels of a picture, RGBA.
+struct Picture {
+    name: String,
+    size: UVec2,
+    pixels: Vec<[u8; 4]>,
+}
+
+/// Whether an open zip archive is a scene in SOG. A broken one is not.
+pub(super) fn is_sog(source: &mut Source) -> Result<bool> {
+    let io = |e| Error::io(&source.path, e);
+    let names =
+        zip::ZipArchive::new(BufReader::new(&*source.file)).map(|zip| names(&zip)).unwrap_or_default();
+    source.rewind().map_err(io)?;
+    Ok(gaussians::is_sog(&names))
+}
+
+fn names<R>(zip: &zip::ZipArchive<R>) -> Vec<String>
+where
+    R: std::io::Read + std::io::Seek,
+{
+    zip.file_names().flatten().map(Cow::into_owned).collect()
+}
+
+/// The Gaussians of the archive.
+pub(super) fn read(source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+    let path = &source.path;
+    let mut archive = Archive::open(&source, &options.limits)?;
+    let json = archive.bytes("meta.json")?;
+    let parse = |e: serde_json::Error| Error::malformed(path, "meta.json", e.to_string());
+    match serde_json::from_slice::<Version>(&json).map_err(parse)?.version {
+        Some(2) => {}
+        other => {
+            let version = other.unwrap_or(1);
+            return Err(gaussians::refusal(path, &format!("SOG version {version}")));
+        }
+    }
+    let meta: Meta = serde_json::from_slice(&json).map_err(parse)?;
+    let splats = archive.splats(&meta, options.sh_degree)?;
+    finish(path, splats, Provenance::default(), Vec::new(), DVec3::ZERO)
+}
+
+impl<'a> Archive<'a> {
+    fn open(source: &'a Source, limits: &Limits) -> Result<Self> {
+        let path = &source.path;
+        let zip = zip::ZipArchive::new(BufReader::new(&*source.file))
+            .map_err(|e| Error::malformed(path, "zip directory", e.to_string()))?;
+        let meta = names(&zip).into_iter().find(|name| name.rsplit('/').next() == Some("meta.json"));
+        let folder = meta.and_then(|name| name.strip_suffix("meta.json").map(str::to_owned));
+        Ok(Self { path, zip, folder: folder.unwrap_or_default(), limits: *limits })
+    }
+
+    fn bytes(&mut self, name: &str) -> Result<Vec<u8>> {
+        let entry = self
+            .zip
+            .by_name(&format!("{}{name}", self.folder))
+            .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
+        let promised = entry.size();
+        self.limits.document(format!("{}: {name}", self.path.display()), promised)?;
+        let bytes = read_all(self.path, entry, promised, &self.limits)
+            .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
+        if bytes.len() as u64 != promised {
+            return Err(Error::malformed(self.path, name, "is shorter or longer than the archive says"));
+        }
+        Ok(bytes)
+    }
+
+    fn picture(&mut self, name: &str) -> Result<Picture> {
+        let bytes = self.bytes(name)?;
+        let broken = |e: image::ImageError| {
+            Error::malformed(self.path, name, format!("is no whole WebP picture: {e}"))
+        };
+        let decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(broken)?;
+        let size = UVec2::from(decoder.dimensions());
+        self.limits.picture(format!("{}: {name}", self.path.display()), size)?;
+        let rgba = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgba8();
+        let pixels = rgba.pixels().map(|pixel| pixel.0).collect();
+        Ok(Picture { name: name.to_owned(), size, pixels })
+    }
+
+    /// A picture with a pixel for each of `count` Gaussians.
+    fn picture_of(&mut self, name: &str, count: usize) -> Result<Picture> {
+        let picture = self.picture(name)?;
+        if picture.pixels.len() < count {
+            let reason = format!("has {} pixels for {count} Gaussians", picture.pixels.len());
+            return Err(Error::malformed(self.path, name, reason));
+        }
+        Ok(picture)
+    }
+
+    fn splats(&mut self, meta: &Meta, highest: u8) -> Result<Splats> {
+        let count = meta.count;
+        self.limits.vertices(self.path.display(), count as u64)?;
+        let [low, high] =
+            [self.picture_of(&meta.means.files[0], count)?, self.picture_of(&meta.means.files[1], count)?];
+        let quats = self.picture_of(&meta.quats.files[0], count)?;
+        let scales = self.picture_of(&meta.scales.files[0], count)?;
+        let colors = self.picture_of(&meta.sh0.files[0], count)?;
+        let (scale_codes, color_codes) =
+            (self.codes(&meta.scales.codebook)?, self.codes(&meta.sh0.codebook)?);
+        let degree = meta.higher.as_ref().map_or(0, |higher| higher.bands.min(highest));
+        let mut splats = zeroed(self.path, count, degree.min(3), &self.limits)?;
+        let k = splats.sh_count();
+        for i in 0..count {
+            let mean = |axis: usize| {
+                let share =
+                    f64::from(u16::from_le_bytes([low.pixels[i][axis], high.pixels[i][axis]])) / 65535.0;
+                let (min, max) = (meta.means.mins[axis], meta.means.maxs[axis]);
+                let logarithm = min + (max - min) * share;
+                (logarithm.abs().exp() - 1.0) * logarithm.signum()
+            };
+            splats.positions[i] = DVec3::new(mean(0), mean(1), mean(2)).as_vec3();
+            let log = |axis: usize| scale_codes[usize::from(scales.pixels[i][axis])];
+            splats.scales[i] = Vec3::new(log(0).exp() as f32, log(1).exp() as f32, log(2).exp() as f32);
+            let [r, g, b, opacity] = colors.pixels[i];
+            splats.sh[i * k] = [r, g, b].map(|code| color_codes[usize::from(code)] as f32);
+            splats.opacity[i] = f32::from(opacity) / 255.0;
+            splats.rotations[i] = unit(self.rotation(quats.pixels[i], i)?);
+        }
+        if let Some(higher) = &meta.higher {
+            self.add_higher(higher, &mut splats)?;
+        }
+        if meta.antialias {
+            splats.filter = ScreenFilter::ANTIALIASED;
+        }
+        Ok(splats)
+    }
+
+    /// A codebook with all the codes of a byte.
+    fn codes(&self, codebook: &[f64]) -> Result<[f64; 256]> {
+        codebook.try_into().map_err(|_| {
+            let reason = format!("has a codebook of {} numbers; expected 256", codebook.len());
+            Error::malformed(self.path, "meta.json", reason)
+        })
+    }
+
+    /// w, x, y, z.
+    fn rotation(&self, [a, b, c, tag]: [u8; 4], splat: usize) -> Result<[f64; 4]> {
+        let Some(largest) = tag.checked_sub(252) else {
+            let reason = format!("Gaussian {splat} has alpha {tag}; expected 252 to 255");
+            return Err(Error::malformed(self.path, "quats", reason));
+        };
+        let others = [a, b, c].map(|byte| (f64::from(byte) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2);
+        let rest = (1.0 - others.iter().map(|x| x * x).sum::<f64>()).max(0.0).sqrt();
+        let mut all = others.to_vec();
+        all.insert(largest.into(), rest);
+        Ok([all[0], all[1], all[2], all[3]])
+    }
+
+    /// Coefficients above degree 0.
+    fn add_higher(&mut self, higher: &Higher, splats: &mut Splats) -> Result<()> {
+        let (count, k) = (splats.len(), splats.sh_count());
+        if !(1..=3).contains(&higher.bands) {
+            let reason = format!("has shN of {} bands; expected 1 to 3", higher.bands);
+            return Err(Error::malformed(self.path, "meta.json", reason));
+        }
+        let codes = self.codes(&higher.codebook)?;
+        let lists = self.picture(&higher.files[0])?;
+        let labels = self.picture_of(&higher.files[1], count)?;
+        let per_list = (usize::from(higher.bands) + 1).pow(2) - 1;
+        if lists.size.x as usize != LISTS_PER_ROW * per_list {
+            let reason = format!("is {} px wide; expected {}", lists.size.x, LISTS_PER_ROW * per_list);
+            return Err(Error::malformed(self.path, lists.name, reason));
+        }
+        for (i, [low, high, ..]) in labels.pixels.iter().take(count).enumerate() {
+            let first = usize::from(u16::from_le_bytes([*low, *high])) * per_list;
+            let Some(list) = lists.pixels.get(first..first + per_list) else {
+                let reason = format!("Gaussian {i} names a list of coefficients that is not there");
+                return Err(Error::malformed(self.path, labels.name, reason));
+            };
+            for (out, [r, g, b, _]) in splats.sh[i * k + 1..(i + 1) * k].iter_mut().zip(list) {
+                *out = [*r, *g, *b].map(|code| codes[usize::from(code)] as f32);
+            }
+        }
+        Ok(())
+    }
+}

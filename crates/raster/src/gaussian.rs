@@ -1,0 +1,25 @@
+//! The rasteriser of Gaussian splats, forward only (Kerbl et al. 2023; Zwicker et al. 2001): projected as ellipses, blended in order of depth.
+//!
+//! Memory per frame: 100 bytes per Gaussian in view, 8 per Gaussian and row of tiles that it touches, and 4 per
+//! Gaussian and tile for the rows that are being drawn, one per thread.
+
+mod draw;
+mod options;
+#[cfg(test)]
+mod oracle;
+mod project;
+mod rows;
+
+pub use options::GaussianOptions;
+
+use crate::soft::Frame;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::splats::Splats;
+
+/// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for any number of threads.
+pub fn draw(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Frame {
+    let projected = project::all(splats, camera, options);
+    let order = project::front_to_back(&projected);
+    let rows = rows::bin(&projected, &order, camera.size);
+    draw::frame(&projected, &rows, camera.size, options)
+}

@@ -1,0 +1,149 @@
+//! Blends the ellipses of every tile front to back, a line of sixteen pixels at once.
+
+use super::options::{ALPHA_CAP, GaussianOptions, LOG2_CUTOFF, MIN_TRANSMITTANCE};
+use super::project::Ellipse;
+use super::rows::Rows;
+use crate::kernel::composite;
+use crate::soft::{Frame, TILE};
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
+use trisplat_scene::math::real::{Mask, Real};
+
+/// Lines of a tile.
+const LINES: usize = TILE as usize;
+/// A tile's lines are as wide as the lanes.
+const _: () = assert!(LINES == LANES);
+/// Entries between an ellipse and the one that is fetched into the cache.
+const AHEAD: usize = 8;
+/// x of the pixel centres of a line.
+const CENTRES: [f32; LANES] = centres();
+/// Alpha far below the cut-off, where the lanes' exponential is still defined.
+const LEAST_POWER: f32 = -64.0;
+
+const fn centres() -> [f32; LANES] {
+    let mut out = [0.5; LANES];
+    let mut i = 1;
+    while i < LANES {
+        out[i] = out[i - 1] + 1.0;
+        i += 1;
+    }
+    out
+}
+
+/// Draws all rows of tiles.
+pub(super) fn frame(ellipses: &[Ellipse], rows: &Rows, size: UVec2, options: &GaussianOptions) -> Frame {
+    let pixels = size.x as usize * size.y as usize;
+    let mut frame = Frame {
+        size,
+        rgb: vec![options.background; pixels],
+        transmittance: vec![1.0; pixels],
+        ..Frame::default()
+    };
+    let band = size.x as usize * LINES;
+    let bands = frame.rgb.par_chunks_mut(band).zip(frame.transmittance.par_chunks_mut(band));
+    bands.enumerate().for_each(|(row, (rgb, transmittance))| {
+        let of_row = rows.tiles(row);
+        let height = rgb.len() / size.x as usize;
+        let draw = |tile: usize| {
+            let corner = UVec2::new(tile as u32, row as u32) * TILE;
+            let width = (size.x - corner.x).min(TILE) as usize;
+            let entries = of_row.of(tile);
+            dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height })
+        };
+        let tiles: Vec<TilePixels> = (0..rows.count.x as usize).into_par_iter().map(draw).collect();
+        for (line, (rgb, transmittance)) in
+            rgb.chunks_mut(size.x as usize).zip(transmittance.chunks_mut(size.x as usize)).enumerate()
+        {
+            for (x, (rgb, transmittance)) in rgb.iter_mut().zip(transmittance).enumerate() {
+                let (tile, lane) = (&tiles[x / LANES], x % LANES);
+                let left = tile.transmittance[line][lane];
+                *transmittance = left;
+                let behind = options.background;
+                *rgb = [0, 1, 2].map(|c| left.mul_add(behind[c], tile.rgb[c][line][lane]));
+            }
+        }
+    });
+    frame
+}
+
+/// The pixels of a tile, line by line.
+struct TilePixels {
+    transmittance: [[f32; LANES]; LINES],
+    rgb: [[[f32; LANES]; LINES]; 3],
+}
+
+/// One tile.
+struct DrawTile<'a> {
+    ellipses: &'a [Ellipse],
+    /// Front to back.
+    entries: &'a [u32],
+    corner: Vec2,
+    /// The part of the tile that lies in the picture.
+    width: usize,
+    height: usize,
+}
+
+impl Work for DrawTile<'_> {
+    type Output = TilePixels;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> TilePixels {
+        let mut pixels = TilePixels { transmittance: [[0.0; LANES]; LINES], rgb: [[[0.0; LANES]; LINES]; 3] };
+        for line in &mut pixels.transmittance[..self.height] {
+            line[..self.width].fill(1.0);
+        }
+        let mut alive = u32::MAX >> (32 - self.height);
+        for (k, entry) in self.entries.iter().enumerate() {
+            if alive == 0 {
+                break;
+            }
+            if let Some(ahead) = self.entries.get(k + AHEAD) {
+                prefetch(&self.ellipses[*ahead as usize]);
+            }
+            self.blend::<L>(&self.ellipses[*entry as usize], &mut pixels, &mut alive);
+        }
+        pixels
+    }
+}
+
+impl DrawTile<'_> {
+    /// Adds one ellipse to the lines that have not ended.
+    #[inline(always)]
+    fn blend<L: Lanes>(&self, ellipse: &Ellipse, pixels: &mut TilePixels, alive: &mut u32) {
+        let offset = self.corner - ellipse.middle;
+        let half = ellipse.half_height();
+        // Lines whose pixel centres lie within the height; more are harmless, because each pixel is tested.
+        let first = (-half - offset.y - 0.5).floor().max(0.0) as usize;
+        let last = (half - offset.y - 0.5).ceil().min(LINES as f32 - 1.0);
+        if last < 0.0 {
+            return;
+        }
+        let across = (L::load(&CENTRES) + L::splat(offset.x)) * L::splat(ellipse.along);
+        let rgb = [L::splat(ellipse.rgb[0]), L::splat(ellipse.rgb[1]), L::splat(ellipse.rgb[2])];
+        let (cutoff, end) = (L::splat(LOG2_CUTOFF), L::splat(MIN_TRANSMITTANCE));
+        for line in first..=last as usize {
+            if *alive >> line & 1 == 0 {
+                continue;
+            }
+            let dy = offset.y + line as f32 + 0.5;
+            let level = ellipse.level - (ellipse.down * dy) * (ellipse.down * dy);
+            let side = across + L::splat(ellipse.shear * dy);
+            let power = L::splat(level) - side * side;
+            let before = L::load(&pixels.transmittance[line]);
+            let drawn = cutoff.le(power).and(end.le(before));
+            if L::bits(drawn) == 0 {
+                continue;
+            }
+            let alpha = Real::min(Real::max(power, L::splat(LEAST_POWER)).exp2(), L::splat(ALPHA_CAP));
+            let (weight, after) = composite::blend(before, alpha.masked(drawn));
+            for (channel, color) in pixels.rgb.iter_mut().zip(rgb) {
+                weight.mul_add(color, L::load(&channel[line])).store(&mut channel[line]);
+            }
+            after.store(&mut pixels.transmittance[line]);
+            if L::bits(end.le(after)) == 0 {
+                *alive &= !(1 << line);
+            }
+        }
+    }
+}
