@@ -133,7 +133,8 @@ fn subsets_chunks_and_normals_of_textured_triangles_are_drawn() {
         order: ChunkOrder::File,
         level_bias: 0.0,
     };
-    let mut encoder = card.gpu.device.create_command_encoder(&trisplat_gpu::wgpu::CommandEncoderDescriptor::default());
+    let mut encoder =
+        card.gpu.device.create_command_encoder(&trisplat_gpu::wgpu::CommandEncoderDescriptor::default());
     card.draw(&mut encoder, &canvas, &model, &params, None).unwrap();
     card.gpu.queue.submit([encoder.finish()]);
     let mut kept = wall.clone();
