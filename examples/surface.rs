@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "a program talks to its user")]
 
-use trisplat::{Dataset, DatasetOptions, MeshJob, MeshOptions};
+use trisplat::{Dataset, DatasetOptions, MeshJob, MeshOptions, TextureWhen};
 
 fn main() -> trisplat::Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -11,7 +11,7 @@ fn main() -> trisplat::Result<()> {
 
     let mut options = MeshOptions::default();
     options.surface.max_triangles = Some(2000);
-    options.texture.texture = true;
+    options.texture.texture = TextureWhen::On;
     let photos = Dataset::load(photos, &DatasetOptions::default())?;
     let surface = MeshJob::new(None, Some(photos), options).save(&out)?;
     println!("{out}: {} triangles", surface.mesh.face_count());

@@ -33,6 +33,7 @@ pub mod cli;
 pub mod web;
 
 pub use trisplat_bake::mesh::{MeshOptions, mesh};
+pub use trisplat_bake::texture::TextureWhen;
 pub use trisplat_bake::{BakeOptions, BakePreset, Views};
 pub use trisplat_dataset::{Dataset, DatasetOptions};
 pub use trisplat_formats::{OutputOptions, ReadOptions};

@@ -61,7 +61,7 @@ fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
         (args.report.is_some(), "report", "a merged scene"),
         (args.dry_run, "dry_run", "a merged scene"),
         (options.collision.collision, "collision", "a merged scene"),
-        (options.texture.texture, "texture", "a merged scene"),
+        (options.texture.is_wanted(), "texture", "a merged scene"),
         (options.prune.max_triangles.is_some(), "max_triangles", "a merged scene"),
     ];
     match refused.iter().find(|(is, ..)| *is) {

@@ -2,7 +2,7 @@
 
 use indicatif::HumanCount;
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
-use trisplat_scene::report::StageReport;
+use trisplat_scene::report::{StageReport, counted};
 
 /// The middle of the row of a step; `None` for other stages.
 pub(super) fn row(stage: &StageReport) -> Option<String> {
@@ -27,9 +27,12 @@ pub(super) fn row(stage: &StageReport) -> Option<String> {
 fn photos(details: &PhotosDetails) -> String {
     let PhotosDetails { photos, frames, video_frames, turned, converted, cameras, .. } = *details;
     let mut text = match frames {
-        0 => format!("{photos} photos"),
+        0 => counted(photos, "photo"),
         _ if photos == frames => format!("{frames} of {} frames", HumanCount(video_frames)),
-        _ => format!("{} photos, {frames} of {} frames", photos - frames, HumanCount(video_frames)),
+        _ => {
+            let photos = counted(photos - frames, "photo");
+            format!("{photos}, {frames} of {} frames", HumanCount(video_frames))
+        }
     };
     for (number, what) in [(turned, "turned upright"), (converted, "converted")] {
         if number > 0 {

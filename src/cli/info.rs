@@ -152,7 +152,8 @@ fn bake_line(info: &Info) -> String {
     }
     let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
     let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
-    format!("would drop {} triangles ({share:.1}%: {})", thousands(dropped), causes.join(", "))
+    let noun = if dropped == 1 { "triangle" } else { "triangles" };
+    format!("would drop {} {noun} ({share:.1}%: {})", thousands(dropped), causes.join(", "))
 }
 
 fn soft_line(softness: &Softness) -> String {

@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions, Description, describe};
 use trisplat_scene::error::{Error, Result};
+use trisplat_scene::report::counted;
 
 /// Most cameras listed one by one; others are only counted.
 const LISTED: usize = 5;
@@ -36,16 +37,17 @@ pub fn table(d: &Description) -> String {
         let files = if group.size == group.stored { String::new() } else { format!(" (files {sw}x{sh})") };
         let ([fx, fy], [cx, cy]) = (group.focal, group.center);
         let lens = format!("f {fx:.1} {fy:.1}, centre {cx:.1} {cy:.1}, {:.1}° wide", group.field_of_view);
-        rows.push(("camera", format!("{w}x{h}{files}, {lens}: {} photos", group.photos)));
+        let photos = counted(group.photos, "photo");
+        rows.push(("camera", format!("{w}x{h}{files}, {lens}: {photos}")));
     }
     if d.cameras.len() > LISTED {
         rows.push(("camera", format!("and {} more", d.cameras.len() - LISTED)));
     }
     if d.masks > 0 {
-        rows.push(("masks", format!("{} photos", d.masks)));
+        rows.push(("masks", counted(d.masks, "photo")));
     }
     if d.undistorted > 0 {
-        rows.push(("lens", format!("{} photos are undistorted while they are read", d.undistorted)));
+        rows.push(("lens", format!("{} undistorted while read", counted(d.undistorted, "photo"))));
     }
     rows.push(("decoded", format!("{:.1} MiB", d.decoded_bytes as f64 / f64::from(1 << 20))));
     rows.push(("cameras", format!("within {:.3} world units", d.camera_extent)));

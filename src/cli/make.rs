@@ -20,7 +20,16 @@ use trisplat_job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJob
 use trisplat_scene::budget::Seconds;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::report::{Observer, StageReport};
+use trisplat_train::budget::BudgetDetails;
+use trisplat_train::eval::PhotoScore;
 use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
+
+/// From here on nothing needs to be done about a scene, dB on held-out photos.
+const GOOD_PSNR: f64 = 28.0;
+/// A training that spent this share of its budget would have used more.
+const USED_UP: f64 = 0.8;
+/// So many of the photos that came out worst are named.
+const WORST: usize = 2;
 
 /// Photos or videos, and the files to make.
 #[derive(Debug, clap::Args)]
@@ -34,7 +43,7 @@ pub struct MakeArgs {
     /// Replace OUT and the page, and a begun run with other inputs
     #[arg(short, long)]
     pub force: bool,
-    /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h
+    /// CPU time of training and bake, on all cores together, as in 90s, 2m or 1.5h; finding poses comes on top
     #[arg(long, value_name = "TIME", default_value_t = Seconds(600.0))]
     pub budget: Seconds,
     /// Train this many steps instead: the same bytes on every run, also after a stop
@@ -89,9 +98,10 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
     }
 
     let work = job.work.display().to_string();
-    let mut terminal = MakeTerminal { global };
+    let budget = args.steps.is_none().then_some(args.budget);
+    let mut terminal = MakeTerminal { global, budget };
     let done = job.run(&mut terminal)?;
-    say(&done, &work, &terminal.progress());
+    say(&done, args, &work, &terminal.progress());
     if done.stopped {
         return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
     }
@@ -123,7 +133,7 @@ fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, mut bake: BakeOptions, page: &
 }
 
 /// The result, and the next step.
-fn say(done: &MakeDone, work: &str, progress: &Progress) {
+fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
     done.report.warnings.iter().for_each(|warning| progress.warn(warning));
     done.verdict.iter().for_each(|verdict| advise(verdict, progress));
     if done.stopped {
@@ -133,12 +143,15 @@ fn say(done: &MakeDone, work: &str, progress: &Progress) {
     for file in &done.report.outputs {
         progress.line(&format!("wrote {} ({} bytes)", file.path, super::progress::thousands(file.bytes)));
     }
-    if let Some(TrainDetails { psnr: Some(psnr), ssim: Some(ssim), photo_size, .. }) = done.report.details() {
-        let size = ShrunkSize::beside(photo_size);
+    if let Some(details @ TrainDetails { psnr: Some(psnr), ssim: Some(ssim), .. }) =
+        &done.report.details::<TrainDetails>()
+    {
+        let (psnr, size) = (*psnr, ShrunkSize::beside(details.photo_size));
         progress.line(&format!(
             "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {}",
             worth(psnr)
         ));
+        next(details, psnr, args.steps, args.budget).iter().for_each(|next| progress.line(next));
     }
     let pages = done.report.outputs.iter().filter(|file| file.path.ends_with(".html"));
     pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
@@ -147,16 +160,41 @@ fn say(done: &MakeDone, work: &str, progress: &Progress) {
 /// A held-out PSNR in the words of docs/from-photos.md.
 fn worth(psnr: f64) -> &'static str {
     match psnr {
-        p if p >= 28.0 => "good",
-        p if p >= 25.0 => "looks right; a larger --budget or more photos make it sharper",
-        p if p >= 20.0 => "recognisable; more photos, or a larger --budget",
+        p if p >= GOOD_PSNR => "good",
+        p if p >= GOOD_PSNR - 3.0 => "looks right",
+        p if p >= 20.0 => "recognisable",
         _ => "something is wrong: poses, exposure, or too few photos",
     }
+}
+
+/// What makes a scene of this `psnr` better: more time, if it was used up, and photos where they are needed most. `None` of a good one.
+fn next(details: &TrainDetails, psnr: f64, steps: Option<u64>, budget: Seconds) -> Option<String> {
+    if psnr >= GOOD_PSNR {
+        return None;
+    }
+    let spent = |budget: &BudgetDetails| budget.spent_secs >= USED_UP * budget.budget.seconds.0;
+    let time = match steps {
+        Some(steps) => Some(format!("--steps {}", 2 * steps)),
+        // Where more steps gain nothing, a part of the budget is left.
+        None => {
+            details.budget.as_ref().is_none_or(spent).then(|| format!("--budget {}", Seconds(2.0 * budget.0)))
+        }
+    };
+    let mut worst: Vec<&PhotoScore> = details.held_out.iter().collect();
+    worst.sort_by(|a, b| a.psnr.total_cmp(&b.psnr).then_with(|| a.name.cmp(&b.name)));
+    let worst: Vec<String> =
+        worst.iter().take(WORST).map(|photo| format!("{} ({:.1} dB)", photo.name, photo.psnr)).collect();
+    let photos = (!worst.is_empty()).then(|| format!("more photos of what {} shows", worst.join(" or ")));
+    let ways: Vec<String> =
+        time.map(|time| format!("more time ({time} --force)")).into_iter().chain(photos).collect();
+    (!ways.is_empty()).then(|| format!("next: {}", ways.join(", or ")))
 }
 
 /// Shows each part as its own command does.
 struct MakeTerminal<'a> {
     global: &'a Global,
+    /// The time for training and bake, if it decides.
+    budget: Option<Seconds>,
 }
 
 impl MakeTerminal<'_> {
@@ -167,10 +205,20 @@ impl MakeTerminal<'_> {
 
 impl MakeJobObserver for MakeTerminal<'_> {
     fn captures(&mut self) -> Box<dyn CaptureObserver + '_> {
+        if let Some(budget) = self.budget {
+            self.progress().line(&format!(
+                "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that"
+            ));
+        }
         Box::new(CaptureTerminal::new(self.progress()))
     }
 
     fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>> {
+        if let Some(budget) = self.budget {
+            let shares =
+                format!("of the {budget} of --budget, most are for training and the rest for the bake");
+            self.progress().line(&shares);
+        }
         Ok(Box::new(TrainTerminal::new(self.global, teacher_files.to_vec())))
     }
 
@@ -233,5 +281,31 @@ impl Observer for BakeTerminal<'_> {
 impl Drop for BakeTerminal<'_> {
     fn drop(&mut self) {
         self.0.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scored(photos: &[(&str, f64)]) -> TrainDetails {
+        let score = |&(name, psnr): &(&str, f64)| PhotoScore {
+            name: name.to_owned(),
+            psnr,
+            ssim: 0.5,
+            psnr_corrected: None,
+        };
+        TrainDetails { held_out: photos.iter().map(score).collect(), ..TrainDetails::default() }
+    }
+
+    #[test]
+    fn the_verdict_names_what_to_do_next() {
+        let photos = scored(&[("a.jpg", 26.0), ("b.jpg", 18.0), ("c.jpg", 21.0)]);
+        let said = next(&photos, 22.0, None, Seconds(90.0)).unwrap_or_default();
+        let wants = "next: more time (--budget 3m --force), or more photos of what b.jpg (18.0 dB) or c.jpg (21.0 dB) shows";
+        assert_eq!(said, wants);
+        let said = next(&photos, 22.0, Some(500), Seconds(90.0)).unwrap_or_default();
+        assert!(said.contains("(--steps 1000 --force)"), "{said}");
+        assert_eq!(next(&photos, 29.0, None, Seconds(90.0)), None);
     }
 }

@@ -107,12 +107,12 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
 /// The files of the output: a surface is one mesh, so formats for whole scenes are refused.
 fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     let format = OutputFormat::of(&args.output)?;
-    if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.texture {
+    if format == OutputFormat::Tiles || format == OutputFormat::Html && !options.texture.is_wanted() {
         let wants = "a name ending in .ply, .glb, .gltf or .obj";
         return Err(Error::invalid("output", args.output.display(), wants));
     }
     options.texture.check_format(&args.output, format)?;
-    let beside = Beside { texture: options.texture.texture, ..Beside::default() };
+    let beside = Beside { texture: options.texture.is_wanted(), ..Beside::default() };
     Output::of_scene(&args.output, Some(format), &options.output, &beside)
 }
 

@@ -161,7 +161,10 @@ impl<'a> Outputs<'a> {
             return refuse(format!("a file that {other} does not write too"));
         }
         if !is_stream(path) && !folder_of(&resolved(path)).is_dir() {
-            return refuse("a file in a folder that exists".into());
+            let folder = folder_of(&resolved(path)).display().to_string();
+            let folder = if folder.contains(char::is_whitespace) { format!("'{folder}'") } else { folder };
+            let make = if cfg!(windows) { "mkdir" } else { "mkdir -p" };
+            return refuse(format!("a file in a folder that exists; `{make} {folder}` makes this one"));
         }
         let is_new = !replace && path.as_os_str() != "-" && !device;
         let planned = Planned { option, path: path.to_owned(), id, is_new };

@@ -7,8 +7,10 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use trisplat_bake::backdrop::BackdropDetails;
 use trisplat_bake::teacher::TeacherDetails;
+use trisplat_bake::texture::TextureDetails;
 use trisplat_dataset::tracked_poses::TrackedPoses;
-use trisplat_scene::report::{Observer, StageDetails, StageReport};
+use trisplat_job::watched::Watched;
+use trisplat_scene::report::{Observer, StageDetails, StageReport, counted};
 
 /// What is shown for a stage that does not report progress.
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
@@ -170,13 +172,24 @@ fn row(stage: &StageReport) -> String {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(poses) = stage.details_as::<TrackedPoses>() {
-        let text = format!("{} photos moved by {:.2} px", poses.moved, poses.moved_px);
+        let text = format!("{} moved by {:.2} px", counted(poses.moved, "photo"), poses.moved_px);
+        return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
+    }
+    if let Some(watched) = stage.details_as::<Watched>() {
+        let text = format!("{} left out of short trainings", counted(watched.photos.len() as u64, "photo"));
         return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
     let drawn = stage.details_as::<TeacherDetails>().filter(|teacher| teacher.pictures.is_some());
     let counts = if let Some(teacher) = drawn {
         pictures(&teacher)
+    } else if name == TeacherDetails::STAGE && before != after {
+        // A training; its first triangles say nothing.
+        format!("a soft scene of {} triangles", thousands(after))
+    } else if let Some(compared) =
+        stage.details_as::<TextureDetails>().and_then(|texture| texture.comparison())
+    {
+        format!("{} triangles, {compared}", thousands(after))
     } else if name == BackdropDetails::STAGE && after >= before {
         format!("{} triangles behind {}", thousands(after - before), thousands(before))
     } else if before == after || before == 0 {
@@ -236,6 +249,37 @@ mod tests {
             ..StageReport::unneeded("backdrop", String::new())
         };
         assert!(row(&backdrop).contains("2,048 triangles behind 8,954"), "{}", row(&backdrop));
+    }
+
+    #[test]
+    fn the_parts_of_a_training_are_rows_that_a_person_understands() {
+        let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
+        let done = |name: &str| StageReport { unneeded: None, ..StageReport::unneeded(name, String::new()) };
+        let watched = Watched { photos: vec!["a.jpg".into()], ..Watched::default() };
+        let details = trisplat_scene::report::to_json(&watched);
+        let watched = row(&StageReport { details, ..done("watched") });
+        assert!(watched.contains("1 photo left out of short trainings"), "{watched}");
+        let teacher = row(&StageReport { before: counts(4803), after: counts(15_438), ..done("teacher") });
+        assert!(teacher.contains("a soft scene of 15,438 triangles") && !teacher.contains('%'), "{teacher}");
+    }
+
+    #[test]
+    fn the_row_of_a_texture_says_what_held_out_photos_found() {
+        let details = TextureDetails {
+            psnr_before: Some(25.0),
+            psnr_after: Some(24.8),
+            ssim_before: Some(0.7),
+            ssim_after: Some(0.75),
+            ..TextureDetails::default()
+        };
+        let details = trisplat_scene::report::to_json(&details);
+        let stage =
+            StageReport { details, unneeded: None, ..StageReport::unneeded("texture", String::new()) };
+        assert!(
+            row(&stage).contains("25.0 → 24.8 dB, SSIM 0.700 → 0.750 on held-out photos"),
+            "{}",
+            row(&stage)
+        );
     }
 
     #[test]

@@ -1,10 +1,21 @@
-//! Errors of the command line suggest a flag only when it is close to the typed one, and never a file named like a flag.
+//! Errors of the command line suggest a flag only when it is close to the typed one, and never a file named like a flag; of a target they
+//! suggest the one for the engine that was named.
 
-use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Error, ValueEnum};
+use trisplat_formats::target::OutputTarget;
 
-/// The error without suggestions that are far from the typed flag.
+/// Fewer letters are the beginning of too many names.
+const SHORTEST_NAME: usize = 4;
+
+/// The error without suggestions that are far from the typed flag, and with a target for the name of an engine.
 pub(super) fn plausible(mut error: Error) -> Error {
+    if error.kind() == ErrorKind::InvalidValue && error.get(ContextKind::SuggestedValue).is_none() {
+        if let Some(target) = meant_target(&error) {
+            error.insert(ContextKind::SuggestedValue, ContextValue::String(target));
+        }
+        return error;
+    }
     if error.kind() != ErrorKind::UnknownArgument {
         return error;
     }
@@ -25,6 +36,25 @@ pub(super) fn plausible(mut error: Error) -> Error {
         error.remove(ContextKind::Suggested);
     }
     error
+}
+
+/// The target whose description names the engine that was typed as `--target`.
+fn meant_target(error: &Error) -> Option<String> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => text.to_lowercase(),
+        _ => String::new(),
+    };
+    let typed = text(ContextKind::InvalidValue);
+    if !text(ContextKind::InvalidArg).starts_with("--target") || typed.len() < SHORTEST_NAME {
+        return None;
+    }
+    let targets = OutputTarget::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+    let names_it = |help: String| {
+        let words = help.split([' ', ',', ':']).map(|word| word.replace(['.', '-'], ""));
+        words.into_iter().any(|word| word.to_lowercase().starts_with(&typed.replace(['.', '-'], "")))
+    };
+    let mut named = targets.filter(|target| target.get_help().is_some_and(|help| names_it(help.to_string())));
+    named.next().map(|target| target.get_name().to_owned())
 }
 
 /// Whether one is the other with at most a third of its letters changed, or its beginning.

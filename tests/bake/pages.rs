@@ -97,7 +97,7 @@ fn tiles_have_pages_of_their_own() {
     let write = |views: bool, input: Mesh| {
         let mut options = BakeOptions { output: EXACT, ..upright() };
         options.tiles.tile_triangles = 1000;
-        options.texture.texture = views;
+        options.texture.texture = views.into();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wall.tileset.json");
         options.plan_output(&path, None).unwrap();

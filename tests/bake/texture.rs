@@ -4,7 +4,7 @@ use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
 use trisplat_bake::place::words::UpChoice;
 use trisplat_bake::refit::UnseenColors;
-use trisplat_bake::texture::{TextureDetail, TextureDetails, TextureOptions, texture};
+use trisplat_bake::texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
 use trisplat_bake::views::Views;
 use trisplat_bake::{Bake, BakeOptions};
 use trisplat_formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
@@ -21,7 +21,8 @@ use trisplat_scene::scene::{Loaded, Scene};
 
 pub(super) const DRAWING: SolidRasterOptions =
     SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };
-pub(super) const ON: TextureOptions = TextureOptions { texture: true, ..TextureOptions::DEFAULT };
+const AUTO: TextureOptions = TextureOptions { texture: TextureWhen::Auto, ..TextureOptions::DEFAULT };
+pub(super) const ON: TextureOptions = TextureOptions { texture: TextureWhen::On, ..TextureOptions::DEFAULT };
 
 /// A wall of `across` by `across` squares of two triangles, 2 wide, with one colour each; slightly bent.
 fn wall(across: u32, color: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
@@ -94,18 +95,60 @@ fn few_triangles_show_what_many_do() {
     assert!(mesh.drop_texture() && psnr(&mesh) > before + 2.0, "{} {before}", psnr(&mesh));
 }
 
+/// `auto` keeps the colours; who asks for a texture gets one, and is told.
 #[test]
-fn photos_that_disagree_leave_the_colours_as_they_are() {
+fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
     let grey = || wall(4, |_, _| [0.4; 3]);
     // Every photo is of other stripes, about that grey.
     let striped = |i: usize| wall(48, move |x, _| [0.4 + 0.2 * (9.0 * x + 2.4 * i as f32).sin(); 3]);
     let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
-    let (mut mesh, mut details) = (grey(), TextureDetails::default());
-    let outcome =
-        texture(&mut mesh, Some(&mut views), None, &ON, &mut details, &mut StageProgress::new(&mut ()));
-    assert!(matches!(outcome.unwrap(), Outcome::Unneeded(why) if why.contains("held-out")), "{details:?}");
+    let mut run = |options: &TextureOptions| {
+        let (mut mesh, mut details) = (grey(), TextureDetails::default());
+        let mut nobody = ();
+        let mut progress = StageProgress::new(&mut nobody);
+        let outcome = texture(&mut mesh, Some(&mut views), None, options, &mut details, &mut progress);
+        (outcome.unwrap(), mesh, details)
+    };
+    let (outcome, mesh, details) = run(&AUTO);
+    assert!(matches!(outcome, Outcome::Unneeded(why) if why.contains("held-out")), "{details:?}");
     assert!(mesh == grey() && details.psnr_after < details.psnr_before, "{details:?}");
+    assert!(details.ssim_after < details.ssim_before, "{details:?}");
+    let (outcome, mesh, asked) = run(&ON);
+    assert!(outcome == Outcome::Changed(()) && mesh.texture.is_some(), "{asked:?}");
+    let warning = asked.warning().unwrap();
+    assert!(warning.contains("closer to the photos") && warning.contains("SSIM"), "{warning}");
+}
+
+/// Blur wins PSNR: where only that prefers the colours, `auto` writes the texture.
+#[test]
+fn auto_takes_detail_that_costs_a_little_psnr() {
+    // Every photo has the same stripes, a third of a wave beside where the mean of them is.
+    let striped = |i: usize| {
+        let shift = if i % 2 == 0 { 0.05 } else { -0.05 };
+        wall(96, move |x, _| [0.4 + 0.3 * (18.0 * (x + shift)).sin(); 3])
+    };
+    let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
+    let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
+    let (mut mesh, mut details) = (wall(4, |_, _| [0.4; 3]), TextureDetails::default());
+    // What the scene's own colours are said to reach is more than what texels do.
+    let unseen = UnseenColors { colors: mesh.colors.clone(), psnr_of_own: Some(60.0) };
+    let mut nobody = ();
+    let mut progress = StageProgress::new(&mut nobody);
+    let outcome = texture(&mut mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress);
+    assert!(details.psnr_after < details.psnr_before, "{details:?}");
+    assert!(details.ssim_after > details.ssim_before, "{details:?}");
+    assert!(outcome.unwrap() == Outcome::Changed(()) && details.warning().is_none(), "{details:?}");
+}
+
+#[test]
+fn the_switch_of_older_option_files_still_works() {
+    let read = |text: &str| serde_json::from_str::<TextureOptions>(text).map(|options| options.texture);
+    assert_eq!(read(r#"{"texture": true}"#).unwrap(), TextureWhen::On);
+    assert_eq!(read(r#"{"texture": false}"#).unwrap(), TextureWhen::Off);
+    assert_eq!(read(r#"{"texture": "auto"}"#).unwrap(), TextureWhen::Auto);
+    let refused = read(r#"{"texture": 3}"#).unwrap_err().to_string();
+    assert!(refused.contains("`off`, `on` or `auto`"), "{refused}");
 }
 
 #[test]
@@ -119,7 +162,7 @@ fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
         let mut progress = ();
         let mut progress = StageProgress::new(&mut progress);
         let outcome =
-            texture(mesh, Some(&mut views), Some(unseen), &ON, &mut details, &mut progress).unwrap();
+            texture(mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress).unwrap();
         (outcome, details.psnr_before.unwrap(), details.psnr_after.unwrap())
     };
     let (outcome, before, after) = run(unseen, &mut mesh);
@@ -243,7 +286,7 @@ fn levels_have_textures_of_their_own() {
     let bake = |texture: bool| {
         let mut views = Views::drawn(cameras(), photos());
         let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
-        (options.texture.texture, options.lod.lod) = (texture, vec![0.5]);
+        (options.texture.texture, options.lod.lod) = (texture.into(), vec![0.5]);
         // The wall stays where the cameras see it.
         options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
         Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(grey(8)))]).unwrap()

@@ -136,7 +136,7 @@ fn photos_are_watched_where_a_budget_has_time() {
     let steps = watched.soft.map(|pair| pair.map(|training| training.steps));
     assert_eq!((observer.trainings, steps, watched.solid), (2, Some([320, 960]), None));
     assert!(
-        observer.said == watched.summary() && observer.said.contains("3 watched photos"),
+        observer.said == watched.summary() && observer.said.contains("on 3 photos left out of training"),
         "{}",
         observer.said
     );

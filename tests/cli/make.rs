@@ -24,6 +24,7 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let said = stderr(&first);
     assert!(first.status.success(), "{said}");
     assert!(said.contains("capture    not needed: the photos have poses"), "{said}");
+    assert!(said.contains("of the 6s of --budget, most are for training"), "{said}");
     assert!(said.contains("photos that training did not see") && said.contains("open scene.html"), "{said}");
     let glb = std::fs::read(at("scene.glb")).unwrap();
     assert!(glb.starts_with(b"glTF") && std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
@@ -39,6 +40,20 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let again = make(folder.path(), &["--force"]);
     assert!(again.status.success() && stderr(&again).contains("(done before)"), "{}", stderr(&again));
     assert!(std::fs::read(at("scene.glb")).unwrap() == glb, "the same scene");
+}
+
+#[test]
+fn finding_poses_comes_on_top_of_the_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    for photo in ["a.jpg", "b.jpg", "c.jpg"] {
+        std::fs::write(folder.path().join(photo), b"no photo").unwrap();
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command
+        .current_dir(folder.path())
+        .args(["make", "a.jpg", "b.jpg", "c.jpg", "-o", "a.glb", "--budget", "90s"]);
+    let said = stderr(&command.stdin(Stdio::null()).output().unwrap());
+    assert!(said.contains("camera poses are found first; the 90s of --budget"), "{said}");
 }
 
 #[test]

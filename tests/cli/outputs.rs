@@ -66,6 +66,8 @@ fn what_cannot_be_written_is_refused_before_work_starts() {
         refused(folder.path(), &flags, &[option, "no/where", "a file in a folder that exists"]);
     }
     refused(folder.path(), &train(&["-o", "no/b.ply"]), &["--output", "a file in a folder that exists"]);
+    // With the command that makes the folder.
+    refused(folder.path(), &train(&["-o", "no/such/b.ply"]), &["mkdir ", "no/such` makes this one"]);
     // The input does not exist either: the output is looked at first.
     refused(folder.path(), &["bake", "none.ply", "-o", "no/a.glb"], &["--output", "no/a.glb"]);
     refused(

@@ -62,6 +62,64 @@ fn presets_are_named_by_what_comes_out_and_old_names_work() {
     }
 }
 
+#[test]
+fn a_photo_given_to_bake_names_make() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = folder.path().join("IMG_1.JPG");
+    std::fs::write(&photo, b"\xff\xd8\xff\xe0\0\x10JFIF\0").unwrap();
+    let out = folder.path().join("x.glb");
+    fails(folder.path(), &[&"bake", &photo, &"-o", &out], &["IMG_1.JPG: is a photo", "`trisplat make`"]);
+}
+
+#[test]
+fn a_missing_input_is_named_first_and_does_not_exist() {
+    let folder = tempfile::tempdir().unwrap();
+    let (none, out) = (folder.path().join("none.ply"), folder.path().join("x.glb"));
+    let ply = folder.path().join("x.ply");
+    let says = [format!("error: {}: does not exist", none.display())];
+    let says = says.each_ref().map(String::as_str);
+    fails(folder.path(), &[&"bake", &none, &"-o", &out], &says);
+    fails(folder.path(), &[&"info", &none], &says);
+    fails(folder.path(), &[&"train", &none, &"-o", &ply], &says);
+    fails(folder.path(), &[&"make", &none, &"-o", &out], &says);
+    fails(folder.path(), &[&"bake", &sample("degenerate.ply"), &"--dataset", &none, &"-o", &out], &says);
+}
+
+#[test]
+fn the_name_of_an_engine_suggests_its_target() {
+    let said = |target: &str| {
+        stderr(&trisplat(&[&"bake", &sample("degenerate.ply"), &"-o", &"x.glb", &"--target", &target]))
+    };
+    for engine in ["three", "three.js", "threejs", "babylon", "Cesium"] {
+        let said = said(engine);
+        assert!(said.contains("similar value exists: 'web'"), "{engine}: {said}");
+    }
+    assert!(said("gltfast").contains("'unity'") && !said("xy").contains("tip"), "{}", said("xy"));
+}
+
+#[test]
+fn an_off_file_names_the_checkpoint_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let off = folder.path().join("garden.off");
+    std::fs::write(&off, "COFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 200 100 50 255\n").unwrap();
+    let said = || String::from_utf8_lossy(&trisplat(&[&"info", &off]).stdout).into_owned();
+    assert!(!said().contains("softness"), "{}", said());
+    std::fs::write(folder.path().join("point_cloud_state_dict.pt"), "").unwrap();
+    assert!(said().contains("no softness: if point_cloud_state_dict.pt beside it"), "{}", said());
+}
+
+#[test]
+fn one_of_something_is_no_plural() {
+    let folder = tempfile::tempdir().unwrap();
+    let off = folder.path().join("a.off");
+    // One of its two triangles is a point.
+    let text = "COFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n5 5 5\n3 0 1 2 9 9 9 255\n3 3 3 3 9 9 9 255\n";
+    std::fs::write(&off, text).unwrap();
+    let said = trisplat(&[&"info", &off]);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(said.contains("would drop 1 triangle ("), "{said}");
+}
+
 /// A number with its noun, as `counted` writes it, is never followed by the noun again: "520 steps steps".
 #[test]
 fn no_noun_is_said_twice() {

@@ -3,7 +3,7 @@
 use super::collision::trisplat;
 use trisplat_bake::Views;
 use trisplat_bake::mesh::MeshOptions;
-use trisplat_bake::texture::TextureOptions;
+use trisplat_bake::texture::{TextureOptions, TextureWhen};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_job::MeshJob;
@@ -20,7 +20,7 @@ fn photos_alone_become_a_textured_surface() {
     synthetic::write(folder.path(), &PHOTOS).unwrap();
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let surface = SurfaceOptions { max_triangles: Some(3000), ..SurfaceOptions::default() };
-    let texture = TextureOptions { texture: true, ..TextureOptions::default() };
+    let texture = TextureOptions { texture: TextureWhen::On, ..TextureOptions::default() };
     let options = MeshOptions { surface, texture, ..MeshOptions::default() };
     let mut job = MeshJob::new(None, Some(dataset.clone()), options);
     job.budget = Seconds(6.0);

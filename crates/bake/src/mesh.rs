@@ -7,7 +7,7 @@ use super::crop::{CropOptions, crop};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
 use super::shell::take_shell;
-use super::texture::{TextureOptions, texture};
+use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
 use glam::DVec3;
@@ -58,7 +58,7 @@ impl MeshOptions {
     /// Refuses a texture when no photos are given.
     pub fn check_photos(&self, given: bool) -> Result<()> {
         let wants = "photos: give the data set after the scene, as in trisplat mesh scene.ply photos --texture -o room.glb";
-        match self.texture.texture && !given {
+        match self.texture.is_wanted() && !given {
             true => Err(Error::invalid("texture", "given without photos", wants)),
             false => Ok(()),
         }
@@ -86,7 +86,7 @@ pub fn mesh(
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };
     // A surface that shows photos gets their background, too; a cropped part gets none.
-    let behind = match options.texture.texture && !options.surface.shell && options.crop.crop.is_empty() {
+    let behind = match options.texture.is_wanted() && !options.surface.shell && options.crop.crop.is_empty() {
         true => take_behind(&mut scene, &known)?,
         false => Mesh::default(),
     };
@@ -117,6 +117,8 @@ pub fn mesh(
     let found = report.long_stage(observer, found, count_mesh, |mesh, details, progress| {
         texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
     })?;
+
+    report.warnings.extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
 
     let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);

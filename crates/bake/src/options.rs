@@ -180,7 +180,7 @@ impl BakeOptions {
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
             collision: self.collision.collision,
-            texture: self.texture.texture,
+            texture: self.texture.is_wanted(),
         };
         Output::of_scene(path, Some(format), &self.output, &beside)
     }

@@ -20,7 +20,7 @@ use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{recognise_shell, spared, take_shell};
 use super::solid::solid;
 use super::teacher::{is_solid, teacher};
-use super::texture::texture;
+use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
@@ -152,6 +152,8 @@ impl<'a> Recipe<'a> {
             self.backdrop = Some(mesh.clone().split_off(faces));
         }
         let mesh = self.texture(mesh, unseen)?;
+        let closer = self.report.details::<TextureDetails>().and_then(|details| details.warning());
+        self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
@@ -169,7 +171,7 @@ impl<'a> Recipe<'a> {
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && self.views.is_some()
             && mesh.drop_texture()
-            && !self.options.texture.texture
+            && !self.options.texture.is_wanted()
         {
             let warning = "the texture of the input became one colour per triangle, because photos decide colours: give `texture` for a new one";
             self.report.warnings.push(warning.to_owned());

@@ -4,9 +4,9 @@
 //! one picture (`atlas`); a connected mesh is unwrapped (`charts`). Texels begin with the colours of the mesh, and get what photos show
 //! more (`fit`): all of them on average, or also the detail of the one that shows a face best (`best`).
 //!
-//! Some photos are held out at first. If they match the colours better, there is no texture: where triangles are hardly larger than
-//! pixels, what mip levels mix is more than what texels add. Both begin with colours that were fitted to the other photos only, so neither
-//! has seen them.
+//! Some photos are held out at first, and compared with colours and with texels: where triangles are hardly larger than pixels, what mip
+//! levels mix is more than what texels add. Both begin with colours that were fitted to the other photos only, so neither has seen them.
+//! `auto` keeps colours that are better by PSNR and by SSIM: PSNR alone prefers blur.
 
 mod atlas;
 mod best;
@@ -19,10 +19,10 @@ mod page;
 mod texels;
 
 pub(super) use of_colors::texture_all;
-pub use options::{TextureDetail, TextureOptions};
+pub use options::{TextureDetail, TextureOptions, TextureWhen};
 
 use super::refit::UnseenColors;
-use super::views::Views;
+use super::views::{Scores, Views};
 use atlas::Atlas;
 use best::Candidates;
 use charts::Charts;
@@ -69,6 +69,38 @@ pub struct TextureDetails {
     /// The same with texels that were fitted to the other photos only, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_after: Option<f64>,
+    /// Mean SSIM of colours on held-out photos, which the scene's own may have seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ssim_before: Option<f64>,
+    /// The same with texels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ssim_after: Option<f64>,
+}
+
+impl TextureDetails {
+    /// What held-out photos say of colours and texels; `None` when none were held out.
+    pub fn comparison(&self) -> Option<String> {
+        let (before, after) = (self.psnr_before?, self.psnr_after?);
+        let ssim = match (self.ssim_before, self.ssim_after) {
+            (Some(before), Some(after)) => format!(", SSIM {before:.3} → {after:.3}"),
+            _ => String::new(),
+        };
+        Some(format!("{before:.1} → {after:.1} dB{ssim} on held-out photos"))
+    }
+
+    /// Whether held-out photos match the colours better by every measure.
+    fn colors_are_better(&self) -> bool {
+        let fell = |before: Option<f64>, after: Option<f64>| before.zip(after).is_some_and(|(b, a)| a < b);
+        fell(self.psnr_before, self.psnr_after) && fell(self.ssim_before, self.ssim_after)
+    }
+
+    /// What a user should know of the texture that was made.
+    pub fn warning(&self) -> Option<String> {
+        let comparison = self.comparison().filter(|_| self.colors_are_better())?;
+        Some(format!(
+            "the colours were closer to the photos than the texture: {comparison}; without `texture`, or with its value `auto`, the file has colours"
+        ))
+    }
 }
 
 impl StageDetails for TextureDetails {
@@ -87,7 +119,7 @@ pub fn texture(
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     options.validate()?;
-    if !options.texture {
+    if !options.is_wanted() {
         return Ok(Outcome::Unneeded("`texture` was not asked for"));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
@@ -100,8 +132,11 @@ pub fn texture(
         let Some(UnseenColors { colors, psnr_of_own }) = unseen else {
             return paint(mesh, views, &atlas, None, options, details, progress);
         };
+        let (held_out, _) = views.held_out();
+        let ssim = views.mean_scores(mesh, &held_out)?.ssim;
+        let of_own = psnr_of_own.map(|psnr| Scores { psnr, ssim });
         let own = std::mem::replace(&mut mesh.colors, colors);
-        let outcome = paint(mesh, views, &atlas, psnr_of_own, options, details, progress);
+        let outcome = paint(mesh, views, &atlas, of_own, options, details, progress);
         mesh.colors = own;
         return outcome;
     }
@@ -115,12 +150,12 @@ pub fn texture(
     Ok(outcome)
 }
 
-/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` is the PSNR of colours on held-out photos, if known.
+/// Gives `mesh`, whose faces are placed by `layout`, what `views` show. `before` are the scores of colours on held-out photos, if known.
 fn paint(
     mesh: &mut Mesh,
     views: &mut Views,
     layout: &impl Layout,
-    before: Option<f64>,
+    before: Option<Scores>,
     options: &TextureOptions,
     details: &mut TextureDetails,
     progress: &mut StageProgress<'_>,
@@ -136,12 +171,13 @@ fn paint(
     let mut candidates = Candidates::new(mesh.face_count());
     texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
-        let before = before.map_or_else(|| views.mean_psnr(mesh, &held_out), Ok)?;
+        let colors = before.map_or_else(|| views.mean_scores(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
-        let after = views.mean_psnr(mesh, &held_out)?;
+        let shown = views.mean_scores(mesh, &held_out)?;
         mesh.texture = None;
-        (details.psnr_before, details.psnr_after) = (Some(before), Some(after));
-        if after < before {
+        (details.psnr_before, details.psnr_after) = (Some(colors.psnr), Some(shown.psnr));
+        (details.ssim_before, details.ssim_after) = (Some(colors.ssim), Some(shown.ssim));
+        if options.texture == TextureWhen::Auto && details.colors_are_better() {
             return Ok(Outcome::Unneeded("held-out photos match the colours better than texels"));
         }
     }

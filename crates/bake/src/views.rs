@@ -25,6 +25,15 @@ const EVALUATION_EVERY: usize = 8;
 /// ... at most these.
 const MOST_EVALUATION_VIEWS: usize = 24;
 
+/// How close a scene comes to photos.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scores {
+    /// Mean PSNR, dB.
+    pub psnr: f64,
+    /// Mean SSIM.
+    pub ssim: f64,
+}
+
 /// Training photos of a data set, or drawn pictures, with their cameras in the frame of the scene that is baked.
 #[derive(Debug)]
 pub struct Views {
@@ -226,30 +235,56 @@ impl Views {
 
     /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.
     pub fn mean_psnr(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<f64> {
+        let [psnr] = self.mean(mesh, chosen, |photo, drawn| {
+            [metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref())]
+        })?;
+        Ok(psnr)
+    }
+
+    /// Mean PSNR and SSIM, likewise.
+    pub fn mean_scores(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<Scores> {
+        let [psnr, ssim] = self.mean(mesh, chosen, |photo, drawn| {
+            let weights = photo.alpha.as_deref();
+            [
+                metric::psnr(&photo.rgb, &drawn.rgb, weights),
+                metric::ssim(photo.size, &photo.rgb, &drawn.rgb, weights),
+            ]
+        })?;
+        Ok(Scores { psnr, ssim })
+    }
+
+    /// The mean of what `measure` says of each photo of `chosen` and of `mesh` drawn like it.
+    fn mean<const N: usize>(
+        &mut self,
+        mesh: &Mesh,
+        chosen: &[usize],
+        measure: impl Fn(&Pixels, &Pixels) -> [f64; N],
+    ) -> Result<[f64; N]> {
         let options = self.drawing(mesh, SAMPLES);
         let mut solid = Solid::new();
-        let mut sum = 0.0;
+        let mut sums = [0.0; N];
         self.prefetch(chosen);
         for &view in chosen {
             let photo = self.taken(view)?;
             let cut = self.is_cut(view) && photo.alpha.is_some();
-            let mut psnr = |photo: &Pixels, background: [f32; 3]| {
+            let mut scores = |photo: &Pixels, background: [f32; 3]| {
                 let options = SolidRasterOptions { background, ..options };
-                let drawn = solid.render(mesh, self.camera(view), &options);
-                metric::psnr(&photo.rgb, &drawn.rgb, photo.alpha.as_deref())
+                measure(photo, &solid.render(mesh, self.camera(view), &options))
             };
-            sum += match cut {
-                false => psnr(&photo, options.background),
+            let of_view = match cut {
+                false => scores(&photo, options.background),
                 // Over black and over white, so that neither colour passes for background.
                 true => {
                     let of =
                         |code: u8| (photo.over_instead_of_black([code; 3]), [f32::from(code) / 255.0; 3]);
                     let [black, white] = [of(0), of(255)];
-                    (psnr(&black.0, black.1) + psnr(&white.0, white.1)) / 2.0
+                    let [black, white] = [scores(&black.0, black.1), scores(&white.0, white.1)];
+                    std::array::from_fn(|i| (black[i] + white[i]) / 2.0)
                 }
             };
+            sums.iter_mut().zip(of_view).for_each(|(sum, score)| *sum += score);
         }
-        Ok(sum / chosen.len().max(1) as f64)
+        Ok(sums.map(|sum| sum / chosen.len().max(1) as f64))
     }
 }
 

@@ -46,7 +46,7 @@ impl Sources {
     pub(super) fn find(inputs: &[PathBuf]) -> Result<Self> {
         let mut found = Self::default();
         for input in inputs {
-            let meta = std::fs::metadata(input).map_err(|e| Error::io(input, e))?;
+            let meta = std::fs::metadata(input).map_err(|e| Error::unread(input, e))?;
             match meta.is_dir() {
                 true => found.add_folder(input, "")?,
                 false => {

@@ -15,7 +15,7 @@ use trisplat_dataset::tracks::{TrackedPhoto, Tracks};
 use trisplat_scene::error::Result;
 use trisplat_scene::image::Pixels;
 use trisplat_scene::limits::Limits;
-use trisplat_scene::report::{StageDetails, counted};
+use trisplat_scene::report::StageDetails;
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
@@ -294,8 +294,11 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     }
     if !details.weak.is_empty() {
         advice.push(format!(
-            "{} hold few points ({}): more overlap there, or more texture",
-            counted(details.weak.len() as u64, "photo"),
+            "{} few points ({}): more overlap there, or more texture",
+            match details.weak.len() {
+                1 => "1 photo holds".to_owned(),
+                count => format!("{count} photos hold"),
+            },
             details.weak.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
         ));
     }

@@ -80,7 +80,7 @@ impl Dataset {
 /// Reads the files at `path`, of any kind.
 fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
     options.validate()?;
-    let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+    let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
     if meta.is_file() {
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
             return transforms::read(path, options);

@@ -17,7 +17,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::error::Result;
 use trisplat_scene::math::median::median;
 use trisplat_scene::math::normal_equations;
-use trisplat_scene::report::StageDetails;
+use trisplat_scene::report::{StageDetails, counted};
 
 /// Fewest points that place a photo.
 const LEAST_POINTS: usize = 15;
@@ -68,8 +68,9 @@ impl TrackedPoses {
         let [before, after] = self.error_px;
         (self.moved > 0).then(|| {
             format!(
-                "{} photos moved by {:.2} px on average to where their tracks see them: reprojection error {before:.2} → {after:.2} px",
-                self.moved, self.moved_px
+                "{} moved by {:.2} px on average to where their tracks see them: reprojection error {before:.2} → {after:.2} px",
+                counted(self.moved, "photo"),
+                self.moved_px
             )
         })
     }

@@ -18,6 +18,7 @@ use super::lines::{Lines, clip, number};
 use super::read_options::ReadOptions;
 use super::source::Source;
 use glam::DVec3;
+use std::path::Path;
 use trisplat_scene::asset::Provenance;
 use trisplat_scene::error::{Error, Result};
 use trisplat_scene::limits::Limits;
@@ -61,6 +62,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     if of_vertices.any && of_faces.any {
         warnings.push("vertices and faces both have colours: those of the vertices are used".into());
     }
+    warnings.extend(softness_beside(&source.path));
     if !of_vertices.any && !of_faces.any {
         warnings.push("the file has no colours: every triangle is white".into());
     }
@@ -76,6 +78,20 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
     finish(&source.path, loaded)
+}
+
+/// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such, without softness.
+fn softness_beside(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|_| path.as_os_str() != "-")?;
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let files = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let checkpoints = files.filter(|file| file.extension().is_some_and(|e| e == "pt") && file.is_file());
+    // That of the same name first.
+    let found = checkpoints.min_by_key(|file| (file.file_stem() != path.file_stem(), file.clone()))?;
+    let name = found.file_name()?.to_string_lossy().into_owned();
+    Some(format!(
+        "an OFF file holds no softness: if {name} beside it is of the same training, give that, and the scene looks as it was trained"
+    ))
 }
 
 /// Parses the head of the file: the numbers of vertices and of faces, checked against its length.

@@ -22,6 +22,10 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
     if let Some(format) = Format::detect(&head, &named) {
         return Ok(format);
     }
+    if let Some(kind) = photo(&head) {
+        let reason = format!("is a photo ({kind}), and no scene: `trisplat make` makes a scene of photos");
+        return Err(Error::unsupported(&source.path, reason));
+    }
     let seen = match (head.is_empty(), Format::by_extension(&named)) {
         (true, _) => "is empty".to_owned(),
         (false, Some(named)) => {
@@ -68,6 +72,18 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
     })
 }
 
+/// The kind of a photo that begins with `head`.
+fn photo(head: &[u8]) -> Option<&'static str> {
+    match head {
+        [0xff, 0xd8, 0xff, ..] => Some("JPEG"),
+        [0x89, b'P', b'N', b'G', ..] => Some("PNG"),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => Some("WebP"),
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some("TIFF"),
+        [_, _, _, _, b'f', b't', b'y', b'p', b'h', b'e', b'i' | b'v', ..] => Some("HEIC"),
+        _ => None,
+    }
+}
+
 /// The first bytes for a message: as text if possible, else in hex.
 fn preview(head: &[u8]) -> String {
     let head = &head[..head.len().min(16)];
@@ -85,6 +101,26 @@ fn preview(head: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_photo_in_place_of_a_scene_names_make() {
+        let heads: [(&[u8], &str); 5] = [
+            (b"\xff\xd8\xff\xe0\0\x10JFIF", "JPEG"),
+            (b"\x89PNG\r\n\x1a\n", "PNG"),
+            (b"RIFF\x10\0\0\0WEBPVP8 ", "WebP"),
+            (b"II\x2a\0\x08\0\0\0", "TIFF"),
+            (b"\0\0\0\x18ftypheic", "HEIC"),
+        ];
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for (head, kind) in heads {
+            // Also under a scene's name.
+            let path = folder.path().join("scene.ply");
+            std::fs::write(&path, head).expect("writable");
+            let message = read(&path, &ReadOptions::with_degree(0)).expect_err("a photo").to_string();
+            assert!(message.contains(&format!("is a photo ({kind})")), "{message}");
+            assert!(message.contains("`trisplat make`"), "{message}");
+        }
+    }
 
     #[test]
     fn an_unknown_file_names_what_was_seen_and_what_is_accepted() {

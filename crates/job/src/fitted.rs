@@ -5,6 +5,7 @@ use trisplat_bake::max_bytes::{Attempt, most_within};
 use trisplat_bake::refit::RefitColors;
 use trisplat_bake::reshape::ReshapeOptions;
 use trisplat_bake::teacher::TeacherOptions;
+use trisplat_bake::texture::TextureWhen;
 use trisplat_bake::{Bake, BakeOptions, Views};
 use trisplat_formats::output::{self, Output};
 use trisplat_scene::asset::Asset;
@@ -66,7 +67,7 @@ fn plain(options: &BakeOptions) -> BakeOptions {
     (plain.teacher, plain.reshape) = (TeacherOptions::OFF, ReshapeOptions::OFF);
     plain.refit.refit = RefitColors::Off;
     // The size of these files does not depend on the number of triangles.
-    (plain.collision.collision, plain.texture.texture) = (false, false);
+    (plain.collision.collision, plain.texture.texture) = (false, TextureWhen::Off);
     plain
 }
 

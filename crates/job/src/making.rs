@@ -196,7 +196,11 @@ impl MakeJob {
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
         if photos.views.len() < LEAST_PHOTOS {
-            let reason = format!("{} photos are not enough; give {LEAST_PHOTOS} or more", photos.views.len());
+            let count = match photos.views.len() {
+                1 => "1 photo is".to_owned(),
+                count => format!("{count} photos are"),
+            };
+            let reason = format!("{count} not enough; give {LEAST_PHOTOS} or more");
             return Err(Error::unsupported(path, reason));
         }
         let mut job = TrainJob::new(photos, self.train.clone());

@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
 use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Counts, StageDetails, StageReport, to_json};
+use trisplat_scene::report::{Counts, StageDetails, StageReport, counted, to_json};
 use trisplat_train::budget::{CostModel, Workload, part_secs};
 use trisplat_train::{TrainOptions, TrainPreset};
 
@@ -100,11 +100,15 @@ impl Watched {
     pub fn summary(&self) -> String {
         let said = |what: &str, pair: Option<[WatchedTraining; 2]>| {
             let ([few, many], gain) = (pair?, gain(pair)?);
-            Some(format!("{gain:+.2} dB from {} to {} {what} steps", few.steps, many.steps))
+            Some(format!("a {what} scene by {gain:+.2} dB ({} → {} steps)", few.steps, many.steps))
         };
         let gains = [said("solid", self.solid), said("soft", self.soft)];
         let gains: Vec<String> = gains.into_iter().flatten().collect();
-        format!("{} watched photos: {}", self.photos.len(), gains.join(", "))
+        format!(
+            "on {} left out of training, more steps change {}",
+            counted(self.photos.len() as u64, "photo"),
+            gains.join(", ")
+        )
     }
 
     /// The trainings as a stage of a report that took `seconds`.
@@ -194,8 +198,8 @@ mod tests {
     fn the_summary_says_what_was_measured() {
         let photos = ["a", "b", "c"].map(String::from).to_vec();
         let watched = Watched { photos, solid: pair(-0.25), soft: pair(1.0) };
-        let said =
-            "3 watched photos: -0.25 dB from 40 to 120 solid steps, +1.00 dB from 40 to 120 soft steps";
+        let said = "on 3 photos left out of training, more steps change a solid scene by -0.25 dB (40 → 120 steps), \
+                    a soft scene by +1.00 dB (40 → 120 steps)";
         assert_eq!(watched.summary(), said);
     }
 

@@ -109,6 +109,16 @@ impl Error {
         Self::Io { path: path.as_ref().to_owned(), source }
     }
 
+    /// Wraps an error of the operating system about an input, which may not exist.
+    pub fn unread(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        match source.kind() {
+            std::io::ErrorKind::NotFound => {
+                Self::io(path, std::io::Error::new(source.kind(), "does not exist"))
+            }
+            _ => Self::io(path, source),
+        }
+    }
+
     /// Wraps an error of the operating system about a temporary file.
     pub fn temporary(source: std::io::Error) -> Self {
         let variable = if cfg!(windows) { "TEMP" } else { "TMPDIR" };

@@ -18,7 +18,7 @@ const BLOCK: usize = 1 << 16;
 
 /// An open file at byte 0, and its length. Errors: not a regular file; larger than `file_bytes`.
 pub fn open(path: &Path, limits: &Limits) -> Result<(File, u64)> {
-    let io = |e| Error::io(path, e);
+    let io = |e| Error::unread(path, e);
     // Before it is opened: opening a pipe waits for its writer.
     let meta = std::fs::metadata(path).map_err(io)?;
     if is_handed_over(path, &meta) {

@@ -17,6 +17,28 @@ pub enum TextureDetail {
     Best,
 }
 
+/// Whether there is a texture.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TextureWhen {
+    /// Never: triangles show colours
+    #[default]
+    Off,
+    /// Always
+    On,
+    /// Unless held-out photos match the colours better, by PSNR and by SSIM
+    Auto,
+}
+
+impl From<bool> for TextureWhen {
+    fn from(wanted: bool) -> Self {
+        if wanted { Self::On } else { Self::Off }
+    }
+}
+
 /// Whether the scene gets a texture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -24,8 +46,10 @@ pub enum TextureDetail {
 pub struct TextureOptions {
     /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj
     /// and .tileset.json files
-    #[cfg_attr(feature = "cli", arg(long))]
-    pub texture: bool,
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TextureOptions::DEFAULT.texture, num_args = 0..=1,
+          require_equals = true, default_missing_value = "on", value_name = "WHEN"))]
+    #[serde(deserialize_with = "when")]
+    pub texture: TextureWhen,
     /// Largest width and height of a page of the texture, texels
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
     #[schemars(range(min = 64, max = 8192))]
@@ -50,7 +74,7 @@ pub struct TextureOptions {
 impl TextureOptions {
     /// None.
     pub const DEFAULT: Self = Self {
-        texture: false,
+        texture: TextureWhen::Off,
         texture_size: 4096,
         texture_pages: 4,
         texels_per_pixel: 0.7,
@@ -58,11 +82,16 @@ impl TextureOptions {
         texture_detail: TextureDetail::Auto,
     };
 
+    /// Whether there may be a texture.
+    pub fn is_wanted(&self) -> bool {
+        self.texture != TextureWhen::Off
+    }
+
     /// Whether files of a format hold the texture, if there is one.
     ///
     /// Errors: a format without textures.
     pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
-        if self.texture && format == OutputFormat::Ply {
+        if self.is_wanted() && format == OutputFormat::Ply {
             let wants = "a name ending in .glb, .gltf, .html, .obj or .tileset.json, whose files hold a texture, or no `texture`";
             return Err(Error::invalid("output", path.display(), wants));
         }
@@ -72,6 +101,20 @@ impl TextureOptions {
     pub(crate) fn validate(&self) -> Result<()> {
         ranges::check("texture", self, Called::ByFlag)
     }
+}
+
+/// A [`TextureWhen`], or the `true` and `false` of older files.
+fn when<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<TextureWhen, D::Error> {
+    #[derive(serde::Deserialize)]
+    #[serde(untagged, expecting = "expected `off`, `on` or `auto`")]
+    enum Stored {
+        Flag(bool),
+        When(TextureWhen),
+    }
+    Ok(match <Stored as serde::Deserialize>::deserialize(from)? {
+        Stored::Flag(flag) => flag.into(),
+        Stored::When(when) => when,
+    })
 }
 
 impl Default for TextureOptions {

@@ -185,11 +185,13 @@ impl Pace {
             || "photos as they are".to_owned(),
             |px| format!("photos of {px} px, because larger ones leave too few steps"),
         );
-        let (steps_take, rest) = (Seconds(*step_secs), Seconds(*reserve_secs));
+        // Hundredths of seconds say nothing beside ten.
+        let shown = |secs: f64| Seconds(if secs < 10.0 { secs } else { secs.round() });
+        let (steps_take, rest) = (shown(*step_secs), shown(*reserve_secs));
+        let budget = Budget { seconds: shown(self.budget.seconds.0), ..self.budget };
         format!(
-            "budget {}: {steps} steps of at most {max_triangles} triangles, {photos}; steps should take {steps_take}, what \
-             follows {rest}",
-            self.budget
+            "budget {budget}: {steps} steps of at most {max_triangles} triangles, {photos}; steps should take {steps_take}, what \
+             follows {rest}"
         )
     }
 }
