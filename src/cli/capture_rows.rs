@@ -30,8 +30,8 @@ fn photos(details: &PhotosDetails) -> String {
         0 => counted(photos, "photo"),
         _ if photos == frames => format!("{frames} of {} frames", HumanCount(video_frames)),
         _ => {
-            let photos = counted(photos - frames, "photo");
-            format!("{photos}, {frames} of {} frames", HumanCount(video_frames))
+            let stills = photos - frames;
+            format!("{}, {frames} of {} frames", counted(stills, "photo"), HumanCount(video_frames))
         }
     };
     for (number, what) in [(turned, "turned upright"), (converted, "converted")] {

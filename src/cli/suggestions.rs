@@ -44,15 +44,13 @@ fn meant_target(error: &Error) -> Option<String> {
         Some(ContextValue::String(text)) => text.to_lowercase(),
         _ => String::new(),
     };
-    let typed = text(ContextKind::InvalidValue);
+    let letters = |word: &str| word.to_lowercase().replace(|c: char| !c.is_alphanumeric(), "");
+    let typed = letters(&text(ContextKind::InvalidValue));
     if !text(ContextKind::InvalidArg).starts_with("--target") || typed.len() < SHORTEST_NAME {
         return None;
     }
     let targets = OutputTarget::value_variants().iter().filter_map(ValueEnum::to_possible_value);
-    let names_it = |help: String| {
-        let words = help.split([' ', ',', ':']).map(|word| word.replace(['.', '-'], ""));
-        words.into_iter().any(|word| word.to_lowercase().starts_with(&typed.replace(['.', '-'], "")))
-    };
+    let names_it = |help: String| help.split_whitespace().any(|word| letters(word).starts_with(&typed));
     let mut named = targets.filter(|target| target.get_help().is_some_and(|help| names_it(help.to_string())));
     named.next().map(|target| target.get_name().to_owned())
 }

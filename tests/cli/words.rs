@@ -94,7 +94,7 @@ fn the_name_of_an_engine_suggests_its_target() {
         let said = said(engine);
         assert!(said.contains("similar value exists: 'web'"), "{engine}: {said}");
     }
-    assert!(said("gltfast").contains("'unity'") && !said("xy").contains("tip"), "{}", said("xy"));
+    assert!(said("interchange").contains("'unreal'") && !said("xy").contains("tip"), "{}", said("xy"));
 }
 
 #[test]
