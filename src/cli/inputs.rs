@@ -8,11 +8,10 @@ use trisplat_scene::limits::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
-pub const OUTPUTS: [&str; 16] = [
+pub const OUTPUTS: [&str; 15] = [
     "checkpoint",
     "csv",
     "curve",
-    "depth",
     "folder",
     "log",
     "output",

@@ -121,9 +121,6 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("bake", "report", bake, &of_dataset(&named));
     add("mesh", "output", "mesh a.ply photos -o {} -f", &["link.ply", "a.ply"]);
     add("mesh", "report", "mesh g.gltf photos -o n.ply --report {} -f", &of_dataset(&["m.bin"]));
-    add("stereo", "output", "stereo photos -o {} -f", &["link.ply"]);
-    add("stereo", "depth", "stereo photos -o n.ply --depth {} -f", &["photos/images"]);
-    add("stereo", "report", "stereo photos -o n.ply --report {} -f", &DATASET);
     add("train", "output", "train photos --from a.ply -o {} -f", &["link.ply", "a.ply"]);
     let from = of_dataset(&["g.gltf", "m.bin", "a.ply"]);
     let train = "train photos --from g.gltf --teacher a.ply -o n.ply -f";

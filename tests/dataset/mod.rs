@@ -296,7 +296,10 @@ fn photos_are_shrunk_with_their_cameras() {
     assert_eq!(view.camera.size, UVec2::new(50, 38));
     assert!(view.camera.focal.abs_diff_eq(whole.camera.focal * Vec2::new(50.0 / 160.0, 38.0 / 120.0), 1e-4));
     let pixels = view.photo.decode().unwrap();
-    assert_eq!(pixels, whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38)));
+    // Rows are averaged while they are decoded, in whole numbers of pixels first: within one code of a picture shrunk at once.
+    let at_once = whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38));
+    let apart = pixels.rgb.as_flattened().iter().zip(at_once.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(apart.is_some_and(|codes| codes <= 1), "{apart:?} codes apart");
     let exact = synthetic::render(&view.camera).to_pixels();
     let psnr = metric::psnr(&pixels.rgb, &exact.rgb, None);
     // Pixels that a new one covers in part are taken as of one colour; that is all the difference.

@@ -143,7 +143,7 @@ fn splat_grad(
 }
 
 fn color_grad(splat: &ExactSplat, d: [f64; 3], soup: &Soup, camera: &ExactCamera, out: &mut ExactGrad) {
-    let d: [f64; 3] = std::array::from_fn(|c| if splat.rgb[c] > 0.0 { d[c] } else { 0.0 });
+    let d: [f64; 3] = std::array::from_fn(|c| if splat.rgb[c] > 0.0 || d[c] < 0.0 { d[c] } else { 0.0 });
     let offset = camera.offset(&soup.vertices[splat.triangle]);
     let (length, unit) = (offset.length(), v3(offset.normalize()));
     let (k, basis) = (soup.sh_count(), sh::basis(soup.sh_degree, unit));
