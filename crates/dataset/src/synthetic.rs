@@ -72,7 +72,7 @@ pub fn write(folder: &Path, options: &SyntheticOptions) -> Result<()> {
             (false, true) => truth(options, index).take(options.seed, index, &render(&camera)).to_pixels(),
             (false, false) => render(&camera).to_pixels(),
         };
-        photo.save_png(&images.join(photo_name(index)))
+        photo.save_png(images.join(photo_name(index)))
     })
 }
 

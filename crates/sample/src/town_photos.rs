@@ -60,7 +60,7 @@ pub fn write(folder: &Path, options: &TownOptions) -> Result<()> {
     let drawing = SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: 0.05 };
     let mut solid = Solid::new();
     for (i, camera) in cameras.iter().enumerate() {
-        solid.render(&mesh, camera, &drawing).save_png(&images.join(photo_name(i)))?;
+        solid.render(&mesh, camera, &drawing).save_png(images.join(photo_name(i)))?;
     }
     text(&folder.join("points.ply"), &points(&mesh, &cameras, options))?;
     let held_out: String = (0..cameras.len()).step_by(8).map(|i| photo_name(i) + "\n").collect();

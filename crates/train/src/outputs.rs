@@ -221,7 +221,7 @@ impl Recorder {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
             let (soup, space, drawing) = (trainer.soup()?, trainer.space(), trainer.drawing(&run.drawing));
             match run.evaluator.first_picture(&soup, &space, &drawing) {
-                Some(picture) => picture.save_png(&folder.join(format!("{PREVIEW}{step:06}.png"))),
+                Some(picture) => picture.save_png(folder.join(format!("{PREVIEW}{step:06}.png"))),
                 None => Ok(()),
             }
         });
