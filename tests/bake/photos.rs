@@ -91,7 +91,7 @@ fn photograph_at(mesh: &Mesh, samples: u32, develop: impl Fn(usize, Pixels) -> P
         writeln!(list, "{id} {} {} {} {} {} {} {} 1 {view:02}.png\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z)
             .unwrap();
         let photo = develop(view, Solid::new().render(mesh, &c, &options));
-        photo.save_png(&images.join(format!("{view:02}.png"))).unwrap();
+        photo.save_png(images.join(format!("{view:02}.png"))).unwrap();
     }
     std::fs::write(model.join("cameras.txt"), "1 PINHOLE 96 72 110 110 50 37\n").unwrap();
     std::fs::write(model.join("images.txt"), list).unwrap();
@@ -121,7 +121,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
         let seen = solid.visibility(&mesh, &camera(view), &one_sample);
         let rgb = seen.face.iter().map(|&face| [if face < THING { 255 } else { 0 }; 3]).collect();
         let mask = Pixels { size: seen.size, rgb, alpha: None };
-        mask.save_png(&masks.join(format!("{view:02}.png"))).unwrap();
+        mask.save_png(masks.join(format!("{view:02}.png"))).unwrap();
     }
     let dataset = load(folder.path());
     let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();

@@ -125,7 +125,7 @@ fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
 fn auto_takes_detail_that_costs_a_little_psnr() {
     // Every photo has the same stripes, a third of a wave beside where the mean of them is.
     let striped = |i: usize| {
-        let shift = if i % 2 == 0 { 0.05 } else { -0.05 };
+        let shift = if i.is_multiple_of(2) { 0.05 } else { -0.05 };
         wall(96, move |x, _| [0.4 + 0.3 * (18.0 * (x + shift)).sin(); 3])
     };
     let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);

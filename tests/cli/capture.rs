@@ -118,7 +118,7 @@ fn photos_become_a_data_set_and_nothing_is_done_twice() {
         "{}",
         calls[1]
     );
-    let set = Dataset::load(&fake.at("set"), &DatasetOptions::default()).unwrap();
+    let set = Dataset::load(fake.at("set"), &DatasetOptions::default()).unwrap();
     assert_eq!(set.views.len(), 40);
     assert!(fake.at("set/capture/poses.log").is_file());
     let report: serde_json::Value =
@@ -346,7 +346,7 @@ fn pycolmap_finds_the_poses_of_the_sample() {
     trisplat("sample dataset -o truth --views 16 --width 480");
     let said = trisplat(&format!("capture truth/images -o set --poses {python}"));
     assert!(said.contains("16 of 16 photos have a pose") && said.contains("pycolmap"), "{said}");
-    let load = |name: &str| Dataset::load(&folder.path().join(name), &DatasetOptions::default()).unwrap();
+    let load = |name: &str| Dataset::load(folder.path().join(name), &DatasetOptions::default()).unwrap();
     let (found, truth) = (load("set"), load("truth"));
     // Poses are found up to a similarity: ratios of distances between cameras are the same.
     let ratio = |set: &Dataset, a: usize, b: usize| {

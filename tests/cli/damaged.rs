@@ -1,7 +1,7 @@
 //! Damaged photos, of a kind that has made a decoder panic.
 
 #[path = "../common/png.rs"]
-mod png;
+pub(super) mod png;
 
 use super::{fails, sample, stderr, trisplat};
 use std::path::{Path, PathBuf};

@@ -51,7 +51,7 @@ fn evaluated(file: &str, folder: &Path, name: &str, more: &[&str]) -> (EvalRepor
 
 /// Scores the written files once more, with our metrics and with a program that shares no code with ours.
 fn check_scores(step: &StepScore, renders: &Path) {
-    let dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
+    let dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(step.images.len(), 5);
     let mut sum = [0.0; 3];
     for (image, view) in step.images.iter().zip(dataset.test()) {
@@ -333,7 +333,7 @@ fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     use trisplat_scene::asset::{Placement, UpAxis};
     let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions::with_degree(3)).unwrap();
     let trisplat_scene::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
-    let mut dataset = Dataset::load(&sample("dataset"), &DatasetOptions::default()).unwrap();
+    let mut dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     let camera = dataset.views[0].camera;
     let soft = |soup: &trisplat_scene::soup::Soup, placement: &Placement, dataset: &Dataset| {
         SceneRenderer::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)

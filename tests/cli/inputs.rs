@@ -278,7 +278,7 @@ fn a_photo_that_takes_more_than_the_memory_for_photos_is_refused_with_the_remedy
     let data = transforms(&folder.path().join("set"), serde_json::json!({ "file_path": "a.png" }));
     let rgb = vec![[1, 2, 3]; 1024 * 300];
     let large = trisplat_scene::image::Pixels { size: UVec2::new(1024, 300), rgb, alpha: None };
-    large.save_png(&data.join("a.png")).unwrap();
+    large.save_png(data.join("a.png")).unwrap();
     let info = [&"info" as Word, &data, &"--photo-memory-mib"];
     fails(folder.path(), &words(&info, &[&"1"]), &["a.png", "takes 2 MiB", "--photo-memory-mib 2"]);
     assert!(trisplat(&words(&info, &[&"2"])).status.success());

@@ -23,8 +23,7 @@ fn job(given: serde_json::Value) -> TrainJob {
         ..DatasetOptions::default()
     };
     let layers = Layers::default().settings(&["refine.every=10".to_owned()]).given(given);
-    let mut job =
-        TrainJob::new(Dataset::load(&dataset(), &dataset_options).unwrap(), TrainOptions::default());
+    let mut job = TrainJob::new(Dataset::load(dataset(), &dataset_options).unwrap(), TrainOptions::default());
     job.teacher = Some(TeacherSource::Off);
     (job.dataset_options, job.options) = (dataset_options, layers.resolve(TrainOptions::preset).unwrap());
     job
@@ -63,7 +62,7 @@ fn a_training_of_few_photos() {
     let folder = folder.path();
     few_photos(folder);
     succeed(&mut train_few(folder, "a.ply", &SHORT));
-    let photos = Dataset::load(&folder.join("photos"), &DatasetOptions::default()).unwrap();
+    let photos = Dataset::load(folder.join("photos"), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 30, max_triangles: 100, ..TrainOptions::default() };
     let scene = read(folder, "a.ply");
     assert!(
@@ -219,7 +218,7 @@ fn a_bake_by_default_and_with_photos() {
     assert!(library(folder, bake(&trained)).0 == baked(folder, &trained, &[]));
     let mut with_photos = bake(&trained);
     with_photos.options = BakeOptions::preset(BakePreset::Fast);
-    with_photos.photos = Some(Dataset::load(&dataset(), &DatasetOptions::default()).unwrap());
+    with_photos.photos = Some(Dataset::load(dataset(), &DatasetOptions::default()).unwrap());
     let photos = dataset().display().to_string();
     let program = baked(folder, &trained, &["--preset", "fast", "--dataset", &photos, "--max-bytes", "60kB"]);
     with_photos.max_bytes = Some(60_000);

@@ -135,7 +135,7 @@ fn photos_that_differ_in_their_ending_have_renders_of_their_own() {
     let images = folder.path().join("photos/images");
     let model = folder.path().join("photos/sparse/0/images.txt");
     let picture = trisplat_scene::image::Pixels::load(&images.join("view_0001.png")).unwrap();
-    picture.save_png(&images.join("view_0000.jpg")).unwrap();
+    picture.save_png(images.join("view_0000.jpg")).unwrap();
     let text = std::fs::read_to_string(&model).unwrap();
     std::fs::write(&model, text.replace("view_0001.png", "view_0000.jpg")).unwrap();
     let render = ["render", "a.ply", "--dataset", "photos", "--split", "all", "-o", "out"];

@@ -1,10 +1,7 @@
 //! What inputs may cost, and what a system may lack: memory of decoders, threads, a folder for temporary files.
 
 #[cfg(target_os = "linux")]
-#[allow(dead_code, reason = "others use the rest")]
-#[path = "../common/png.rs"]
-mod png;
-
+use super::damaged::png;
 use super::{sample, stderr, trisplat};
 use image::{ImageBuffer, Rgb, Rgba};
 use serde_json::{Value, json};

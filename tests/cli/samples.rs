@@ -78,7 +78,7 @@ fn trained_is_what_the_command_of_the_readme_writes() {
         return;
     }
     assert_eq!(header(&made), header(&kept), "UPDATE=1 rewrites trained.ply");
-    let dataset = Dataset::load(&samples().join("dataset"), &DatasetOptions::default()).unwrap();
+    let dataset = Dataset::load(samples().join("dataset"), &DatasetOptions::default()).unwrap();
     let read = |path: &Path| formats::read(path, &ReadOptions::with_degree(0)).unwrap();
     let [new, old] = [read(&folder.path().join("trained.ply")), read(&path)];
     let [count, wants] = [&new, &old].map(|loaded| loaded.scene.triangle_count() as f64);
@@ -106,7 +106,7 @@ fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f6
 /// The README's commands after the training.
 #[test]
 fn the_trained_sample_meets_held_out_photos_as_a_file() {
-    let dataset = Dataset::load(&samples().join("dataset"), &DatasetOptions::default()).unwrap();
+    let dataset = Dataset::load(samples().join("dataset"), &DatasetOptions::default()).unwrap();
     let loaded = formats::read(&samples().join("soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();
     let views = Views::new(&dataset, &DatasetOptions::default());
     let (plain, with_photos) =

@@ -28,7 +28,7 @@ pub(crate) fn phone_sample(folder: &Path) -> Vec<PhotoTruth> {
         let path = Path::new("images").join(&name);
         let scene = Pixels::load(&sample.join(&path)).unwrap().to_image();
         let truth = PhotoTruth::new(0, index, count, name, (DMat3::IDENTITY, DVec3::ZERO));
-        truth.take(0, index, &scene).to_pixels().save_png(&folder.join(&path)).unwrap();
+        truth.take(0, index, &scene).to_pixels().save_png(folder.join(&path)).unwrap();
         truth
     };
     (0..).zip(names).map(photo).collect()

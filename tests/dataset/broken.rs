@@ -79,7 +79,7 @@ fn photos_of_another_shape_than_their_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     copy_sample(folder.path());
     let turned = Pixels { size: UVec2::new(120, 160), rgb: vec![[9; 3]; 160 * 120], alpha: None };
-    turned.save_png(&folder.path().join("images/view_0002.png")).unwrap();
+    turned.save_png(folder.path().join("images/view_0002.png")).unwrap();
     let error = error_of(folder.path());
     assert!(error.contains("120x160") && error.contains("view_0002.png"), "{error}");
 }

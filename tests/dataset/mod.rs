@@ -250,7 +250,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
             distortion,
         };
         distorted_photo(&camera, &lens)
-            .save_png(&folder.path().join(format!("images/view_{index:04}.png")))
+            .save_png(folder.path().join(format!("images/view_{index:04}.png")))
             .unwrap();
     }
     let camera = synthetic::camera(&options, 0);
@@ -298,7 +298,8 @@ fn photos_are_shrunk_with_their_cameras() {
     let pixels = view.photo.decode().unwrap();
     // Rows are averaged while they are decoded, in whole numbers of pixels first: within one code of a picture shrunk at once.
     let at_once = whole.photo.decode().unwrap().downscaled(UVec2::new(50, 38));
-    let apart = pixels.rgb.as_flattened().iter().zip(at_once.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
+    let apart =
+        pixels.rgb.as_flattened().iter().zip(at_once.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
     assert!(apart.is_some_and(|codes| codes <= 1), "{apart:?} codes apart");
     let exact = synthetic::render(&view.camera).to_pixels();
     let psnr = metric::psnr(&pixels.rgb, &exact.rgb, None);

@@ -63,7 +63,7 @@ fn mutants_of_a_colmap_binary_model_are_survived() {
     let sparse = folder.path().join("sparse/0");
     std::fs::create_dir_all(&sparse).unwrap();
     std::fs::create_dir(folder.path().join("images")).unwrap();
-    picture(16, 12).save_png(&folder.path().join("images/a.png")).unwrap();
+    picture(16, 12).save_png(folder.path().join("images/a.png")).unwrap();
     let camera = [
         &1u64.to_le_bytes()[..],
         &1u32.to_le_bytes(),
@@ -104,7 +104,7 @@ fn mutants_of_a_colmap_binary_model_are_survived() {
 fn mutants_of_a_transforms_file_are_survived() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.png", "mask.png"] {
-        picture(16, 12).save_png(&folder.path().join(name)).unwrap();
+        picture(16, 12).save_png(folder.path().join(name)).unwrap();
     }
     let matrix = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
     let text = format!(

@@ -72,7 +72,7 @@ pub(super) fn fragment(camera: &Camera) -> String {
 
 /// Held-out cameras of the sample data set, at `size`, in the frame of a file.
 fn cameras(provenance: &Provenance, size: UVec2) -> Vec<Camera> {
-    let dataset = Dataset::load(&here("samples/dataset"), &DatasetOptions::default()).unwrap();
+    let dataset = Dataset::load(here("samples/dataset"), &DatasetOptions::default()).unwrap();
     let cameras = dataset.test().map(|v| in_file(&v.camera.resized(size), dataset.origin, provenance));
     cameras.take(3).collect()
 }
@@ -109,8 +109,8 @@ fn a_page_shows_what_our_renderer_draws() {
             let off = ours.rgb.iter().zip(&theirs.rgb).filter(far).count() as f64 / ours.rgb.len() as f64;
             println!("camera {i}, {samples} samples along an axis: {psnr:.2} dB, {:.2}% off", 100.0 * off);
             if let Some(folder) = std::env::var_os("TRISPLAT_KEEP").map(PathBuf::from) {
-                ours.save_png(&folder.join(format!("{samples}-{i}-ours.png"))).unwrap();
-                theirs.save_png(&folder.join(format!("{samples}-{i}-page.png"))).unwrap();
+                ours.save_png(folder.join(format!("{samples}-{i}-ours.png"))).unwrap();
+                theirs.save_png(folder.join(format!("{samples}-{i}-page.png"))).unwrap();
             }
             // One sample decides all of a pixel, and browsers' software snaps corners to 1/16 px, ours to 1/256.
             let close = if samples == 1 { off < 0.01 } else { psnr >= 35.0 };

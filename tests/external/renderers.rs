@@ -163,8 +163,8 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
         println!("| {name} | {psnr:.3} | {to_ours:.2} |");
         for (i, picture) in pictures.iter().enumerate().filter(|_| keep.is_some()) {
             let at = |who: &str| keep.unwrap_or(Path::new("")).join(format!("{i:02}-{who}.png"));
-            picture.save_png(&at(name.split([' ', '.']).next().unwrap_or(name))).unwrap();
-            truth[i].save_png(&at("ours")).unwrap();
+            picture.save_png(at(name.split([' ', '.']).next().unwrap_or(name))).unwrap();
+            truth[i].save_png(at("ours")).unwrap();
         }
         if square {
             assert!(to_ours >= close_db, "{name}: {to_ours:.2} dB from ours");

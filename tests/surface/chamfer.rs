@@ -83,7 +83,7 @@ fn distances(points: &[Vec3], others: &[Vec3]) -> (f64, f64) {
 #[test]
 fn the_trained_sample_is_near_the_truth() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let dataset = Dataset::load(&here.join("samples/dataset"), &DatasetOptions::default()).unwrap();
+    let dataset = Dataset::load(here.join("samples/dataset"), &DatasetOptions::default()).unwrap();
     assert_eq!(dataset.origin, DVec3::ZERO);
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let scene = read(&here.join("samples/soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap();

@@ -66,6 +66,6 @@ fn mask_photos(folder: &Path, dataset: &Dataset) {
         let size: UVec2 = view.photo.size;
         let counts = |i: u32| if i % size.x < 5 && i / size.x < 5 { [0; 3] } else { [255; 3] };
         let rgb = (0..size.x * size.y).map(counts).collect();
-        Pixels { size, rgb, alpha: None }.save_png(&folder.join("masks").join(&view.name)).unwrap();
+        Pixels { size, rgb, alpha: None }.save_png(folder.join("masks").join(&view.name)).unwrap();
     }
 }

@@ -133,8 +133,8 @@ fn assert_agrees(name: &str, got: &Pixels, faces: &[usize], wants: &Pixels) {
     let lost = wrong.iter().filter(|&&i| inside(i)).count();
     if lost > 0 || wrong.len() * 100 > faces.len() {
         let folder = std::env::temp_dir();
-        got.save_png(&folder.join(format!("{name}-got.png"))).unwrap();
-        wants.save_png(&folder.join(format!("{name}-wants.png"))).unwrap();
+        got.save_png(folder.join(format!("{name}-got.png"))).unwrap();
+        wants.save_png(folder.join(format!("{name}-wants.png"))).unwrap();
         panic!(
             "{name}: {} of {} pixels differ, {lost} inside faces; see {folder:?}",
             wrong.len(),

@@ -161,7 +161,7 @@ fn write_photos(folder: &Path) {
     let target = Vec3::new(0.0, -0.35, 0.1);
     let frame = |(name, eye): (&str, Vec3)| {
         let size = UVec2::new(200, 150);
-        Pixels { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(&folder.join(name)).unwrap();
+        Pixels { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(folder.join(name)).unwrap();
         // Camera to world: right, up and back in columns.
         let back = (eye - target).normalize();
         let right = back.cross(Vec3::Y).normalize();

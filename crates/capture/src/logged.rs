@@ -249,7 +249,10 @@ mod tests {
         assert!(longest <= LONGEST as usize && sum == bytes, "{longest}, {sum}");
 
         // What a program says while its pictures are read.
-        let read = |from: &mut dyn Read| Ok(drop(io::copy(from, &mut io::sink())));
+        let read = |from: &mut dyn Read| {
+            drop(io::copy(from, &mut io::sink()));
+            Ok(())
+        };
         let failed = log.stream(&mut printing(&format!("({long}; echo; echo it failed) >&2; exit 1")), read);
         let Err(Halt::Failed(error)) = failed else { panic!("it succeeded") };
         assert!(error.to_string().contains(": it failed; this is its log"), "{error}");

@@ -57,7 +57,7 @@ mod tests {
     /// Case of seed 8 among a million: on one axis all positions are the same number, whose shortest text is not exact.
     #[test]
     fn positions_three_million_units_away_come_back() {
-        let axes = [(Axis::Distance, 3_280_510.373_693_166_3), (Axis::Gap, 0.000_383_851_302_724_010_08)];
+        let axes = [(Axis::Distance, 3_280_510.373_693_166_3), (Axis::Gap, 0.000_383_851_302_724_01)];
         let case = StressCase { seed: 3_221_861_613_712_043, axes: axes.into_iter().collect() };
         let (mesh, _) = StressScene::new(&case).solid();
         let folder = tempfile::tempdir().unwrap();

@@ -58,7 +58,7 @@ mod tests {
         let value = serde_json::json!({ "a": [1.5, { "b": [] }], "c": {}, "d": "e" });
         assert_eq!(text(&value, true).unwrap(), serde_json::to_vec_pretty(&value).unwrap());
         assert_eq!(text(&value, false).unwrap(), serde_json::to_vec(&value).unwrap());
-        let numbers = [0.1f32, 1_814_142.875, -123_456_792.0, 4095.9];
+        let numbers = [0.1f32, 1_814_142.9, -123_456_792.0, 4095.9];
         assert_eq!(text(&numbers, false).unwrap(), b"[0.1,1814142.875,-123456792.0,4095.9]");
     }
 }
