@@ -1,4 +1,4 @@
-//! Files of Gaussian splats: a reader per format. Those in PLY are in [`ply`](super::ply).
+//! Files of Gaussian splats: a reader per format. Those in PLY are in [`ply`].
 
 pub(super) mod build;
 pub mod cameras;
