@@ -45,7 +45,7 @@ impl BakeInput {
 /// let folder = tempfile::tempdir().unwrap();
 /// let mut options = BakeOptions::preset(BakePreset::Fast);
 /// options.output.target = OutputTarget::Godot;
-/// let scene = BakeInput::File("samples/soups/studio.ply".into());
+/// let scene = BakeInput::File("../../samples/soups/studio.ply".into());
 /// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
 /// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
 /// # Ok::<(), trisplat_scene::error::Error>(())
