@@ -81,6 +81,8 @@ export async function picture(page, path) {
       for (const one of document.body.children) if (one.id !== "picture") one.style.opacity = opacity;
     }, opacity);
   await fade(0);
+  // What was drawn last is shown a frame later; before that, the picture is one of those on the way to it.
+  await heard(page);
   await page.locator("#picture").screenshot({ path });
   await fade("");
 }

@@ -5,9 +5,9 @@ use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use trisplat::{Mesh, Scene, Soup};
 use trisplat_scene::image::Pixels;
 use trisplat_scene::mesh::Colors;
-use trisplat::{Mesh, Scene, Soup};
 
 /// The arrays of a scene.
 pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDict>> {

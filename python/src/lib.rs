@@ -11,11 +11,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 use std::path::PathBuf;
 use std::str::FromStr;
-use trisplat_scene::budget::{Budget, Seconds};
+use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 use trisplat_formats::output::Output;
 use trisplat_job::BakeInput;
 use trisplat_job::harden::HardenOptions;
-use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
+use trisplat_scene::budget::{Budget, Seconds};
 
 /// A scene of any format as arrays.
 ///

@@ -5,12 +5,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
-use trisplat_scene::atomic::AtomicFile;
+use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::TrainJobObserver;
 use trisplat_job::teacher::TeacherSource;
+use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::report::OutputReport;
 use trisplat_train::TrainObserver;
-use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///

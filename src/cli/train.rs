@@ -53,8 +53,11 @@ pub fn run(
     }
     let clock = Instant::now();
     let outputs = outputs(args);
-    let (point, mut warnings) = checkpoint_to_resume(args, matches)?;
-    let mut files = guard(args, inputs, &outputs, point.as_ref())?;
+    let read = checkpoint_to_resume(args, matches);
+    let point = read.as_ref().ok().and_then(|(point, _)| point.as_ref());
+    // An output that must not be written is said before a checkpoint that cannot be read.
+    let mut files = guard(args, inputs, &outputs, point)?;
+    let (point, mut warnings) = read?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
         None => resolve(args, matches)?,

@@ -214,17 +214,18 @@ impl Loader {
     /// The most urgent photo: the one waited for, then the next in the queue while memory lasts.
     fn next_job(&self, state: &LoaderState) -> Option<usize> {
         let idle = |i: usize| state.slots[i].pixels.is_none() && !state.slots[i].loading;
-        if let Some(i) = state.wanted.filter(|&i| idle(i)) {
-            return Some(i);
-        }
         let loading = self.loading_bytes(state);
         // Others can leave for one of the next photos.
         let soon = state.queue.iter().take(WORKERS).chain(&state.wanted).collect::<BTreeSet<_>>();
         let kept = soon.into_iter().filter_map(|&i| state.slots[i].pixels.as_ref()?.as_ref().ok());
         let kept = kept.map(|pixels| pixels.bytes()).sum::<u64>();
+        let fits = |held: u64, i: usize| held + loading + self.cost(state, i) <= self.budget_bytes;
+        if let Some(i) = state.wanted.filter(|&i| idle(i)) {
+            // Also the photo waited for is decoded alone if it does not fit beside another one.
+            return (loading == 0 || fits(kept, i)).then_some(i);
+        }
         for (ahead, &i) in state.queue.iter().enumerate() {
-            let held = if ahead < WORKERS { kept } else { state.resident_bytes };
-            let fits = held + loading + self.cost(state, i) <= self.budget_bytes;
+            let fits = fits(if ahead < WORKERS { kept } else { state.resident_bytes }, i);
             if !fits && (ahead >= WORKERS || loading > 0) {
                 return None;
             }
