@@ -32,22 +32,22 @@ pub mod cli;
 #[doc(hidden)]
 pub mod web;
 
-pub use trisplat_bake::mesh::{MeshOptions, mesh};
-pub use trisplat_bake::texture::TextureWhen;
+pub use trisplat_bake::TextureWhen;
 pub use trisplat_bake::{BakeOptions, BakePreset, Views};
+pub use trisplat_bake::{MeshOptions, mesh};
 pub use trisplat_dataset::{Dataset, DatasetOptions};
 pub use trisplat_formats::{OutputOptions, ReadOptions};
 pub use trisplat_job::{
     BakeDone, BakeInput, BakeJob, Baked, Draw, EvalJob, Event, MakeJob, MeshJob, RenderJob, TrainDone,
     TrainJob, TrainPart, bake, draw, read, score, train,
 };
-pub use trisplat_scene::asset::Asset;
+pub use trisplat_scene::Asset;
+pub use trisplat_scene::Limits;
+pub use trisplat_scene::Soup;
 pub use trisplat_scene::camera::Camera;
-pub use trisplat_scene::error::{Error, Result};
 pub use trisplat_scene::image::Pixels;
-pub use trisplat_scene::limits::Limits;
 pub use trisplat_scene::mesh::Mesh;
 pub use trisplat_scene::report::Report;
-pub use trisplat_scene::scene::{Loaded, Scene};
-pub use trisplat_scene::soup::Soup;
+pub use trisplat_scene::{Error, Result};
+pub use trisplat_scene::{Loaded, Scene};
 pub use trisplat_train::{TrainOptions, TrainPreset, TrainSample, Trained};

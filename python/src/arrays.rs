@@ -6,8 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trisplat::{Mesh, Scene, Soup};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::Colors;
+use trisplat_scene::{image::Pixels, mesh::Colors};
 
 /// The arrays of a scene.
 pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDict>> {
@@ -88,7 +87,7 @@ fn to_soup(dict: &Bound<'_, PyDict>) -> PyResult<Soup> {
     let (sh, degree) = match dict.get_item("sh")? {
         Some(given) => sh(&given)?,
         // C0 times this is one half, white.
-        None => (vec![[0.5 / trisplat_scene::soup::SH_C0; 3]; rows], 0),
+        None => (vec![[0.5 / trisplat_scene::SH_C0; 3]; rows], 0),
     };
     Ok(Soup {
         vertices: corners.chunks_exact(3).map(|corners| [corners[0], corners[1], corners[2]]).collect(),

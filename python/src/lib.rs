@@ -13,9 +13,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 use trisplat_formats::output::Output;
-use trisplat_job::BakeInput;
-use trisplat_job::harden::HardenOptions;
-use trisplat_scene::budget::{Budget, Seconds};
+use trisplat_job::{BakeInput, HardenOptions};
+use trisplat_scene::{Budget, Seconds};
 
 /// A scene of any format as arrays.
 ///

@@ -6,10 +6,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
-use trisplat_job::TrainJobObserver;
-use trisplat_job::teacher::TeacherSource;
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::report::OutputReport;
+use trisplat_job::{TeacherSource, TrainJobObserver};
+use trisplat_scene::{atomic::AtomicFile, report::OutputReport};
 use trisplat_train::TrainObserver;
 
 /// Trains a scene on a folder of photos with poses, as the program does.

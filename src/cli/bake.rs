@@ -12,16 +12,11 @@ use super::progress::Progress;
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
-use trisplat_bake::BakeOptions;
-use trisplat_bake::reshape::ReshapeDetails;
-use trisplat_bake::teacher::TeacherDetails;
+use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
 use trisplat_dataset::{Dataset, ShrunkSize};
-use trisplat_formats::info::Softness;
-use trisplat_formats::output::Output;
+use trisplat_formats::{info::Softness, output::Output};
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
-use trisplat_scene::error::Result;
-use trisplat_scene::layered::Layers;
-use trisplat_scene::report::Report;
+use trisplat_scene::{Result, layered::Layers, report::Report};
 use trisplat_train::{HardenedGain, TrainDetails};
 
 /// Bakes; `matches` says which flags were typed.

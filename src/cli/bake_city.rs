@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
 use trisplat_scale::{Blocks, manifest, tileset};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Whether a path is a plan of a scene in blocks, or its folder.
 pub(super) fn is_plan(path: &Path) -> bool {

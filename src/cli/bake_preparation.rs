@@ -5,8 +5,10 @@ use super::progress::{Progress, thousands};
 use super::train_progress::Bar;
 use clap::Command;
 use trisplat_job::BakeJobObserver;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Observer, StageReport};
+use trisplat_scene::{
+    Result,
+    report::{Observer, StageReport},
+};
 use trisplat_train::{TrainObserver, TrainOptions};
 
 /// Shows a bake.

@@ -10,12 +10,11 @@ use super::stdout::Stdout;
 use super::stress;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use trisplat_bench::stress::StressArgs;
-use trisplat_bench::{bake, cost, fidelity, machine, measure, raster};
+use trisplat_bench::{bake, cost, fidelity, machine, measure, raster, stress::StressArgs};
 #[cfg(feature = "gpu")]
 use trisplat_bench::{card, fps};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use trisplat_train::{TrainObserver, TrainSample};
 
 /// Which benchmark.

@@ -5,7 +5,7 @@ use super::files;
 use super::progress::{Progress, thousands};
 use trisplat_bench::cost::{self, CostArgs, CostCell, CostObserver, CostReport};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Trains the grid.
 pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {

@@ -10,8 +10,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use trisplat_capture::{Capture, CaptureObserver, CaptureOptions, VerdictDetails};
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Observer, Report, StageReport};
+use trisplat_scene::{
+    Result,
+    report::{Observer, Report, StageReport},
+};
 
 /// Photos or videos, and the folder to make of them.
 #[derive(Debug, clap::Args)]

@@ -3,7 +3,7 @@
 use super::stdout::Stdout;
 use clap::Command;
 use std::io::Write;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Which shell.
 #[derive(Debug, clap::Args)]

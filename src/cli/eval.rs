@@ -9,12 +9,13 @@ use super::{files, messages};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_eval::evaluate::{EvalReport, ScoredPicture, Scores, StepScore};
-use trisplat_eval::render::contact_sheet::{ContactSheet, is_shown};
-use trisplat_eval::render::scene_renderer::RenderOptions;
+use trisplat_eval::{
+    ContactSheet, RenderOptions,
+    evaluate::{EvalReport, ScoredPicture, Scores, StepScore},
+    is_shown,
+};
 use trisplat_job::EvalJob;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Error, Result, image::Pixels};
 use trisplat_train::BackendOptions;
 use trisplat_view::show;
 

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 use std::io::{self, Write};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result, atomic::AtomicFile};
 
 /// Writes `value` as indented JSON and a final newline.
 pub fn print_json(value: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {

@@ -1,7 +1,7 @@
 //! The dashes of flags. The library names options by their fields (`max_triangles`); a user types `--max-triangles`.
 
 use clap::{ArgMatches, Command};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// The innermost subcommand that was typed.
 pub fn innermost<'a>(command: &'a Command, matches: &ArgMatches) -> &'a Command {

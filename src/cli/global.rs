@@ -1,7 +1,6 @@
 //! Flags of all commands.
 
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result};
 
 /// Flags every command takes.
 #[derive(Debug, Clone, Default, clap::Args)]

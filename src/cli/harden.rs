@@ -4,9 +4,8 @@ use super::Global;
 use super::progress::Progress;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_job::harden::{HardenOptions, MOST_PICTURES};
-use trisplat_scene::error::Result;
-use trisplat_scene::scene::Loaded;
+use trisplat_job::{HardenOptions, MOST_PICTURES};
+use trisplat_scene::{Loaded, Result};
 use trisplat_teacher as teacher;
 use trisplat_train::TrainOptions;
 

@@ -5,10 +5,12 @@ use super::{files, info_dataset, info_tileset, messages};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::DatasetOptions;
-use trisplat_formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo};
-use trisplat_formats::tileset_info::tileset_info;
+use trisplat_formats::{
+    info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo},
+    tileset_info,
+};
 use trisplat_job::describe;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// What to describe.
 #[derive(Debug, clap::Args)]
@@ -116,9 +118,9 @@ fn print_origin(info: &Info, out: &mut dyn Write) -> io::Result<()> {
         }
     }
     let placement = &origin.placement;
-    if *placement != trisplat_scene::asset::Placement::IDENTITY {
+    if *placement != trisplat_scene::Placement::IDENTITY {
         let [x, y, z] = placement.center;
-        let up = trisplat_bake::place::words::UpChoice::Given(placement.up);
+        let up = trisplat_bake::UpChoice::Given(placement.up);
         let turned = match placement.rotate {
             0.0 => String::new(),
             degrees => format!("rotate {degrees}, "),

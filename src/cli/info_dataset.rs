@@ -5,8 +5,7 @@ use super::progress::thousands;
 use std::io::Write;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions, Description, describe};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::counted;
+use trisplat_scene::{Error, Result, report::counted};
 
 /// Most cameras listed one by one; others are only counted.
 const LISTED: usize = 5;

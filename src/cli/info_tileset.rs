@@ -3,8 +3,8 @@
 use super::messages;
 use super::progress::thousands;
 use std::io::Write;
-use trisplat_formats::tileset_info::TilesetInfo;
-use trisplat_scene::error::{Error, Result};
+use trisplat_formats::TilesetInfo;
+use trisplat_scene::{Error, Result};
 
 /// Writes the table, or the figures as JSON, to `out`.
 pub(super) fn run(info: &TilesetInfo, json: bool, out: &mut dyn Write) -> Result<()> {

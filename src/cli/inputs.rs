@@ -3,8 +3,8 @@
 use clap::ArgMatches;
 use clap::parser::ValueSource;
 use std::path::{Path, PathBuf};
-use trisplat_job::inputs::files_of;
-use trisplat_scene::limits::Limits;
+use trisplat_job::files_of;
+use trisplat_scene::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.

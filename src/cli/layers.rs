@@ -7,7 +7,7 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 use serde::Serialize;
 use serde_json::{Map, Value};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// The options of `parsed` that were typed, and no others. Flags are matched by the name of their field, which is unique over all option
 /// groups.

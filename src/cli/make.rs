@@ -15,14 +15,13 @@ use std::process::ExitCode;
 use trisplat_bake::BakeOptions;
 use trisplat_capture::{CaptureObserver, CaptureOptions};
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
-use trisplat_formats::target::OutputTarget;
+use trisplat_formats::OutputTarget;
 use trisplat_job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJobObserver};
-use trisplat_scene::budget::Seconds;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Observer, StageReport};
-use trisplat_train::budget::BudgetDetails;
-use trisplat_train::eval::PhotoScore;
-use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
+use trisplat_scene::{
+    Error, Result, Seconds,
+    report::{Observer, StageReport},
+};
+use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions, budget::BudgetDetails};
 
 /// From here on nothing needs to be done about a scene, dB on held-out photos.
 const GOOD_PSNR: f64 = 28.0;

@@ -2,8 +2,7 @@
 
 use clap_mangen::Man;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::AtomicFolder;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result, atomic::AtomicFolder};
 
 /// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";

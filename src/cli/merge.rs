@@ -9,11 +9,8 @@ use super::progress::thousands;
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
-use trisplat_scale::Blocks;
-use trisplat_scale::merge::SeamQuality;
-use trisplat_scale::seams;
-use trisplat_scene::atomic;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scale::{Blocks, SeamQuality, seams};
+use trisplat_scene::{Error, Result, atomic};
 
 /// What to merge.
 #[derive(Debug, clap::Args)]

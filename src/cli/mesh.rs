@@ -13,14 +13,12 @@ use clap::ArgMatches;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use trisplat_bake::mesh::MeshOptions;
+use trisplat_bake::MeshOptions;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Beside, Output, OutputFormat};
 use trisplat_job::MeshJob;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::Layers;
-use trisplat_scene::report::Report;
+use trisplat_scene::{Error, Result, layered::Layers, report::Report};
 
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]

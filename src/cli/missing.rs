@@ -1,7 +1,7 @@
 //! Commands that this build lacks.
 
 use std::ffi::OsString;
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// Any arguments; they are ignored.
 #[derive(Debug, clap::Args)]

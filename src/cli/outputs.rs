@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use trisplat_capture::is_camera_file;
 use trisplat_dataset::Dataset;
 use trisplat_formats::output::Output;
-use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{
+    Error, Result,
+    atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved},
+};
 
 /// The inputs and outputs of a command.
 #[derive(Debug)]
@@ -145,6 +147,7 @@ impl<'a> Outputs<'a> {
     /// Plans to add to the end of `path`, which may exist.
     ///
     /// Errors: those of [`Outputs::plan`].
+    #[cfg(feature = "bench")]
     pub(super) fn append(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan_as(option, path, true)
     }

@@ -3,8 +3,10 @@
 use super::messages;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::sync::{Mutex, PoisonError};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::guard::{is_guarded, text};
+use trisplat_scene::{
+    Error, Result,
+    guard::{is_guarded, text},
+};
 
 /// Place of the last panic for [`caught`] to report.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);

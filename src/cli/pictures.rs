@@ -2,9 +2,11 @@
 
 use super::outputs::Outputs;
 use std::path::{Component, Path, PathBuf};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::{Pixels, npy};
+use trisplat_scene::{
+    Result,
+    atomic::AtomicFile,
+    image::{Pixels, npy},
+};
 
 /// Where each picture goes.
 #[derive(Debug)]

@@ -15,14 +15,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scale::manifest::{Expected, NAME};
-use trisplat_scale::plan::{check, find_coarse, keep_coarse};
-use trisplat_scale::{Manifest, PlanOptions, Planner, status, task};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::Layers;
-use trisplat_scene::scene::Loaded;
-use trisplat_train::device::OpenRun;
-use trisplat_train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
+use trisplat_scale::{
+    Manifest, PlanOptions, Planner,
+    manifest::{Expected, NAME},
+    plan::{check, find_coarse, keep_coarse},
+    status, task,
+};
+use trisplat_scene::{Error, Loaded, Result, layered::Layers};
+use trisplat_train::{BackendOptions, OpenRun, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
 #[derive(Debug, clap::Args)]

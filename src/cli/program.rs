@@ -16,8 +16,7 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 use trisplat_dataset::DatasetOptions;
 use trisplat_formats::ReadOptions;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result};
 
 /// Turns posed photographs into triangle scenes a game engine draws as they are.
 #[derive(Debug, Parser)]

@@ -7,9 +7,9 @@ use super::pictures::Pictures;
 use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_eval::render::scene_renderer::RenderOptions;
-use trisplat_job::rendering::{PictureKind, RenderJob, SHARE, WIDTH};
-use trisplat_scene::error::{Error, Result};
+use trisplat_eval::RenderOptions;
+use trisplat_job::{PictureKind, RenderJob, SHARE, WIDTH};
+use trisplat_scene::{Error, Result};
 use trisplat_train::BackendOptions;
 
 /// What to draw, and from which cameras.

@@ -8,8 +8,10 @@ use trisplat_formats::ply;
 use trisplat_sample::scenes::{self, SampleScene};
 #[cfg(feature = "bench")]
 use trisplat_sample::town_photos::{self, TownOptions};
-use trisplat_scene::atomic::{self, AtomicFolder};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{
+    Error, Result,
+    atomic::{self, AtomicFolder},
+};
 
 /// What to make.
 #[derive(Debug, clap::Args)]

@@ -3,30 +3,23 @@
 use super::stdout::Stdout;
 use std::io::Write;
 use trisplat_bake::{
-    BakeOptions, arrange::ArrangeDetails, backdrop::BackdropDetails, bvh::BvhDetails, chunk::ChunkDetails,
-    collision::CollisionDetails, color::ColorDetails, crop::CropDetails, exposure::ExposureDetails,
-    lit::LitDetails, lod::LodDetails, order::OrderDetails, place::PlaceDetails, prune::PruneDetails,
-    refit::RefitDetails, reshape::ReshapeDetails, solid::SolidDetails, teacher::TeacherDetails,
-    texture::TextureDetails, tiles::TilesDetails, unseen::UnseenDetails, viewpoint::ViewpointDetails,
-    weld::WeldDetails,
+    ArrangeDetails, BackdropDetails, BakeOptions, BvhDetails, ChunkDetails, CollisionDetails, ColorDetails,
+    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
+    ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
+    WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
 };
 #[cfg(feature = "bench")]
 use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
-use trisplat_dataset::Description;
-use trisplat_dataset::tracked_poses::TrackedPoses;
+use trisplat_dataset::{Description, tracked_poses::TrackedPoses};
 use trisplat_eval::evaluate::EvalReport;
-use trisplat_formats::bvh::BvhHeader;
-use trisplat_formats::check::Checked;
-use trisplat_formats::info::Info;
-use trisplat_formats::output::WriteDetails;
-use trisplat_formats::tileset_info::TilesetInfo;
+use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::watched::Watched;
-use trisplat_scale::Manifest;
-use trisplat_scale::merge::MergeReport;
-use trisplat_scale::task::BlockFigures;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Report, stage_schema};
+use trisplat_scale::{Manifest, MergeReport, task::BlockFigures};
+use trisplat_scene::{
+    Error, Result,
+    report::{Report, stage_schema},
+};
 use trisplat_surface::SurfaceDetails;
 use trisplat_train::{TrainDetails, TrainOptions};
 

@@ -3,8 +3,7 @@
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use serde_json::Value;
-use trisplat_bake::BakeOptions;
-use trisplat_bake::mesh::MeshOptions;
+use trisplat_bake::{BakeOptions, MeshOptions};
 use trisplat_train::TrainOptions;
 
 /// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.

@@ -5,10 +5,11 @@ use super::files;
 use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use std::path::Path;
-use trisplat_bench::stress::case::StressCase;
-use trisplat_bench::stress::{self, InvarianceRow, Part, PromiseResult, StressArgs, StressReport, StressRow};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
+use trisplat_bench::{
+    stress::case::StressCase,
+    stress::{self, InvarianceRow, Part, PromiseResult, StressArgs, StressReport, StressRow},
+};
+use trisplat_scene::{Error, Result, atomic::AtomicFile};
 
 /// Measures and prints; an error when a promise is broken.
 pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {

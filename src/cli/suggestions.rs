@@ -3,7 +3,7 @@
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Error, ValueEnum};
-use trisplat_formats::target::OutputTarget;
+use trisplat_formats::OutputTarget;
 
 /// Fewer letters are the beginning of too many names.
 const SHORTEST_NAME: usize = 4;

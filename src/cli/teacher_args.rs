@@ -2,7 +2,7 @@
 
 use super::harden::share;
 use std::path::{Path, PathBuf};
-use trisplat_job::teacher::{TEACHER_FILE, TeacherSource};
+use trisplat_job::{TEACHER_FILE, TeacherSource};
 
 /// The teacher: a soft scene beside the photos.
 #[derive(Debug, clap::Args)]

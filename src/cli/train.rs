@@ -22,22 +22,21 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use trisplat_bake::teacher::is_solid;
-use trisplat_dataset::tracked_poses::TrackedPoses;
-use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize};
+use trisplat_bake::is_solid;
+use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::TrackedPoses};
 use trisplat_formats as formats;
-use trisplat_job::teacher::{TeacherPlan, teacher_files};
-use trisplat_job::{ReadyTrain, TrainJob, reading};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::{Layered, Layers};
-use trisplat_scene::report::{OutputReport, Report, counted};
-use trisplat_scene::scene::Loaded;
-use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
-use trisplat_train::device::OpenRun;
-use trisplat_train::eval::Quality;
-use trisplat_train::light::ExposureDetails;
-use trisplat_train::{Checkpoint, PREVIEW, Preview, RunOptions, TrainOptions, Trained, checkpoint, rotation};
+use trisplat_job::{ReadyTrain, TeacherPlan, TrainJob, reading, teacher_files};
+use trisplat_scene::{
+    Error, Loaded, Result,
+    atomic::AtomicFile,
+    layered::{Layered, Layers},
+    report::{OutputReport, Report, counted},
+};
+use trisplat_train::{
+    Checkpoint, ExposureDetails, OpenRun, PREVIEW, Preview, Quality, RunOptions, TrainOptions, Trained,
+    budget::{Budget, BudgetDetails, Seconds},
+    checkpoint, rotation,
+};
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that
 /// was finished, or stopped cleanly.

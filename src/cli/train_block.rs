@@ -11,11 +11,12 @@ use indicatif::HumanCount;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
-use trisplat_scene::atomic::{self, AtomicFile};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::counted;
-use trisplat_train::device::OpenRun;
-use trisplat_train::{PREVIEW, Preview, Trained};
+use trisplat_scene::{
+    Error, Result,
+    atomic::{self, AtomicFile},
+    report::counted,
+};
+use trisplat_train::{OpenRun, PREVIEW, Preview, Trained};
 
 /// Trains the block, unless its result exists.
 pub(super) fn run(

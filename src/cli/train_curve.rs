@@ -3,8 +3,7 @@
 use plotters::prelude::*;
 use std::path::Path;
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::short::short;
+use trisplat_scene::{Error, Result, math::short::short};
 use trisplat_train::TrainSample;
 
 /// The curve as SVG; `path` is for messages.

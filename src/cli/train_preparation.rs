@@ -7,8 +7,10 @@ use super::signals::Listener;
 use super::train_progress::{Bar, Lost};
 use std::path::PathBuf;
 use trisplat_job::TrainJobObserver;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{OutputReport, counted};
+use trisplat_scene::{
+    Error, Result,
+    report::{OutputReport, counted},
+};
 use trisplat_train::{TrainObserver, TrainOptions, Trained};
 
 /// Shows the preparation, and writes the teacher.

@@ -10,12 +10,8 @@ use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use trisplat_dataset::{Dataset, ShrunkSize};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::counted;
-use trisplat_scene::scene::Loaded;
-use trisplat_train::budget::Correction;
-use trisplat_train::refine::Refined;
-use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
+use trisplat_scene::{Error, Loaded, Result, report::counted};
+use trisplat_train::{Refined, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
 
 /// Another observer of a run.
 pub trait Watcher: TrainObserver {

@@ -6,11 +6,8 @@ use super::signals::Listener;
 use super::train_progress::Bar;
 use std::path::PathBuf;
 use trisplat_job::{TrainBegins, TrainJobObserver};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::counted;
-use trisplat_train::budget::Correction;
-use trisplat_train::refine::Refined;
-use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
+use trisplat_scene::{Error, Result, report::counted};
+use trisplat_train::{Refined, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
 
 /// Shows a training: its preparation, then its steps.
 pub(super) struct TrainTerminal<'a> {

@@ -25,8 +25,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Error, Loaded, Result};
 use trisplat_train::{TrainObserver, TrainSample};
 use trisplat_view::window::{
     self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,

@@ -3,10 +3,11 @@
 use super::{files, messages};
 use std::io::{self, Write};
 use std::path::PathBuf;
-use trisplat_formats::ReadOptions;
-use trisplat_formats::check::{Checked, Severity, check};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::counted;
+use trisplat_formats::{
+    ReadOptions,
+    check::{Checked, Severity, check},
+};
+use trisplat_scene::{Error, Result, report::counted};
 
 /// What to check.
 #[derive(Debug, clap::Args)]

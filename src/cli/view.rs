@@ -4,19 +4,14 @@ use glam::{DVec3, UVec2, Vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
+use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_eval::render::baked_scene::BakedScene;
-use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_eval::{BakedScene, SceneRenderer};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::placed;
-use trisplat_scene::region::Region;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Asset, Error, Loaded, Placement, Region, Result, atomic::AtomicFile, camera::Camera, placed,
+};
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
 };

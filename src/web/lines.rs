@@ -5,8 +5,10 @@ use serde::Serialize;
 use serde_json::json;
 use std::io::{self, Write};
 use trisplat_job::BakeJobObserver;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Observer, StageReport};
+use trisplat_scene::{
+    Result,
+    report::{Observer, StageReport},
+};
 use trisplat_train::{TrainObserver, TrainOptions, TrainSample};
 
 /// Smallest reported change of a fraction.

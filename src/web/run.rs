@@ -8,22 +8,19 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
-use trisplat_bake::teacher::{TeacherOptions, is_solid};
-use trisplat_bake::{BakeOptions, bake};
-use trisplat_eval::render::scene_renderer::SceneRenderer;
+use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
+use trisplat_eval::SceneRenderer;
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
-use trisplat_job::harden::HardenOptions;
-use trisplat_job::{BakeInput, BakeJob, describe};
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::guard::{self, is_guarded};
-use trisplat_scene::input;
-use trisplat_scene::layered::Layers;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::placed;
-use trisplat_scene::process::memory;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_job::{BakeInput, BakeJob, HardenOptions, describe};
+use trisplat_scene::{
+    Asset, Error, Limits, Loaded, Placement, Result, Scene,
+    atomic::AtomicFile,
+    guard::{self, is_guarded},
+    input,
+    layered::Layers,
+    placed,
+    process::memory,
+};
 
 /// The folder for temporary files, because this target names none.
 const TEMPORARY: &str = "/tmp";

@@ -2,11 +2,9 @@
 
 use super::hostile::{finite, grid, mesh_of};
 use glam::Vec3;
-use trisplat_bake::chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
+use trisplat_bake::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 use trisplat_sample::scenes::{SampleScene, soup};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::Outcome;
+use trisplat_scene::{Asset, mesh::Mesh, report::Outcome};
 
 fn chunked(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
@@ -84,7 +82,7 @@ fn large_triangles_do_not_bloat_the_chunks_of_small_ones() {
         *triangle = triangle.map(|v| 100.0 * v); // 2% a hundred times as large and far
     }
     let asset = chunked(mesh_of(&soup), 500);
-    let extent = |chunk: &trisplat_scene::asset::Chunk| {
+    let extent = |chunk: &trisplat_scene::Chunk| {
         let vertices = (chunk.first..chunk.first + chunk.count).flat_map(|f| asset.mesh.corners(f as usize));
         let (min, max) =
             vertices.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), v| (min.min(v), max.max(v)));

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3, Vec3, dvec2};
 use proptest::prelude::*;
-use trisplat_bake::solid::{area_factor, contour_factor, shrink};
-use trisplat_scene::rng::Rng;
+use trisplat_bake::{area_factor, contour_factor, shrink};
+use trisplat_scene::Rng;
 
 /// The window at `p`: distance to the nearest edge over the inradius, to the power σ (eq. 1), straight from the
 /// definition.

@@ -2,12 +2,8 @@
 
 use crate::common::phone::{error_of_gains, phone_sample};
 use std::path::Path;
-use trisplat_bake::exposure::ExposureDetails;
-use trisplat_bake::refit::RefitDetails;
-use trisplat_bake::views::Views;
-use trisplat_bake::{Bake, BakeOptions};
-use trisplat_dataset::exposure::ExposureUse;
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_bake::{Bake, BakeOptions, ExposureDetails, Views, refit::RefitDetails};
+use trisplat_dataset::{Dataset, DatasetOptions, exposure::ExposureUse};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scene::report::Report;
 

@@ -3,19 +3,19 @@
 use glam::{DVec3, UVec2, Vec3};
 use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions};
-use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
-use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_formats::{
+    self as formats, ReadOptions,
+    gltf::{GltfOptions, to_glb_bytes},
+};
 use trisplat_raster::framing::Surroundings;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Asset, Loaded, Scene};
 use trisplat_view::orbit;
 
 /// The README's first file, as its first command bakes it, without the slow part that changes no place.
 fn studio() -> Asset {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
     let scene = formats::read(&path, &ReadOptions::default()).expect("a sample");
-    let options =
-        BakeOptions { teacher: trisplat_bake::teacher::TeacherOptions::OFF, ..BakeOptions::DEFAULT };
+    let options = BakeOptions { teacher: trisplat_bake::TeacherOptions::OFF, ..BakeOptions::DEFAULT };
     Bake::new(&options).run([scene]).expect("it bakes")
 }
 

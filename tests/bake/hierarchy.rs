@@ -4,17 +4,18 @@ use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::PathBuf;
-use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
-use trisplat_bake::chunk::{ChunkDetails, ChunkOptions, chunk};
-use trisplat_formats::bvh::{BvhHeader, belongs, position_hash, read, write};
-use trisplat_formats::{ReadOptions, Source, ply};
+use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, bvh, chunk};
+use trisplat_formats::{
+    ReadOptions, Source,
+    bvh::{BvhHeader, belongs, position_hash, read, write},
+    ply,
+};
 use trisplat_sample::scenes::{SampleScene, soup};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::bvh::{Bvh, RayHit};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{
+    Asset, Error, Result, Rng, Scene,
+    bvh::{Bvh, RayHit},
+    mesh::Mesh,
+};
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };

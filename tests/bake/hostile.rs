@@ -2,9 +2,10 @@
 
 use glam::{Vec3, vec3};
 use trisplat_sample::scenes::{SampleScene, soup};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Rng, Soup,
+    mesh::{Colors, Mesh},
+};
 
 /// Puts corners, opacity and σ together; colours differ from triangle to triangle.
 pub(crate) fn soup_of(triangles: impl IntoIterator<Item = ([Vec3; 3], f32, f32)>) -> Soup {
@@ -128,7 +129,7 @@ pub(crate) fn poison() -> Vec<(&'static str, Soup)> {
 
 /// The soup as a mesh with face colours, for the stages that want one.
 pub(crate) fn mesh_of(soup: &Soup) -> Mesh {
-    trisplat_bake::color::color(soup.clone(), &mut Default::default()).unwrap()
+    trisplat_bake::color(soup.clone(), &mut Default::default()).unwrap()
 }
 
 /// A connected `side` x `side` grid of quads in the plane z = 0 with colours per vertex.

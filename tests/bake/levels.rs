@@ -2,17 +2,16 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::path::Path;
-use trisplat_bake::decimate::Decimation;
-use trisplat_bake::lod::{LodDetails, LodOptions, LodRanking};
-use trisplat_bake::views::SAMPLES;
-use trisplat_bake::visibility::visible_px;
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use trisplat_bake::{
+    Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES, visible_px,
+};
 use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Observer, Report, StageProgress};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Asset, Loaded, Scene,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+    report::{Observer, Report, StageProgress},
+};
 
 /// A wall of 2 · 16 · 16 triangles that shade into each other, and as many hidden behind it.
 fn wall() -> Mesh {

@@ -2,17 +2,14 @@
 
 use glam::{DMat3, Mat3, UVec2, Vec2, Vec3};
 use std::path::Path;
-use trisplat_bake::lit::{Lit, LitDetails, LitOptions, lit};
-use trisplat_bake::{BakeOptions, bake};
-use trisplat_formats::output::OutputOptions;
-use trisplat_formats::target::OutputTarget;
-use trisplat_formats::{ReadOptions, read, write};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::Outcome;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_bake::{BakeOptions, Lit, LitDetails, LitOptions, bake, lit};
+use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, write};
+use trisplat_scene::{
+    Asset, Loaded, Rng, Scene,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+    report::Outcome,
+};
 
 /// Triangles scattered about a ball of radius 1, each tilted by up to some 40 degrees, every third one wound inward.
 fn scattered(count: usize) -> Mesh {

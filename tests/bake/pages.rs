@@ -3,17 +3,13 @@
 use super::texture::{DRAWING, ON, baked, cameras, grey, painted, photos, psnr, read, textured};
 use glam::{Vec2, Vec3};
 use std::path::Path;
-use trisplat_bake::merge::merge;
-use trisplat_bake::place::words::UpChoice;
-use trisplat_bake::texture::TextureOptions;
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
-use trisplat_formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
-use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, TextureOptions, UpChoice, merge};
+use trisplat_formats::{
+    self as formats, OutputOptions, ReadOptions,
+    gltf::{GltfOptions, TextureFormat, to_glb_bytes},
+};
 use trisplat_raster::solid::Solid;
-use trisplat_scene::asset::{Asset, Chunk, UpAxis, UpDirection};
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Asset, Chunk, Loaded, Scene, UpAxis, UpDirection, math::metric, mesh::Mesh};
 
 const EXACT: OutputOptions = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
 
@@ -101,7 +97,7 @@ fn tiles_have_pages_of_their_own() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wall.tileset.json");
         options.plan_output(&path, None).unwrap();
-        let mut views = views.then(|| trisplat_bake::views::Views::drawn(cameras(), photos()));
+        let mut views = views.then(|| trisplat_bake::Views::drawn(cameras(), photos()));
         let bake = Bake::new(&options);
         let bake = match &mut views {
             Some(views) => bake.photos(views),

@@ -5,20 +5,20 @@ use glam::{UVec2, Vec2, Vec3};
 use std::fmt::Write;
 use std::path::Path;
 use tempfile::TempDir;
-use trisplat_bake::backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
-use trisplat_bake::refit::{self, RefitColors, RefitDetails, RefitOptions};
-use trisplat_bake::unseen::{self, FaceLimit, UnseenDetails, UnseenOptions};
-use trisplat_bake::views::Views;
-use trisplat_bake::{Bake, BakeOptions};
+use trisplat_bake::{
+    BackdropDetails, BackdropOptions, BackdropWhen, Bake, BakeOptions, Views, backdrop,
+    refit::{self, RefitColors, RefitDetails, RefitOptions},
+    unseen::{self, FaceLimit, UnseenDetails, UnseenOptions},
+};
 use trisplat_dataset::{Dataset, DatasetOptions, Masks};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::{Asset, Placement, UpAxis};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageProgress};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Asset, Loaded, Placement, Result, UpAxis,
+    camera::Camera,
+    image::Pixels,
+    mesh::{Colors, Mesh},
+    report::{Outcome, StageProgress},
+};
 
 const VIEWS: usize = 24;
 

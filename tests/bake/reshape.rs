@@ -2,14 +2,19 @@
 
 use super::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
 use glam::Vec3;
-use trisplat_bake::reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
-use trisplat_bake::{BakeOptions, BakePreset, Views};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::image::Image;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageProgress};
-use trisplat_scene::scene::Loaded;
+use trisplat_bake::{
+    BakeOptions, BakePreset, ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, Views, reshape,
+};
+use trisplat_raster::{
+    soft::SoftOptions,
+    solid::{NO_FACE, Solid, SolidRasterOptions},
+};
+use trisplat_scene::{
+    Loaded,
+    image::Image,
+    mesh::{Colors, Mesh},
+    report::{Outcome, StageProgress},
+};
 use trisplat_teacher::Teacher;
 
 fn options(reshape: ReshapeOptions) -> BakeOptions {

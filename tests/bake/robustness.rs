@@ -2,23 +2,16 @@
 //! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
 
 use super::hostile;
-use trisplat_bake::bvh::{BvhOptions, bvh};
-use trisplat_bake::chunk::{ChunkOptions, chunk};
-use trisplat_bake::color::{ColorDetails, color};
-use trisplat_bake::lod::{FinishedLevel, LevelSource, LodOptions, lod};
-use trisplat_bake::order::{FaceOrder, OrderOptions, order};
-use trisplat_bake::place::up::Evidence;
-use trisplat_bake::place::{PlaceOptions, place, placement};
-use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
-use trisplat_bake::solid::{SolidOptions, Solidify, solid};
-use trisplat_bake::tiles::{TilesOptions, tiles};
-use trisplat_bake::weld::{WeldOptions, WeldWhen, weld};
-use trisplat_scene::asset::{Asset, Provenance};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{
+    BvhOptions, ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions,
+    OrderOptions, PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions,
+    WeldOptions, WeldWhen, bvh, chunk, color, lod, order, place, placement, prune, solid, tiles, weld,
+};
+use trisplat_scene::{
+    Asset, Error, Provenance, Result, Scene, Soup,
+    mesh::Mesh,
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 #[derive(Clone)]
 struct Preset {

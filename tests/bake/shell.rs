@@ -2,10 +2,8 @@
 
 use super::hostile::{random_triangle, soup_of};
 use glam::Vec3;
-use trisplat_bake::{Bake, BakeOptions, BakePreset, backdrop::BackdropWhen};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{BackdropWhen, Bake, BakeOptions, BakePreset};
+use trisplat_scene::{Asset, Loaded, Soup};
 
 /// Eight huge triangles around the origin.
 fn octahedron() -> Soup {
@@ -80,7 +78,7 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     assert_eq!(bake(BackdropWhen::Off).provenance.backdrop, 0);
     // Of two inputs each has its own, wherever they stand.
     let mut beside = studio();
-    let trisplat_scene::scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
+    let trisplat_scene::Scene::Soup(soup) = &mut beside.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|p| p.x += 90.0);
     let both = Bake::new(&BakeOptions::preset(BakePreset::Fast)).run([studio(), beside]).unwrap();
     assert_eq!(both.provenance.backdrop, 2 * asset.provenance.backdrop);

@@ -2,18 +2,16 @@
 
 use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
-use trisplat_bake::chunk::{ChunkDetails, ChunkOptions, chunk};
-use trisplat_bake::color::{ColorDetails, color};
-use trisplat_bake::order::{FaceOrder, OrderDetails, OrderOptions, order};
-use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
-use trisplat_bake::solid::{SolidDetails, SolidOptions, Solidify, solid};
-use trisplat_bake::weld::{WeldDetails, WeldOptions, WeldWhen, weld};
-use trisplat_bake::{Bake, BakeOptions};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::Outcome;
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{
+    Bake, BakeOptions, ChunkDetails, ChunkOptions, ColorDetails, FaceOrder, OrderDetails, OrderOptions,
+    PruneDetails, PruneOptions, SolidDetails, SolidOptions, Solidify, WeldDetails, WeldOptions, WeldWhen,
+    chunk, color, order, prune, solid, weld,
+};
+use trisplat_scene::{
+    Asset, Scene, Soup,
+    mesh::{Colors, Mesh},
+    report::Outcome,
+};
 
 /// Prunes; returns what is left and the counts.
 fn pruned(soup: Soup, options: &PruneOptions) -> (Soup, PruneDetails) {

@@ -2,21 +2,20 @@
 
 use super::hostile::{random_triangle, soup_of};
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_bake::place::words::UpChoice;
-use trisplat_bake::reshape::ReshapeOptions;
-use trisplat_bake::solid::{SOLID_SIGMA, SolidOptions};
-use trisplat_bake::teacher::{TeacherDetails, TeacherOptions, is_solid, softness, teacher};
-use trisplat_bake::{Bake, BakeOptions, BakePreset, Views};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::{Asset, UpAxis, UpDirection};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Error;
-use trisplat_scene::math::metric;
-use trisplat_scene::region::Region;
-use trisplat_scene::report::{Outcome, Report};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{
+    Bake, BakeOptions, BakePreset, ReshapeOptions, SOLID_SIGMA, SolidOptions, TeacherDetails, TeacherOptions,
+    UpChoice, Views, is_solid, softness, teacher,
+};
+use trisplat_raster::{
+    soft::SoftOptions,
+    solid::{Solid, SolidRasterOptions},
+};
+use trisplat_scene::{
+    Asset, Error, Loaded, Region, Scene, Soup, UpAxis, UpDirection,
+    camera::Camera,
+    math::metric,
+    report::{Outcome, Report},
+};
 use trisplat_teacher::{Teacher, ViewpointKind};
 
 /// Many faint triangles on a ball: blended they have the colours of their neighbours, not their own.

@@ -2,22 +2,23 @@
 
 use glam::{UVec2, Vec2, Vec3};
 use std::path::Path;
-use trisplat_bake::place::words::UpChoice;
-use trisplat_bake::refit::UnseenColors;
-use trisplat_bake::texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
-use trisplat_bake::views::Views;
-use trisplat_bake::{Bake, BakeOptions};
-use trisplat_formats::gltf::{GltfOptions, TextureFormat, to_glb_bytes};
-use trisplat_formats::{OutputOptions, ReadOptions};
+use trisplat_bake::{
+    Bake, BakeOptions, TextureDetail, TextureDetails, TextureOptions, TextureWhen, UpChoice, Views,
+    refit::UnseenColors, texture,
+};
+use trisplat_formats::{
+    OutputOptions, ReadOptions,
+    gltf::{GltfOptions, TextureFormat, to_glb_bytes},
+};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::{Asset, UpAxis, UpDirection};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, Report, StageProgress};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Asset, Loaded, Result, Scene, UpAxis, UpDirection,
+    camera::Camera,
+    image::Pixels,
+    math::metric,
+    mesh::{Colors, Mesh},
+    report::{Outcome, Report, StageProgress},
+};
 
 pub(super) const DRAWING: SolidRasterOptions =
     SolidRasterOptions { background: [0.0; 3], samples: 4, near: 0.01 };

@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 use std::path::Path;
-use trisplat_bake::tiles::{TilesDetails, TilesOptions};
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
-use trisplat_scene::asset::{Asset, Tile};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::Report;
+use trisplat_bake::{Bake, BakeOptions, BakePreset, TilesDetails, TilesOptions};
+use trisplat_scene::{
+    Asset, Tile,
+    mesh::{Colors, Mesh},
+    report::Report,
+};
 
 /// A ground of `side` by `side` squares, two triangles each.
 fn ground(side: u32) -> Mesh {

@@ -5,10 +5,11 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_eval::evaluate::{EvalReport, StepScore};
-use trisplat_eval::render::scene_renderer::SceneRenderer;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
+use trisplat_eval::{
+    SceneRenderer,
+    evaluate::{EvalReport, StepScore},
+};
+use trisplat_scene::{image::Pixels, math::metric};
 
 pub(super) fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name)
@@ -330,12 +331,12 @@ fn a_made_data_set_can_be_read() {
 #[test]
 fn a_soup_of_a_far_world_is_drawn_where_its_file_says() {
     use trisplat_formats::{self as formats, ReadOptions};
-    use trisplat_scene::asset::{Placement, UpAxis};
+    use trisplat_scene::{Placement, UpAxis};
     let loaded = formats::read(&sample("soups/studio.ply"), &ReadOptions::with_degree(3)).unwrap();
-    let trisplat_scene::scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
+    let trisplat_scene::Scene::Soup(soup) = loaded.scene else { panic!("the sample is a soup") };
     let mut dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
     let camera = dataset.views[0].camera;
-    let soft = |soup: &trisplat_scene::soup::Soup, placement: &Placement, dataset: &Dataset| {
+    let soft = |soup: &trisplat_scene::Soup, placement: &Placement, dataset: &Dataset| {
         SceneRenderer::soft(soup.clone(), placement, Some(dataset), [0.0; 3]).color(&camera)
     };
     let near = soft(&soup, &Placement::IDENTITY, &dataset);

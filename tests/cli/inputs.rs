@@ -6,8 +6,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_formats::ply;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, camera::Camera};
 
 type Word<'a> = &'a dyn AsRef<OsStr>;
 

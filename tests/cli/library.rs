@@ -8,11 +8,8 @@ use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_job::harden::HardenOptions;
-use trisplat_job::teacher::TeacherSource;
-use trisplat_job::{BakeDone, BakeInput, TrainDone, TrainJobObserver};
-use trisplat_scene::budget::{Budget, Seconds};
-use trisplat_scene::layered::Layers;
+use trisplat_job::{BakeDone, BakeInput, HardenOptions, TeacherSource, TrainDone, TrainJobObserver};
+use trisplat_scene::{Budget, Seconds, layered::Layers};
 use trisplat_train::{TrainObserver, Trained};
 
 /// What the flags of [`train`] ask for; `given` are flags of the training.
@@ -249,8 +246,8 @@ fn a_bake_of_a_hardened_scene() {
 fn a_target_in_the_options_is_the_target_of_the_files() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = bake(&sample("trained.ply"));
-    job.options.output.target = trisplat_formats::target::OutputTarget::Godot;
-    job.options.reshape.reshape = trisplat_bake::reshape::ReshapeWhen::Off;
+    job.options.output.target = trisplat_formats::OutputTarget::Godot;
+    job.options.reshape.reshape = trisplat_bake::ReshapeWhen::Off;
     let out = folder.path().join("a.glb");
     job.save(&out, &mut ()).unwrap();
     assert!(folder.path().join("a.glb.import").is_file());

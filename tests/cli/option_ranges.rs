@@ -3,12 +3,13 @@
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::BTreeSet;
-use trisplat_bake::BakeOptions;
-use trisplat_bake::mesh::MeshOptions;
+use trisplat_bake::{BakeOptions, MeshOptions};
 use trisplat_dataset::DatasetOptions;
 use trisplat_scale::PlanOptions;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{ABOVE_ZERO, ANY, Called, RANGES, each, row_covers};
+use trisplat_scene::{
+    Error, Result,
+    ranges::{ABOVE_ZERO, ANY, Called, RANGES, each, row_covers},
+};
 use trisplat_train::{TrainOptions, TrainPreset};
 
 /// Options with a number for everything that need not be given, as JSON; a way to check them; how numbers are called.

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_bake::{Bake, BakeOptions, Views};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_eval::evaluate::evaluate;
-use trisplat_eval::render::scene_renderer::SceneRenderer;
-use trisplat_eval::steps::{EvalStep, SMALLEST, reread};
-use trisplat_formats::ply::write_soup;
-use trisplat_formats::{self as formats, ReadOptions};
+use trisplat_eval::{
+    SceneRenderer,
+    evaluate::evaluate,
+    steps::{EvalStep, SMALLEST, reread},
+};
+use trisplat_formats::{self as formats, ReadOptions, ply::write_soup};
 use trisplat_sample::scenes::{SampleScene, provenance, soup};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Loaded, Scene};
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use std::path::Path;
-use trisplat_dataset::phone::PhotoTruth;
+use trisplat_dataset::PhotoTruth;
 use trisplat_scene::image::Pixels;
 
 /// Writes the photos of the sample into `folder` as a phone would have taken them from the same places, with the sample's poses. Returns

@@ -11,14 +11,17 @@ mod transforms;
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use trisplat_dataset::lens::{Distortion, Lens};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_dataset::synthetic_scene::{Ray, trace};
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Masks, View, cloud};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::metric;
+use trisplat_dataset::{
+    Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, Ray, View, cloud,
+    synthetic::{self, SyntheticOptions},
+    trace,
+};
+use trisplat_scene::{
+    Limits,
+    camera::Camera,
+    image::{Image, Pixels},
+    math::metric,
+};
 
 const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/dataset");

@@ -8,8 +8,7 @@ use glam::UVec2;
 use std::path::{Path, PathBuf};
 use trisplat::{Dataset, DatasetOptions, Limits};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::error::Error;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Error, image::Pixels};
 use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// A refusal names its file and is one line of a readable length.

@@ -1,12 +1,11 @@
 //! The sample data set as a phone takes it: what its file says was done is what was done.
 
 use glam::{DQuat, DVec3, Vec2};
-use trisplat_dataset::phone::{PhoneTruth, TRUTH_FILE};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::median::median;
+use trisplat_dataset::{
+    PhoneTruth, TRUTH_FILE,
+    synthetic::{self, SyntheticOptions},
+};
+use trisplat_scene::{Limits, camera::Camera, math::color::linear_from_srgb, math::median::median};
 
 #[test]
 fn a_phone_does_to_photos_what_its_file_says() {

@@ -2,10 +2,11 @@
 
 use glam::{Quat, Vec2, Vec3};
 use std::path::Path;
-use trisplat_dataset::tracked_poses::{TrackedPoses, follow_tracks};
-use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::rng::Rng;
+use trisplat_dataset::{
+    Dataset, DatasetOptions,
+    tracked_poses::{TrackedPoses, follow_tracks},
+};
+use trisplat_scene::{Rng, camera::Camera};
 
 /// Viewing distance of the sample's cameras.
 const DISTANCE: f32 = 4.0;

@@ -10,12 +10,7 @@ use tempfile::TempDir;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{ReadOptions, read};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{Provenance, Scene, camera::Camera, image::Pixels, math::metric, mesh::Mesh};
 
 /// The browser, when it and what drives it are there.
 pub(super) fn chromium() -> Option<PathBuf> {

@@ -27,10 +27,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use trisplat_formats::{ReadOptions, ply, read};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Provenance, Scene, Soup, math::color::srgb_from_linear};
 
 const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
 /// Flags under which the output holds every triangle of a valid source unchanged.

@@ -8,10 +8,7 @@ use std::process::Command;
 use tempfile::TempDir;
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::camera::Viewpoint;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{Scene, camera::Viewpoint, image::Pixels, math::metric};
 
 const SIZE: UVec2 = UVec2::new(320, 240);
 /// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of triangles fall on either side of it.

@@ -4,9 +4,7 @@
 use super::files::{Cell, ENCODINGS, Element, Encoding, mesh, ply, provenance, soup, soup_elements, source};
 use proptest::prelude::*;
 use trisplat_formats::{ReadOptions, Source, obj, off, ply as format};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Asset, Error, Loaded, Result};
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(3);
 

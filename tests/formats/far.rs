@@ -5,11 +5,12 @@ use glam::DVec3;
 use std::fmt::Write;
 use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions};
-use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
-use trisplat_formats::{ReadOptions, read};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_formats::{
+    ReadOptions,
+    gltf::{GltfOptions, to_glb_bytes},
+    read,
+};
+use trisplat_scene::{Asset, Loaded, Scene, mesh::Mesh};
 
 /// Zone 32 of UTM, in metres.
 const FAR: DVec3 = DVec3::new(691_608.0, 5_334_760.0, 519.0);
@@ -244,7 +245,7 @@ fn an_input_of_another_world_is_named_and_stays_where_it_is() {
     std::fs::write(&paths[0], ply(PLACE, false)).unwrap();
     std::fs::write(&paths[1], obj(DVec3::new(5.0, 0.0, 0.0))).unwrap();
     let inputs = paths.iter().map(|path| read(path, &ReadOptions::default()).unwrap()).collect();
-    let merged = trisplat_bake::merge::merge(inputs).unwrap();
+    let merged = trisplat_bake::merge(inputs).unwrap();
     assert_eq!(merged.scene.corners(10)[0].as_dvec3(), corners()[0] + DVec3::X * 5.0);
     let named = |w: &&String| w.starts_with("input 2 does not say where it is in the world");
     assert_eq!(merged.warnings.iter().filter(named).count(), 1, "{:?}", merged.warnings);

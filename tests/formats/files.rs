@@ -4,13 +4,11 @@ use glam::Vec3;
 use std::io::{Seek, Write};
 use std::path::PathBuf;
 use trisplat_formats::Source;
-use trisplat_scene::asset::{Placement, Provenance, UpAxis};
-use trisplat_scene::error::Result;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Loaded, Placement, Provenance, Result, Rng, Scene, Soup, UpAxis,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 /// `bytes` as an open file called "test".
 pub(crate) fn source(bytes: &[u8]) -> Source {

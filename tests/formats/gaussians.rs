@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 const PLY: &[u8] = b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
     property float f_dc_0\nproperty float opacity\nproperty float scale_0\nproperty float rot_0\nend_header\n0123456789012345678901234567";

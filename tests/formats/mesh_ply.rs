@@ -2,11 +2,15 @@
 
 use super::files::{Cell, ENCODINGS, Element, Encoding, face, loaded_mesh, mesh, ply, provenance, source};
 use glam::Vec3;
-use trisplat_formats::ReadOptions;
-use trisplat_formats::ply::{read, write_mesh};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_formats::{
+    ReadOptions,
+    ply::{read, write_mesh},
+};
+use trisplat_scene::{
+    Asset,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 

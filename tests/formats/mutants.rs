@@ -4,11 +4,10 @@
 use crate::common::edits::mutate;
 use std::io::{Seek, Write};
 use trisplat_formats::{ReadOptions, Source, obj, off, ply};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Asset, Error, Loaded, Result, Scene, Soup,
+    mesh::{Colors, Mesh},
+};
 
 /// A reader, and a file it reads.
 type Row = (&'static str, Vec<u8>, fn(Source, &ReadOptions) -> Result<Loaded>);

@@ -2,11 +2,15 @@
 
 use super::files::{face, loaded_mesh, mesh, provenance, source};
 use proptest::prelude::*;
-use trisplat_formats::ReadOptions;
-use trisplat_formats::obj::{read, write};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_formats::{
+    ReadOptions,
+    obj::{read, write},
+};
+use trisplat_scene::{
+    Asset,
+    math::color::{linear_from_srgb, srgb_from_linear},
+    mesh::{Colors, Mesh},
+};
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(0);
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use trisplat_formats::{Format, ReadOptions, check, info, read};
-use trisplat_scene::scene::Scene;
+use trisplat_scene::Scene;
 
 fn studio() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply")

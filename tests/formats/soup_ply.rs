@@ -2,12 +2,11 @@
 
 use super::files::{Cell, ENCODINGS, Element, Encoding, ply, provenance, soup, soup_elements, source};
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_formats::ply::{read, write_soup};
-use trisplat_formats::{ReadOptions, Source};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_formats::{
+    ReadOptions, Source,
+    ply::{read, write_soup},
+};
+use trisplat_scene::{Loaded, Provenance, Scene, Soup, camera::Camera};
 
 fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
     let mut bytes = Vec::new();

@@ -8,8 +8,7 @@ use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_formats::{ReadOptions, Source, obj, off, ply};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::process::cpu_secs;
+use trisplat_scene::{Asset, process::cpu_secs};
 
 /// The least CPU and wall seconds of seven runs.
 fn measure<T>(name: &str, run: impl Fn() -> T) {

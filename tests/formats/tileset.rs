@@ -4,10 +4,11 @@ use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions};
-use trisplat_bake::tiles::TilesOptions;
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
-use trisplat_formats::check::{Checked, Severity, check};
-use trisplat_formats::{self as formats, Format, OutputOptions, ReadOptions};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, TilesOptions};
+use trisplat_formats::{
+    self as formats, Format, OutputOptions, ReadOptions,
+    check::{Checked, Severity, check},
+};
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// A tileset of five tiles: a ground of 60 by 60 squares, two triangles each.
@@ -171,7 +172,7 @@ fn tilesets_nested_thousands_deep_are_checked_and_counted_or_refused_with_the_re
         errors(&found).len() == 1 && errors(&found)[0].contains("none.glb, which does not exist"),
         "{found:?}"
     );
-    let info = formats::tileset_info::tileset_info(&at(0), &options.limits, false).unwrap().unwrap();
+    let info = formats::tileset_info(&at(0), &options.limits, false).unwrap().unwrap();
     assert_eq!((info.tilesets, info.tiles, info.missing), (3001, 1, 1));
 
     std::fs::write(&last, set("3001.json").to_string()).unwrap();
@@ -180,5 +181,5 @@ fn tilesets_nested_thousands_deep_are_checked_and_counted_or_refused_with_the_re
         assert!(error.contains("4096.json: 4097 levels") && error.contains("nesting=4097"), "{error}");
     };
     told(check(&at(0), &options).unwrap_err());
-    told(formats::tileset_info::tileset_info(&at(0), &options.limits, false).unwrap_err());
+    told(formats::tileset_info(&at(0), &options.limits, false).unwrap_err());
 }

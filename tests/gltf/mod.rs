@@ -13,9 +13,10 @@ use trisplat_formats::gltf::{
     ColorEncoding, Container, GltfOptions, PositionEncoding, Written, check_size, glb_size, stream_offsets,
     to_glb_bytes, write_glb, write_gltf,
 };
-use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Chunk, Error, Placement, Provenance, Result, UpAxis,
+    mesh::{Colors, Mesh},
+};
 
 const COLORS: [ColorEncoding; 5] = [
     ColorEncoding::U16Linear,

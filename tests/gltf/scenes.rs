@@ -2,9 +2,11 @@
 
 use glam::Vec3;
 use proptest::prelude::*;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Chunk,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 /// Every 8-bit code in every channel, one colour per face; positions with awkward decimals.
 pub(crate) fn ramp(faces: usize) -> Asset {

@@ -6,16 +6,20 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
-use trisplat_bake::bvh::{BvhDetails, BvhOptions, bvh};
-use trisplat_formats::check::{Checked, Severity, check};
-use trisplat_formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat_formats::info::{Info, SceneKind, info};
-use trisplat_formats::{Format, bvh as bvh_file, ply};
+use trisplat_bake::{BvhDetails, BvhOptions, bvh};
+use trisplat_formats::{
+    Format, bvh as bvh_file,
+    check::{Checked, Severity, check},
+    gltf::{GltfOptions, PositionEncoding, write_glb},
+    info::{Info, SceneKind, info},
+    ply,
+};
 use trisplat_sample::scenes::{SampleScene, soup};
-use trisplat_scene::asset::{Asset, Provenance};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::texture::{FaceTexture, Texture};
+use trisplat_scene::{
+    Asset, FaceTexture, Provenance, Texture,
+    image::Pixels,
+    mesh::{Colors, Mesh},
+};
 
 struct Folder(tempfile::TempDir);
 

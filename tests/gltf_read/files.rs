@@ -3,9 +3,7 @@
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat_formats::{ReadOptions, Source, gltf};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Loaded, Result, Scene, mesh::Mesh};
 
 pub(crate) const BYTE: u32 = 5120;
 pub(crate) const UNSIGNED_BYTE: u32 = 5121;

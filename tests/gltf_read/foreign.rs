@@ -5,8 +5,7 @@ use super::files::{
 };
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use serde_json::{Value, json};
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::Colors;
+use trisplat_scene::{math::color::linear_from_srgb, mesh::Colors};
 
 fn corners(b: &Builder) -> [Vec3; 3] {
     b.mesh_of().corners(0)
@@ -328,7 +327,7 @@ fn provenance_of_others_is_their_name_alone() {
     assert_eq!(loaded.provenance.generator.as_deref(), Some("by hand"));
     assert_eq!(
         (loaded.provenance.source.as_deref(), loaded.provenance.up),
-        (None, Some(trisplat_scene::asset::UpAxis::Y))
+        (None, Some(trisplat_scene::UpAxis::Y))
     );
 }
 

@@ -6,8 +6,10 @@ use serde_json::{Value, json};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use trisplat_formats::gltf::{GltfOptions, PositionEncoding, write_glb};
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Chunk,
+    mesh::{Colors, Mesh},
+};
 
 /// What each edit of a valid file must be refused with.
 #[test]

@@ -2,13 +2,13 @@
 
 use crate::common::edits::mutate;
 use std::path::Path;
-use trisplat_bake::lit::{Lit, LitOptions};
-use trisplat_bake::{BakeOptions, BakePreset};
-use trisplat_formats::check::{Severity, check};
-use trisplat_formats::target::OutputTarget;
-use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+use trisplat_bake::{BakeOptions, BakePreset, Lit, LitOptions};
+use trisplat_formats::{
+    self as formats, OutputOptions, OutputTarget, ReadOptions,
+    check::{Severity, check},
+};
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::asset::Asset;
+use trisplat_scene::Asset;
 
 /// How a mutant is baked and written.
 fn bakes() -> [(BakeOptions, OutputOptions); 3] {

@@ -5,10 +5,11 @@ use glam::Vec3;
 use proptest::prelude::*;
 use std::path::Path;
 use trisplat_formats::gltf::{ColorEncoding, GltfOptions, PositionEncoding, write_glb, write_gltf};
-use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance, UpAxis};
-use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Asset, Chunk, Placement, Provenance, Rng, UpAxis,
+    math::color::{linear_from_srgb, srgb_from_linear},
+    mesh::{Colors, Mesh},
+};
 
 const COLORS: [ColorEncoding; 5] = [
     ColorEncoding::U16Linear,

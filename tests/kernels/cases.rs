@@ -2,9 +2,11 @@
 
 use crate::common::dual::Dual;
 use trisplat_raster::kernel::splat::CameraTriangle;
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::{V2, V3};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Rng,
+    math::real::Real,
+    math::vec::{V2, V3},
+};
 
 /// Largest difference of two gradients relative to their size.
 pub(crate) fn difference(exact: &[f64], got: &[f64]) -> f64 {

@@ -2,10 +2,12 @@
 
 use super::cases::{camera, corners, triangle};
 use trisplat_raster::kernel::{splat, window};
-use trisplat_scene::math::lanes::{LANES, Lanes, SimdLevel, Work, dispatch_at};
-use trisplat_scene::math::real::{Mask, Real};
-use trisplat_scene::math::vec::V2;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Rng,
+    math::lanes::{LANES, Lanes, SimdLevel, Work, dispatch_at},
+    math::real::{Mask, Real},
+    math::vec::V2,
+};
 
 /// Alpha of a splat at a pixel: projection, ratio and window.
 fn chain<R: Real>(x: [R; 9], to: [R; 2]) -> R {

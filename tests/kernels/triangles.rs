@@ -2,11 +2,15 @@
 
 use super::cases::{CASES, between, camera, corners, difference, duals, flat, triangle};
 use crate::common::dual::Dual;
-use trisplat_raster::kernel::splat::{DepthPlaneGrad, SplatGrad};
-use trisplat_raster::kernel::{clip, splat, window};
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::{V2, V3};
-use trisplat_scene::rng::Rng;
+use trisplat_raster::{
+    kernel::splat::{DepthPlaneGrad, SplatGrad},
+    kernel::{clip, splat, window},
+};
+use trisplat_scene::{
+    Rng,
+    math::real::Real,
+    math::vec::{V2, V3},
+};
 
 /// Pixels near the projection of v0, with the weight of each in a loss and the edge each looks at.
 fn pixels(case: u64, origin: [f64; 2]) -> Vec<([f64; 2], f64, usize)> {

@@ -2,9 +2,7 @@
 
 use super::cases::{CASES, between, camera, corners, difference, duals, triangle};
 use trisplat_raster::kernel::{splat, window};
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::V2;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{Rng, math::real::Real, math::vec::V2};
 
 #[test]
 fn window_grad_is_exact() {

@@ -3,10 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_formats::{ReadOptions, Source, pt};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Loaded, Result, Scene, Soup, mesh::Mesh};
 
 /// One entry of a stored zip: name, bytes, the compression method and size its headers claim.
 pub(crate) struct Entry {

@@ -6,7 +6,7 @@ use super::files::{
 };
 use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// Pickles that would run something in Python. Beside valid tensors they are ignored or refused; the
 /// proof is that their file does not appear.

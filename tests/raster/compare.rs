@@ -5,10 +5,7 @@ use crate::common::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
 use trisplat_raster::soft::{
     Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
 };
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::real::Real;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Rng, Soup, camera::Camera, math::real::Real};
 
 /// Pixels nearer than this to a jump or kink of the oracle are not compared.
 pub(crate) const MARGIN: f64 = 2e-4;

@@ -3,8 +3,7 @@
 use super::scenes::{Outputs, camera, draw, options, random_soup};
 use glam::{Mat3, Vec3};
 use trisplat_raster::soft::{Soft, SoftOptions, Sort, SoupRef};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, camera::Camera};
 
 /// Changes one triangle: its number, corners, opacity and σ.
 type Change<'a> = &'a dyn Fn(usize, &mut [Vec3; 3], &mut f32, &mut f32);

@@ -4,9 +4,7 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_raster::soft::{
     Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
 };
-use trisplat_scene::camera::Camera;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Rng, Soup, camera::Camera};
 
 pub(crate) fn random_soup(seed: u64, count: usize, degree: u8) -> Soup {
     let k = (degree as usize + 1).pow(2);

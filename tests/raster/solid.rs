@@ -4,11 +4,13 @@
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use trisplat_bench::stress::ray_caster::{FaceAt, RayFace, ray};
 use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Rng,
+    camera::Camera,
+    math::color::linear_from_srgb,
+    math::srgb8::srgb8_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 fn camera(size: UVec2) -> Camera {
     Camera {

@@ -3,13 +3,15 @@
 
 use super::compare::{exact_grad, oracle_camera, plain, rules};
 use crate::common::oracle;
-use trisplat_bench::stress::axes::{AXES, Axis};
-use trisplat_bench::stress::case::StressCase;
-use trisplat_bench::stress::exact::ExactFrame;
-use trisplat_bench::stress::promises::{PROMISES, domain};
-use trisplat_bench::stress::scene::StressScene;
+use trisplat_bench::{
+    stress::axes::{AXES, Axis},
+    stress::case::StressCase,
+    stress::exact::ExactFrame,
+    stress::promises::{PROMISES, domain},
+    stress::scene::StressScene,
+};
 use trisplat_raster::soft::{FrameGrad, SoftOptions};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::Rng;
 
 /// The largest difference of a value, and of an entry of a gradient from the largest of its triangle, away from jumps.
 const DIFFERENCE: f64 = 1e-8;

@@ -5,9 +5,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, Loaded, Soup, TrainOptions, train};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::space::Space;
-use trisplat_train::TrainRun;
-use trisplat_train::{Core, Part, RunOptions, TrainPreset, checkpoint};
+use trisplat_scene::Space;
+use trisplat_train::{Core, Part, RunOptions, TrainPreset, TrainRun, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
     let options = SyntheticOptions { views: 12, width: 48, points: 300, ..SyntheticOptions::default() };
@@ -74,7 +73,7 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         assert!((1..=own).contains(&trained.soup.len()), "{} of {own}", trained.soup.len());
         let state = checkpoint::read(&checkpoint_at).unwrap().state;
         assert_eq!((state.frozen, state.pinned), (frozen, frozen));
-        let first = trisplat_train::params::Params::from_soup(soup(&from), state.params.sh_degree);
+        let first = trisplat_train::Params::from_soup(soup(&from), state.params.sh_degree);
         let space = space(&dataset);
         for i in 0..frozen {
             let corners = first.vertices[i].map(|corner| space.to_training(corner));

@@ -5,11 +5,9 @@ use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat_dataset::synthetic_scene::{Ray, trace};
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_dataset::{Dataset, DatasetOptions, Ray, trace};
 use trisplat_formats::{ReadOptions, read};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{camera::Camera, mesh::Mesh};
 use trisplat_surface::SurfaceOptions;
 
 /// Side of the cells in which nearest points are looked for; also the largest distance.

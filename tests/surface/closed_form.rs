@@ -2,11 +2,12 @@
 
 use super::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
 use glam::Vec3;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::StageProgress;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Limits, Loaded, Scene,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+    report::StageProgress,
+};
 use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// The surface that `cameras` see of `scene`.

@@ -4,15 +4,13 @@ use super::shapes::{RADIUS, around, ball};
 use glam::Vec3;
 use std::path::Path;
 use std::process::{Command, Output};
-use trisplat_bake::collision::{CollisionDetails, CollisionOptions, collision};
-use trisplat_bake::{Bake, BakeOptions};
-use trisplat_formats::output::OutputOptions;
-use trisplat_formats::target::OutputTarget;
-use trisplat_formats::{ReadOptions, read, write};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, Report, StageProgress};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_bake::{Bake, BakeOptions, CollisionDetails, CollisionOptions, collision};
+use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, write};
+use trisplat_scene::{
+    Asset, Loaded, Scene,
+    mesh::Mesh,
+    report::{Outcome, Report, StageProgress},
+};
 
 const COLLISION: CollisionOptions = CollisionOptions { collision: true, collision_triangles: 1000 };
 

@@ -1,14 +1,13 @@
 //! `mesh PHOTOS`: a textured surface of photos alone.
 
 use super::collision::trisplat;
-use trisplat_bake::Views;
-use trisplat_bake::mesh::MeshOptions;
-use trisplat_bake::texture::{TextureOptions, TextureWhen};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_bake::{MeshOptions, TextureOptions, TextureWhen, Views};
+use trisplat_dataset::{
+    Dataset, DatasetOptions,
+    synthetic::{self, SyntheticOptions},
+};
 use trisplat_job::MeshJob;
-use trisplat_scene::budget::Seconds;
-use trisplat_scene::report::Report;
+use trisplat_scene::{Seconds, report::Report};
 use trisplat_surface::SurfaceOptions;
 
 const PHOTOS: SyntheticOptions =

@@ -1,14 +1,11 @@
 //! Colours that left their range return to it.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::soup::{rgb_from_sh0, sh0_from_rgb};
-use trisplat_train::backend::{StepPhoto, TrainBackend};
-use trisplat_train::cpu::CpuBackend;
-use trisplat_train::params::{Params, TrainState};
-use trisplat_train::schedule::{EngineShading, Schedule};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::{camera::Camera, image::Pixels, rgb_from_sh0, sh0_from_rgb};
+use trisplat_train::{
+    CpuBackend, EngineShading, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset,
+    TrainState,
+};
 
 const SIZE: UVec2 = UVec2::new(24, 16);
 

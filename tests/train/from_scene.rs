@@ -6,14 +6,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use trisplat::{BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, Trained};
-use trisplat_bake::Bake;
-use trisplat_bake::teacher::TeacherOptions;
+use trisplat_bake::{Bake, TeacherOptions};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::asset::{Placement, UpAxis};
-use trisplat_scene::placed;
+use trisplat_scene::{Placement, UpAxis, placed};
 use trisplat_teacher as teacher;
-use trisplat_train::TrainRun;
-use trisplat_train::{RunOptions, checkpoint};
+use trisplat_train::{RunOptions, TrainRun, checkpoint};
 
 const PHOTO_BYTES: u64 = 1 << 26;
 
@@ -40,7 +37,7 @@ fn assert_solid(soup: &Soup) {
     soup.validate().unwrap();
     assert!(!soup.is_empty() && soup.sh_degree == 0);
     assert!(soup.opacity.iter().all(|&o| o == 1.0));
-    assert!(soup.sigma.iter().all(|&s| s <= trisplat_bake::solid::SOLID_SIGMA));
+    assert!(soup.sigma.iter().all(|&s| s <= trisplat_bake::SOLID_SIGMA));
 }
 
 fn taught(scene: &Loaded, options: &TrainOptions) -> Dataset {

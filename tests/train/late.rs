@@ -3,13 +3,11 @@
 use super::{options, scene, small};
 use std::borrow::Cow;
 use std::collections::VecDeque;
-use trisplat_scene::error::{Error, Result};
-use trisplat_train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
-use trisplat_train::cpu::CpuBackend;
-use trisplat_train::params::{Params, TrainState};
-use trisplat_train::refine::Refined;
-use trisplat_train::schedule::Rates;
-use trisplat_train::{RunOptions, TrainObserver, TrainRun, TrainSample, checkpoint};
+use trisplat_scene::{Error, Result};
+use trisplat_train::{
+    BackendVisibility, CpuBackend, Params, Rates, Refined, RunOptions, StepPhoto, StepStats, TrainBackend,
+    TrainObserver, TrainRun, TrainSample, TrainState, checkpoint,
+};
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
 struct Late {

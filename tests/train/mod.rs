@@ -11,12 +11,14 @@ mod watched;
 
 use std::ops::RangeInclusive;
 use std::path::Path;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::soup::Soup;
-use trisplat_train::options::{InitOptions, RefineOptions, SampleWeight};
+use trisplat_dataset::{
+    Dataset, DatasetOptions,
+    synthetic::{self, SyntheticOptions},
+};
+use trisplat_scene::Soup;
 use trisplat_train::{
-    RunOptions, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint,
+    InitOptions, RefineOptions, RunOptions, SampleWeight, TrainObserver, TrainOptions, TrainPreset, TrainRun,
+    TrainSample, Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -366,7 +368,7 @@ fn solid_ends_opaque_and_of_one_colour() {
         assert_valid(&trained.soup);
         assert_eq!(trained.soup.sh_degree, 0);
         assert!(trained.soup.opacity.iter().all(|&o| o == 1.0));
-        assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat_bake::solid::SOLID_SIGMA));
+        assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat_bake::SOLID_SIGMA));
     }
     // As an engine draws them, 4 x 4 samples per pixel.
     let (solid, paper) = (psnr(&solid), psnr(&paper));

@@ -5,8 +5,7 @@ use glam::UVec2;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, TrainOptions, TrainPreset};
 use trisplat_dataset::synthetic::SyntheticOptions;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, image::Pixels};
 
 /// So few photos that much of the background is seen by one or two.
 fn few() -> SyntheticOptions {

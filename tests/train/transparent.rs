@@ -3,17 +3,14 @@
 use super::trained;
 use std::path::Path;
 use trisplat::{Asset, Dataset, DatasetOptions, TrainOptions, TrainPreset};
-use trisplat_bake::backdrop::BackdropDetails;
-use trisplat_bake::{Bake, BakeOptions, Views};
-use trisplat_dataset::Masks;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_bake::{BackdropDetails, Bake, BakeOptions, Views};
+use trisplat_dataset::{
+    Masks,
+    synthetic::{self, SyntheticOptions},
+};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::report::Report;
-use trisplat_scene::soup::Soup;
-use trisplat_train::Trained;
-use trisplat_train::eval::Quality;
+use trisplat_scene::{Soup, image::Pixels, math::metric, report::Report};
+use trisplat_train::{Quality, Trained};
 
 fn written(folder: &Path) {
     let options = SyntheticOptions {

@@ -1,7 +1,7 @@
 //! A run whose scene is looked at while it trains.
 
 use super::{options, scene, small, trained};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Loaded, Scene};
 use trisplat_train::{TrainObserver, TrainRun, TrainSample};
 
 /// Wants the scene after every 40th step.

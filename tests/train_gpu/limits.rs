@@ -4,13 +4,11 @@
 use super::{card, scene, small_card};
 use glam::{Mat3, Vec3};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_train::backend::{BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend};
-use trisplat_train::gpu::{GpuBackend, GpuLimits};
-use trisplat_train::params::TrainState;
-use trisplat_train::schedule::{Rates, Schedule};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::{camera::Camera, image::Pixels};
+use trisplat_train::{
+    BackendVisibility, GpuBackend, GpuLimits, PhotoId, Rates, Schedule, StepPhoto, StepStats, TrainBackend,
+    TrainOptions, TrainPreset, TrainState,
+};
 
 const STEPS: usize = 9;
 const PHOTOS: usize = 3;

@@ -4,13 +4,11 @@ use super::{card, scene, small_card};
 use glam::{UVec2, Vec3};
 use trisplat_gpu::Gpu;
 use trisplat_raster::soft::{Frame, Soft, SoftOptions, Sort, SoupRef, Window};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::Soup;
-use trisplat_train::backend::{StepPhoto, TrainBackend};
-use trisplat_train::gpu::{CardScene, GpuBackend, GpuLimits};
-use trisplat_train::params::{Anneal, TrainState};
-use trisplat_train::schedule::{Rates, Schedule};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::{Soup, camera::Camera};
+use trisplat_train::{
+    Anneal, CardScene, GpuBackend, GpuLimits, Rates, Schedule, StepPhoto, TrainBackend, TrainOptions,
+    TrainPreset, TrainState,
+};
 
 /// A random soup, some of its triangles opaque and with edges as hard as there are.
 fn soup(count: usize, sh_degree: u8) -> Soup {

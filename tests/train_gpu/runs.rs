@@ -3,18 +3,15 @@
 
 use super::{card, small_card};
 use std::path::Path;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_dataset::{
+    Dataset, DatasetOptions,
+    synthetic::{self, SyntheticOptions},
+};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::error::Error;
-use trisplat_scene::soup::Soup;
-use trisplat_train::cpu::CpuBackend;
-use trisplat_train::gpu::{GpuBackend, GpuLimits};
-use trisplat_train::options::SampleWeight;
-use trisplat_train::refine::Refined;
+use trisplat_scene::{Error, Soup};
 use trisplat_train::{
-    Checkpoint, RunOptions, TrainBackend, TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample,
-    Trained, checkpoint,
+    Checkpoint, CpuBackend, GpuBackend, GpuLimits, Refined, RunOptions, SampleWeight, TrainBackend,
+    TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {

@@ -1,10 +1,8 @@
 //! Random scenes and photos for single steps.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::rng::Rng;
-use trisplat_train::params::{Params, TrainState};
+use trisplat_scene::{Rng, camera::Camera, image::Pixels};
+use trisplat_train::{Params, TrainState};
 
 /// Not a multiple of a tile, and several tiles each way.
 pub(super) const SIZE: UVec2 = UVec2::new(70, 45);

@@ -4,13 +4,11 @@ use super::{card, scene};
 use glam::Vec3;
 use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::rng::Rng;
-use trisplat_train::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
-use trisplat_train::cpu::CpuBackend;
-use trisplat_train::gpu::{GpuBackend, GpuLimits};
-use trisplat_train::params::{Anneal, Params, TrainState};
-use trisplat_train::schedule::{EngineShading, Rates, Schedule};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::Rng;
+use trisplat_train::{
+    Anneal, BackendVisibility, CpuBackend, EngineShading, GpuBackend, GpuLimits, Params, Rates, Schedule,
+    StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
+};
 
 /// One way to train.
 struct Case {

@@ -1,20 +1,21 @@
 //! Every kernel function in WGSL against its Rust twin, on the same random numbers.
 
 use super::card;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::compute::{Kernel, workgroups};
-use trisplat_gpu::readback::elements;
-use trisplat_gpu::storage::storage;
-use trisplat_raster::kernel::adam::{Rate, adam};
-use trisplat_raster::kernel::clip::{near_point, near_point_grad, pieces};
-use trisplat_raster::kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad};
-use trisplat_raster::kernel::wgsl::library;
-use trisplat_raster::kernel::{composite, sh, window};
-use trisplat_scene::math::color;
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::ssim::factors;
-use trisplat_scene::math::vec::{V2, V3};
-use trisplat_scene::rng::Rng;
+use trisplat_gpu::{Gpu, Kernel, readback::elements, storage, workgroups};
+use trisplat_raster::{
+    kernel::adam::{Rate, adam},
+    kernel::clip::{near_point, near_point_grad, pieces},
+    kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad},
+    kernel::wgsl::library,
+    kernel::{composite, sh, window},
+};
+use trisplat_scene::{
+    Rng,
+    math::color,
+    math::real::Real,
+    math::ssim::factors,
+    math::vec::{V2, V3},
+};
 
 /// Rows of random numbers that each function gets.
 const ROWS: usize = 2000;

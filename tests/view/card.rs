@@ -4,17 +4,14 @@
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat_bake::{BakeOptions, BakePreset, bake};
 use trisplat_gpu::AdapterOptions;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Error;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_view::headless::{Headless, HeadlessOptions};
-use trisplat_view::layout::VertexLayout;
-use trisplat_view::renderer::DisplayMode;
+use trisplat_scene::{
+    Asset, Chunk, Error, Loaded, Rng, Scene,
+    camera::Camera,
+    image::Pixels,
+    math::color::{linear_from_srgb, srgb_from_linear},
+    mesh::{Colors, Mesh},
+};
+use trisplat_view::{DisplayMode, Headless, HeadlessOptions, VertexLayout};
 
 /// A card, or `None` after saying loudly that there is none.
 pub(super) fn card() -> Option<Headless> {

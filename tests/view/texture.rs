@@ -4,16 +4,14 @@ use super::card::card;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::texture::{FaceTexture, Texture};
-use trisplat_view::headless::{Canvas, HeadlessOptions};
-use trisplat_view::layout::VertexLayout;
-use trisplat_view::model::ChunkOrder;
-use trisplat_view::renderer::{DisplayMode, FrameParams};
+use trisplat_scene::{
+    Asset, Chunk, FaceTexture, Texture,
+    camera::Camera,
+    image::Pixels,
+    math::metric,
+    mesh::{Colors, Mesh},
+};
+use trisplat_view::{Canvas, ChunkOrder, DisplayMode, FrameParams, HeadlessOptions, VertexLayout};
 
 const ACROSS: u32 = 6;
 

@@ -4,9 +4,11 @@
 use super::order::FaceOrder;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::math::curve::along_curve;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{
+    Scene,
+    math::curve::along_curve,
+    report::{Outcome, StageDetails},
+};
 
 /// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
 const FEWEST: usize = 16_384;
@@ -24,7 +26,7 @@ impl StageDetails for ArrangeDetails {
 
 /// Arranges the triangles. `is_drawn`: a later stage draws the scene. `order`: the order in which triangles
 /// are written.
-pub fn arrange(
+pub(crate) fn arrange(
     scene: &mut Scene,
     is_drawn: bool,
     order: FaceOrder,
@@ -56,8 +58,8 @@ pub fn arrange(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
-    use trisplat_scene::soup::Soup;
+    use trisplat_scene::Rng;
+    use trisplat_scene::Soup;
 
     /// Triangles at random places; the opacity of each names it.
     fn soup(count: usize) -> Soup {

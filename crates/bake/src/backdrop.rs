@@ -6,16 +6,18 @@
 //! files store them separately. They are visible from inside only, so a viewer outside looks through the near
 //! side.
 //!
-//! [`Provenance::backdrop`]: trisplat_scene::asset::Provenance::backdrop
+//! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
 use super::views::Views;
 use glam::Vec3;
 use trisplat_raster::solid::{NO_FACE, Solid};
-use trisplat_scene::error::Result;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::octasphere::{face_count, octasphere};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Result,
+    math::color::linear_from_srgb,
+    math::octasphere::{face_count, octasphere},
+    mesh::{Colors, Mesh},
+    report::{Outcome, StageDetails},
+};
 
 /// Photos that are searched for holes.
 const VIEWS: usize = 16;
@@ -136,7 +138,7 @@ pub fn backdrop(
 /// Puts the backdrop of the input, `given`, behind `mesh` again, unless none is wanted.
 ///
 /// Errors: more vertices than 32 bits count.
-pub fn keep_backdrop(
+pub(crate) fn keep_backdrop(
     mesh: &mut Mesh,
     given: Mesh,
     options: &BackdropOptions,

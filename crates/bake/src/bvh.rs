@@ -11,12 +11,12 @@ use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance};
 use rayon::prelude::*;
 use std::collections::VecDeque;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::bvh::{Bvh, Child, child};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Asset, Chunk, Error, Result, Rng,
+    bvh::{Bvh, Child, child},
+    mesh::Mesh,
+    report::{Outcome, StageDetails},
+};
 
 /// Whether a hierarchy is built.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -108,7 +108,7 @@ pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) ->
 const PART_TRIANGLES: usize = 16_384;
 
 /// A hierarchy and its faces.
-pub struct Built {
+pub(crate) struct Built {
     /// Its `roots` are those of `parts`.
     pub bvh: Bvh,
     /// The order of the faces that it refers to. `[F]`
@@ -120,7 +120,7 @@ pub struct Built {
 /// The hierarchy over consecutive `parts` of the faces.
 ///
 /// obvhs groups the faces, first within each part and then the parts; the boxes are computed here (`fit`).
-pub fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
+pub(crate) fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
     let over_part = |part: &Chunk| {
         let boxes: Vec<Aabb> =
             (part.first..part.first + part.count).map(|f| face_box(mesh, f as usize)).collect();

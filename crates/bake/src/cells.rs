@@ -55,7 +55,7 @@ fn cut(points: &mut [[f32; 3]], at: usize, cuts: &mut [(u8, f32)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     #[test]
     fn cells_hold_equal_counts_of_points_that_lie_apart() {

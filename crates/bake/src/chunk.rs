@@ -3,10 +3,11 @@
 
 use glam::{Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Asset, Chunk, Error, Result,
+    mesh::Mesh,
+    report::{Outcome, StageDetails},
+};
 
 /// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices can address
 /// (65,535 itself restarts a primitive).

@@ -3,13 +3,13 @@
 //! Engines test a body against every triangle near it. A trained scene has many triangles, which cross each
 //! other and leave gaps for a ball to fall through.
 
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Error, Limits, Loaded, Result,
+    camera::Camera,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails, StageProgress},
+};
 use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// Whether a collider is made.

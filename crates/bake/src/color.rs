@@ -1,11 +1,13 @@
 //! Turns spherical harmonics of degree 0 into linear face colours, which engines multiply and blend.
 
 use rayon::prelude::*;
-use trisplat_scene::error::Result;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::StageDetails;
-use trisplat_scene::soup::{Soup, rgb_from_sh0};
+use trisplat_scene::{
+    Result, Soup,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+    report::StageDetails,
+    rgb_from_sh0,
+};
 
 /// What the conversion clamped.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

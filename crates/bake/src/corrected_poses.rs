@@ -1,8 +1,7 @@
 //! Poses that a training took from tracks: the cameras that its scene stores, for the photos of a bake.
 
 use glam::Vec3;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::space::Space;
+use trisplat_scene::{Space, camera::Camera};
 
 /// Largest difference of a corrected pose, as a share of the longest side: tracks move points by a fiftieth at most, but
 /// a turn and a motion of more may nearly cancel.

@@ -1,9 +1,6 @@
 //! Counts of a scene for reports.
 
-use trisplat_scene::asset::Asset;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::Counts;
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{Asset, Scene, mesh::Mesh, report::Counts};
 
 /// Of a soup or a mesh.
 pub(super) fn count(scene: &Scene) -> Counts {

@@ -4,11 +4,11 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::region::Region;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{
+    Error, Region, Result, Scene,
+    camera::Camera,
+    report::{Outcome, StageDetails},
+};
 
 /// Which part of the scene is kept.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -42,7 +42,7 @@ impl StageDetails for CropDetails {
 /// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame.
 ///
 /// Errors: a region by cameras without cameras; nothing left.
-pub fn crop(
+pub(crate) fn crop(
     scene: &mut Scene,
     cameras: &[Camera],
     options: &CropOptions,

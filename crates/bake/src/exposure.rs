@@ -5,9 +5,11 @@ use super::views::{SAMPLES, Views};
 use std::sync::Arc;
 use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Verdict, compared_size, judge, solve};
 use trisplat_raster::solid::Solid;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Result,
+    mesh::Mesh,
+    report::{Outcome, StageDetails},
+};
 
 /// Fewer photos do not determine a mean exposure.
 const LEAST_PHOTOS: usize = 4;
@@ -47,7 +49,7 @@ impl StageDetails for ExposureDetails {
 /// Corrects `views` by comparing them with drawings of `mesh`.
 ///
 /// Errors: a photo that cannot be decoded.
-pub fn exposure(
+pub(crate) fn exposure(
     mesh: &Mesh,
     views: Option<&mut Views>,
     options: &ExposureOptions,

@@ -9,10 +9,12 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Result,
+    camera::Camera,
+    mesh::Mesh,
+    report::{Outcome, StageDetails},
+};
 use trisplat_surface::SurfaceOptions;
 
 /// Whether the scene gets normals and a lit material.

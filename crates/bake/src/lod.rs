@@ -7,11 +7,12 @@
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
 use super::visibility::visible_px;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{
+    Asset, Error, Result,
+    camera::Camera,
+    mesh::Mesh,
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 /// Most levels beside the scene itself.
 const MOST_LEVELS: usize = 8;

@@ -3,7 +3,7 @@
 //! Bytes are nearly in proportion to triangles of any shape. So a scene without fitting, which costs little,
 //! is measured first, and gives a nearly right number of triangles. The size of the final files decides.
 
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Probes at most, the first with all triangles among them.
 const MOST_PROBES: u32 = 7;

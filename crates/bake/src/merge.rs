@@ -6,10 +6,7 @@
 
 use super::one_origin::{rebase, share_origin};
 use super::texture::texture_all;
-use trisplat_scene::asset::{Placement, Provenance, UpDirection};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Error, Loaded, Placement, Provenance, Result, Scene, UpDirection, mesh::Mesh};
 
 /// One scene out of `inputs`, in their order.
 ///

@@ -14,14 +14,13 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_formats::output::OutputOptions;
-use trisplat_scene::asset::{Asset, Chunk, Placement, Provenance};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed;
-use trisplat_scene::report::{Observer, Outcome, Report, generator};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Asset, Chunk, Error, Limits, Loaded, Placement, Provenance, Result, Scene,
+    camera::Camera,
+    mesh::Mesh,
+    placed,
+    report::{Observer, Outcome, Report, generator},
+};
 use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// The options of the stages.

@@ -3,10 +3,7 @@
 use super::views::Views;
 use std::sync::Arc;
 use trisplat_raster::solid::Solid;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Result, image::Pixels, math::metric, mesh::Mesh};
 
 /// Photos looked at.
 const VIEWS: usize = 8;

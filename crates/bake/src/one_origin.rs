@@ -3,10 +3,8 @@
 //! on top of each other.
 
 use glam::{DVec3, Vec3};
-use trisplat_formats::far::is_far;
-use trisplat_scene::asset::Placement;
-use trisplat_scene::placed;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_formats::is_far;
+use trisplat_scene::{Loaded, Placement, Scene, placed};
 
 /// At greater distances between inputs, in units of the world, f32 rounds positions by more than a thousandth
 /// of a unit.

@@ -23,8 +23,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_formats::output::{Beside, Output, OutputFormat, OutputOptions};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Error, Result,
+    ranges::{self, Called},
+};
 
 /// A complete set of options to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

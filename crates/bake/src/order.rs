@@ -3,11 +3,12 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::error::Result;
-use trisplat_scene::math::curve::along_curve;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Asset, Chunk, Result,
+    math::curve::along_curve,
+    mesh::Mesh,
+    report::{Outcome, StageDetails},
+};
 
 /// The order of faces within a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

@@ -4,10 +4,10 @@
 //! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
 //! be those of the file.
 
-pub mod ground;
-pub mod samples;
-pub mod up;
-pub mod words;
+pub(crate) mod ground;
+pub(crate) mod samples;
+pub(crate) mod up;
+pub(crate) mod words;
 
 use self::samples::Foreground;
 use self::up::{Confidence, Evidence, UpEstimate};
@@ -16,13 +16,14 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::asset::{Placement, Provenance, UpAxis, UpDirection};
-use trisplat_scene::camera::Viewpoint;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::median::median;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Error, Placement, Provenance, Result, UpAxis, UpDirection,
+    camera::Viewpoint,
+    math::median::median,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails},
+};
 
 /// The frame of the output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -5,13 +5,13 @@
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::median::median;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Error, Result, Scene, Soup,
+    math::median::median,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails},
+};
 
 /// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
 /// or a hierarchy, so such triangles cannot be drawn.

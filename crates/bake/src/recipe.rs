@@ -25,13 +25,12 @@ use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use std::sync::Arc;
-use trisplat_scene::asset::{Asset, Placement, Provenance};
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Observer, Outcome, Report};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Asset, Error, Limits, Loaded, Placement, Provenance, Result, Scene,
+    camera::{Camera, Viewpoint},
+    mesh::Mesh,
+    report::{Observer, Outcome, Report},
+};
 use trisplat_surface::{SurfaceDetails, surface};
 
 /// The stages, and their shared state.

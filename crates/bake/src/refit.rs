@@ -38,10 +38,12 @@ pub(super) use shell_colors::smooth_shell;
 use super::views::Views;
 use accumulator::Accumulator;
 use evaluation::{Evaluation, psnr_of};
-use trisplat_scene::error::Result;
-use trisplat_scene::math::median::median;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{
+    Result,
+    math::median::median,
+    mesh::{Colors, Mesh},
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 /// Progress of the stage when all photos but the held-out ones are added, and ...
 const OTHERS_PART: f64 = 0.7;

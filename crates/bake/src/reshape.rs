@@ -26,10 +26,12 @@ use super::views::Views;
 use effort::Effort;
 use reshaped::ReshapedFaces;
 use round::Rounds;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{
+    Error, Result,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 /// Pictures that decide whether the fitted triangles are better.
 const EVALUATION_VIEWS: usize = 12;

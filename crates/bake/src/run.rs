@@ -3,10 +3,10 @@
 use super::options::BakeOptions;
 use super::recipe::Recipe;
 use super::views::Views;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Observer, Report};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Asset, Loaded, Result,
+    report::{Observer, Report},
+};
 
 /// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
 /// report and an observer.
@@ -16,7 +16,7 @@ use trisplat_scene::scene::Loaded;
 /// ```
 /// use glam::Vec3;
 /// use trisplat_bake::{BakeOptions, BakePreset, bake};
-/// use trisplat_scene::soup::Soup;
+/// use trisplat_scene::Soup;
 ///
 /// let soup = Soup {
 ///     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
@@ -28,7 +28,7 @@ use trisplat_scene::scene::Loaded;
 /// };
 /// let asset = bake(soup, &BakeOptions::preset(BakePreset::Fast))?;
 /// assert_eq!(asset.mesh.face_count(), 1);
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
     Bake::new(options).run([scene])
@@ -40,7 +40,7 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
 /// # use glam::Vec3;
 /// use trisplat_bake::{Bake, BakeOptions, prune::PruneDetails};
 /// use trisplat_scene::report::Report;
-/// # use trisplat_scene::soup::Soup;
+/// # use trisplat_scene::Soup;
 /// # let triangle = Soup {
 /// #     vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]],
 /// #     opacity: vec![1.0],
@@ -55,7 +55,7 @@ pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
 /// let asset = Bake::new(&BakeOptions::default()).report(&mut report).run([triangle, faint])?;
 /// assert_eq!(asset.mesh.face_count(), 1);
 /// assert_eq!(report.details::<PruneDetails>().map(|d| d.faint), Some(1));
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[must_use = "nothing happens before `run`"]
 pub struct Bake<'a> {

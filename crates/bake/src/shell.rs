@@ -9,9 +9,7 @@
 use super::backdrop::BackdropWhen;
 use glam::Vec3;
 use trisplat_raster::framing::far_shell::far_shell;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{Scene, camera::Camera, mesh::Mesh};
 
 /// A shell stays whole if the budget of triangles is at least this many times its size.
 const LEAST_SHELLS: u64 = 8;

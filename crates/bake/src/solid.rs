@@ -6,9 +6,10 @@
 use super::prune::is_degenerate;
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Error, Result, Soup,
+    report::{Outcome, StageDetails},
+};
 
 /// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
 pub const SOLID_SIGMA: f32 = 1e-4;

@@ -10,16 +10,15 @@ use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use glam::UVec2;
 use trisplat_formats::info::Softness;
-use trisplat_raster::soft::SoftOptions;
-use trisplat_raster::solid::Solid;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_raster::{soft::SoftOptions, solid::Solid};
+use trisplat_scene::{
+    Loaded, Result, Scene, Soup,
+    camera::Camera,
+    math::metric,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails},
+};
 use trisplat_teacher::{Teacher, ViewpointKind, Viewpoints};
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.

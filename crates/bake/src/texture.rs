@@ -31,11 +31,12 @@ use glam::{UVec2, Vec2};
 use layout::Layout;
 use std::sync::Arc;
 use texels::{Adding, Texels};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
-use trisplat_scene::texture::{FaceTexture, Texture};
+use trisplat_scene::{
+    Error, FaceTexture, Result, Texture,
+    image::Pixels,
+    mesh::Mesh,
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 /// Number of photos for which λ is what the options say; half as many double it.
 const USUAL_PHOTOS: f32 = 40.0;

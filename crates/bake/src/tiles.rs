@@ -14,11 +14,12 @@
 
 use super::cells::Cells;
 use rayon::prelude::*;
-use trisplat_scene::asset::{Asset, Tile};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Asset, Result, Tile,
+    mesh::Mesh,
+    ranges::{self, Called},
+    report::{Outcome, StageDetails},
+};
 
 /// Most levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
 const MOST_LEVELS: u32 = 12;

@@ -2,7 +2,7 @@
 //! group shows in a picture while most other faces are unchanged.
 
 use glam::Vec3;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::Rng;
 
 /// Number of groups.
 pub(super) const GROUPS: usize = 4;

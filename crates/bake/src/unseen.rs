@@ -9,10 +9,12 @@ use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
 use super::visibility::{counted_share, visible_px};
 use rayon::prelude::*;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{
+    Error, Result,
+    camera::Camera,
+    mesh::Mesh,
+    report::{Outcome, StageDetails, StageProgress},
+};
 
 /// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our own soup
 /// must be fast.

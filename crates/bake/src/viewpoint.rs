@@ -5,9 +5,11 @@
 
 use glam::Vec3;
 use trisplat_raster::framing::viewpoint::{Scenery, viewpoint as best_viewpoint};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Asset,
+    camera::Camera,
+    report::{Outcome, StageDetails},
+};
 
 /// What was chosen.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -26,7 +28,11 @@ impl StageDetails for ViewpointDetails {
 
 /// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in its frame.
 /// Without any, the input's viewpoint is kept.
-pub fn viewpoint(asset: &mut Asset, cameras: &[Camera], details: &mut ViewpointDetails) -> Outcome<()> {
+pub(crate) fn viewpoint(
+    asset: &mut Asset,
+    cameras: &[Camera],
+    details: &mut ViewpointDetails,
+) -> Outcome<()> {
     if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
         return Outcome::Unneeded(
             "the input says where to look from, and no camera is known that could do better",

@@ -4,17 +4,11 @@
 use super::corrected_poses::corrected;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
-use trisplat_dataset::exposure::Exposures;
-use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos};
+use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos, exposure::Exposures};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::asset::Placement;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::median::median;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed;
+use trisplat_scene::{
+    Placement, Result, camera::Camera, image::Pixels, math::median::median, math::metric, mesh::Mesh, placed,
+};
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
 const NEAR: f32 = 0.01;
@@ -290,7 +284,7 @@ impl Views {
 
 /// How `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black
 /// background.
-pub fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
+pub(crate) fn drawing(cameras: &[Camera], mesh: &Mesh, samples: u32) -> SolidRasterOptions {
     let count = mesh.vertex_count().max(1);
     let middle = mesh.positions.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count as f64;
     let away = cameras.iter().map(|c| c.position().distance(middle.as_vec3())).collect();

@@ -2,10 +2,7 @@
 
 use super::views::{self, Views};
 use trisplat_raster::solid::{NO_FACE, Solid};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::StageProgress;
+use trisplat_scene::{Result, camera::Camera, mesh::Mesh, report::StageProgress};
 
 /// The visible area of each face in all cameras together, px. `[F]`
 ///
@@ -34,7 +31,7 @@ pub fn visible_px(
 /// The share of each face's visible area in unmasked pixels; `None` for faces that no photo sees. `[F]`
 ///
 /// `samples_along`: as for [`visible_px`]. Errors: a photo that cannot be decoded.
-pub fn counted_share(
+pub(crate) fn counted_share(
     mesh: &Mesh,
     views: &mut Views,
     samples_along: u32,

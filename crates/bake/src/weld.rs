@@ -1,9 +1,11 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
 use rayon::prelude::*;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{
+    Result,
+    mesh::{Colors, Mesh},
+    report::{Outcome, StageDetails},
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// When corners are shared.

@@ -14,9 +14,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use trisplat_formats::ply;
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Provenance, Result, atomic::AtomicFile};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
@@ -191,7 +189,7 @@ fn other_tools(args: &BakeBenchArgs, folder: &Path) -> Vec<BakeCase> {
 fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
     let mut soup = scenes::soup(SampleScene::Studio, triangles, 1);
     let provenance = Provenance::default();
-    let write = |path: &Path, soup: &trisplat_scene::soup::Soup| {
+    let write = |path: &Path, soup: &trisplat_scene::Soup| {
         let mut file = AtomicFile::create(path)?;
         ply::write_soup(&mut file, soup, &provenance, &[]).map_err(|e| Error::io(path, e))?;
         file.commit().map(drop)

@@ -11,24 +11,16 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_gpu::bandwidth::copy_bandwidth;
-use trisplat_gpu::{AdapterOptions, Gpu};
+use trisplat_gpu::{AdapterOptions, Gpu, copy_bandwidth};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::placed;
-use trisplat_scene::process::cpu_secs;
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
-use trisplat_train::backend::{PhotoId, StepPhoto, TrainBackend};
-use trisplat_train::cpu::CpuBackend;
-use trisplat_train::gpu::{GpuBackend, StepTimes};
-use trisplat_train::params::{Params, TrainState};
-use trisplat_train::schedule::{Rates, Schedule};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::{
+    Error, Result, Scene, Soup, Space, camera::Camera, image::Pixels, placed, process::cpu_secs,
+};
+use trisplat_train::{
+    CpuBackend, GpuBackend, Params, PhotoId, Rates, Schedule, StepPhoto, StepTimes, TrainBackend,
+    TrainOptions, TrainPreset, TrainState,
+};
 use trisplat_view::orbit;
 
 /// What to measure.

@@ -11,19 +11,15 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::options::{BakeOptions, BakePreset};
-use trisplat_bake::refit::RefitColors;
-use trisplat_bake::{Bake, Views};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, Views, refit::RefitColors};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
-use trisplat_eval::evaluate::{self, StepScore};
-use trisplat_eval::render::scene_renderer::SceneRenderer;
-use trisplat_eval::steps::{EvalStep, no_soup, reread};
-use trisplat_formats::output::OutputOptions;
-use trisplat_formats::target::{OutputTarget, TargetEncoding};
-use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_eval::{
+    SceneRenderer,
+    evaluate::{self, StepScore},
+    steps::{EvalStep, no_soup, reread},
+};
+use trisplat_formats::{self as formats, OutputTarget, ReadOptions, TargetEncoding, output::OutputOptions};
+use trisplat_scene::{Asset, Error, Loaded, Result, Scene};
 use trisplat_train::{TrainObserver, TrainPreset};
 
 /// What to measure.

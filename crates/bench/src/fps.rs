@@ -12,19 +12,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_eval::render::baked_scene::BakedScene;
+use trisplat_eval::BakedScene;
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_gpu::AdapterOptions;
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_view::headless::Headless;
-use trisplat_view::layout::VertexLayout;
-use trisplat_view::model::{ChunkOrder, Model};
-use trisplat_view::orbit;
+use trisplat_scene::{Asset, Chunk, Error, Loaded, Result, Rng, Scene, camera::Camera};
+use trisplat_view::{ChunkOrder, Headless, Model, VertexLayout, orbit};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]

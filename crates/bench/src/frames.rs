@@ -4,16 +4,10 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
-use trisplat_gpu::timer::Timer;
+use trisplat_gpu::Timer;
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::process;
-use trisplat_view::headless::{Canvas, Headless};
-use trisplat_view::model::{ChunkOrder, Model};
-use trisplat_view::renderer::{DisplayMode, DrawStats, FrameParams};
+use trisplat_scene::{Error, Result, camera::Camera, image::Pixels, mesh::Mesh, process};
+use trisplat_view::{Canvas, ChunkOrder, DisplayMode, DrawStats, FrameParams, Headless, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 pub(super) const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];

@@ -13,9 +13,9 @@ pub mod fps;
 mod frames;
 pub mod machine;
 pub mod measure;
-pub mod plot;
+mod plot;
 pub mod raster;
 pub mod stress;
 #[cfg(feature = "gpu")]
 mod three;
-pub mod training;
+mod training;

@@ -9,8 +9,10 @@ use std::ffi::OsString;
 use std::io::Read;
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::process::{self, ProcessUsage};
+use trisplat_scene::{
+    Error, Result,
+    process::{self, ProcessUsage},
+};
 
 /// The cost of one process.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

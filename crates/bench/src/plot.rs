@@ -5,23 +5,22 @@ mod bands;
 mod heat;
 mod labels;
 
-pub use axis::PlotPoint;
-pub use bands::{BandPanel, BandPoint};
-pub use heat::HeatMap;
+pub(crate) use axis::PlotPoint;
+pub(crate) use bands::{BandPanel, BandPoint};
+pub(crate) use heat::HeatMap;
 
 use self::labels::{Rect, place};
 use axis::{labels, log_axis};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::short::short;
+use trisplat_scene::{Error, Result, math::short::short};
 
 /// A chart: its title and what it shows.
-pub type Panel<'a> = (&'a str, Vec<PlotPoint>);
+pub(crate) type Panel<'a> = (&'a str, Vec<PlotPoint>);
 
 /// Writes two charts of values against triangles side by side: one line per name, both axes logarithmic.
-pub fn lines(path: &Path, panels: &[Panel<'_>; 2]) -> Result<()> {
+pub(crate) fn lines(path: &Path, panels: &[Panel<'_>; 2]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let mut svg = String::new();
     {
@@ -36,7 +35,7 @@ pub fn lines(path: &Path, panels: &[Panel<'_>; 2]) -> Result<()> {
 }
 
 /// Writes charts of PSNR side by side, each against what its title says: one labelled dot per point.
-pub fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
+pub(crate) fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let mut svg = String::new();
     {
@@ -50,7 +49,7 @@ pub fn dots(path: &Path, panels: &[Panel<'_>; 3]) -> Result<()> {
 }
 
 /// Writes a chart of lines with bands: what something costs against how good it is.
-pub fn bands(path: &Path, panel: &BandPanel) -> Result<()> {
+pub(crate) fn bands(path: &Path, panel: &BandPanel) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let mut svg = String::new();
     {
@@ -62,7 +61,7 @@ pub fn bands(path: &Path, panel: &BandPanel) -> Result<()> {
 }
 
 /// Writes two heat maps side by side.
-pub fn heat_maps(path: &Path, maps: &[HeatMap; 2]) -> Result<()> {
+pub(crate) fn heat_maps(path: &Path, maps: &[HeatMap; 2]) -> Result<()> {
     let bad = |e: String| Error::unsupported(path, format!("cannot be drawn: {e}"));
     let mut svg = String::new();
     {

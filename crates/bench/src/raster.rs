@@ -12,7 +12,7 @@ use super::machine::Machine;
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use timing::{CaseCost, RasterCase};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]

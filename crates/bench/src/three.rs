@@ -6,13 +6,9 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use trisplat_bake::options::BakeOptions;
+use trisplat_bake::BakeOptions;
 use trisplat_formats::output::{self, Output};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, Result, camera::Camera, image::Pixels, report::Report};
 
 /// What the script gets on standard input.
 #[derive(Debug, Serialize)]

@@ -2,19 +2,17 @@
 
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Provenance, Result};
 use trisplat_train::{TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained};
 
 /// How much is trained.
-#[derive(Debug, Clone, PartialEq, Default)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[derive(Debug, Clone, PartialEq, Default, clap::Args)]
 pub struct TrainBudget {
     /// Steps of each training, when no soup is given [default: the preset's own].
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
     /// Most triangles of each training, when no soup is given [default: the preset's own].
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[arg(long, value_name = "N")]
     pub max_triangles: Option<u64>,
 }
 
@@ -32,7 +30,7 @@ impl TrainBudget {
 
 /// A trained soup.
 #[derive(Debug)]
-pub struct TrainedSoup {
+pub(crate) struct TrainedSoup {
     /// Where it is, for as long as this lives.
     pub path: PathBuf,
     /// How it was trained: "solid 5000 steps".
@@ -44,7 +42,7 @@ pub struct TrainedSoup {
 /// Trains a soup on the training photos of `dataset`.
 ///
 /// Errors: a budget out of range, photos that cannot be decoded, no room for the file.
-pub fn train(
+pub(crate) fn train(
     dataset: &Dataset,
     preset: TrainPreset,
     budget: &TrainBudget,

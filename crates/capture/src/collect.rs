@@ -16,11 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::report::StageDetails;
+use trisplat_scene::{Error, Limits, Result, image::Pixels, input, report::StageDetails};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// JPEG quality of re-encoded photos: the loss is smaller than that of a phone's own encoder.

@@ -3,9 +3,11 @@
 
 use super::stored::{self, FILES, StoredPhotos, WORK, place};
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::{self, AtomicFolder, FolderLock, Manifest};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
+use trisplat_scene::{
+    Error, Result,
+    atomic::{self, AtomicFolder, FolderLock, Manifest},
+    input,
+};
 
 /// Files of a model.
 const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];

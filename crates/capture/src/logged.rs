@@ -8,8 +8,7 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
-use trisplat_scene::error::Error;
-use trisplat_scene::process::running::Running;
+use trisplat_scene::{Error, process::running::Running};
 
 /// Interval between checks for a stop request.
 const TICK: Duration = Duration::from_millis(100);

@@ -1,7 +1,6 @@
 //! The observer of a capture, and the reasons for it to end early.
 
-use trisplat_scene::error::Error;
-use trisplat_scene::report::Observer;
+use trisplat_scene::{Error, report::Observer};
 
 /// Observes a capture; its steps are the stages of an [`Observer`]. By default every method does nothing.
 pub trait CaptureObserver: Observer {

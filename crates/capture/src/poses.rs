@@ -10,11 +10,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat_dataset::DatasetOptions;
-use trisplat_dataset::tracks::{Tracks, tracks};
-use trisplat_scene::atomic::MadeFolders;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::StageDetails;
+use trisplat_dataset::{DatasetOptions, Tracks, tracks};
+use trisplat_scene::{Error, Result, atomic::MadeFolders, report::StageDetails};
 
 /// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;

@@ -4,7 +4,7 @@ use super::options::CaptureOptions;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Environment variable that names the program if the option `poses` does not.
 const VARIABLE: &str = "TRISPLAT_POSES";

@@ -19,11 +19,12 @@ use super::verdict::{VerdictDetails, judge};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_dataset::DatasetOptions;
-use trisplat_dataset::tracks::tracks;
-use trisplat_scene::atomic::{FolderLock, lies_inside};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
+use trisplat_dataset::{DatasetOptions, tracks};
+use trisplat_scene::{
+    Error, Result,
+    atomic::{FolderLock, lies_inside},
+    report::{Counts, Report, StageDetails, StageReport, to_json},
+};
 
 /// Why a finished step is skipped.
 const DONE: &str = "done before";

@@ -3,9 +3,7 @@
 use super::verdict::Gap;
 use glam::UVec2;
 use std::path::Path;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result, image::Pixels};
 
 /// Most gaps on the sheet.
 const ROWS: usize = 6;

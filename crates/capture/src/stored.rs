@@ -4,10 +4,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, atomic::AtomicFile, input};
 
 /// Name of the state folder.
 pub(super) const WORK: &str = "capture";

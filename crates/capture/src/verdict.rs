@@ -11,11 +11,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use trisplat_dataset::tracks::{TrackedPhoto, Tracks};
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::report::StageDetails;
+use trisplat_dataset::{TrackedPhoto, Tracks};
+use trisplat_scene::{Limits, Result, image::Pixels, report::StageDetails};
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;

@@ -10,7 +10,7 @@ use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;

@@ -2,9 +2,7 @@
 
 use super::posed::{Point, View};
 use glam::{Vec2, Vec3};
-use trisplat_scene::camera;
-use trisplat_scene::math::median::median;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{Rng, camera, math::median::median};
 
 /// Attempts to place a point in a second camera's view, too.
 const TRIES: u64 = 16;

@@ -11,8 +11,7 @@ use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result};
 
 /// The place and format of a model.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,9 +7,7 @@ use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// A 2D point that belongs to no 3D point.
 const NO_POINT: u64 = u64::MAX;

@@ -4,7 +4,7 @@ use super::lens::{Distortion, Lens};
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// A model without its points, which are read one by one.
 #[derive(Debug, Default, PartialEq)]

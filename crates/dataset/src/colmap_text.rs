@@ -8,9 +8,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// Reads cameras and images of a folder; observations are kept if `observations` is set.
 pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {

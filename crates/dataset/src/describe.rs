@@ -5,8 +5,7 @@ use super::posed::{Dataset, Reprojection, View};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result};
 
 /// A data set in figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -5,8 +5,10 @@ use super::posed::Dataset;
 use super::transforms::with_extension;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_scene::input::{self, files_below};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{
+    Limits,
+    input::{self, files_below},
+};
 
 /// The beginnings of the names of files with poses, points and the split.
 const NAMES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];

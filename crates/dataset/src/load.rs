@@ -15,12 +15,8 @@ use glam::{DVec3, UVec2};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
-use trisplat_formats::far::far_origin;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::median::median;
+use trisplat_formats::far_origin;
+use trisplat_scene::{Error, Limits, Result, camera::Camera, image::Pixels, math::median::median};
 
 impl Dataset {
     /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.
@@ -31,7 +27,7 @@ impl Dataset {
     ///
     /// let dataset = Dataset::load("garden", &DatasetOptions::default())?;
     /// println!("{}: {} photos to train on, {} held out", dataset.kind, dataset.train().count(), dataset.test().count());
-    /// # Ok::<(), trisplat_scene::error::Error>(())
+    /// # Ok::<(), trisplat_scene::Error>(())
     /// ```
     ///
     /// # Errors

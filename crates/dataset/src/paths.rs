@@ -1,8 +1,7 @@
 //! The files that a data set names must be in its own folder, unless the user permits others.
 
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
+use trisplat_scene::{Error, Result, input};
 
 /// The files of one list, relative to a folder.
 #[derive(Debug)]

@@ -4,10 +4,11 @@
 use glam::{DMat3, DQuat, DVec3, Vec2};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Image;
-use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Error, Result, Rng,
+    image::Image,
+    math::color::{linear_from_srgb, srgb_from_linear},
+};
 
 /// The file of the true parameters.
 pub const TRUTH_FILE: &str = "truth.json";

@@ -6,9 +6,10 @@ use super::undistort::Undistort;
 use glam::UVec2;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::{Pixels, exif_light};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{
+    Error, Limits, Result,
+    image::{Pixels, exif_light},
+};
 
 /// A photo that is decoded on request, or a picture in memory.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,9 +9,7 @@ use super::picture_file::{PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::guard::guarded;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Error, Result, guard::guarded, image::Pixels};
 
 /// Number of decoding threads. So many of the next photos stay in memory even beyond the budget, so that training does not
 /// wait for the disk.
@@ -286,7 +284,7 @@ mod tests {
                 undistort: None,
                 background,
                 masks,
-                limits: trisplat_scene::limits::Limits::DEFAULT,
+                limits: trisplat_scene::Limits::DEFAULT,
                 drawn: None,
                 cut: false,
                 crop: None,

@@ -4,8 +4,7 @@
 use super::found_point::FoundPoint;
 use super::{colmap_binary, colmap_text, point_ply};
 use std::path::PathBuf;
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result};
 
 /// Where the points are.
 #[derive(Debug, Clone, PartialEq)]

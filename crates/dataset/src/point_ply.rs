@@ -3,10 +3,11 @@
 use super::found_point::FoundPoint;
 use glam::DVec3;
 use std::path::Path;
-use trisplat_formats::Source;
-use trisplat_formats::ply::{self, Column};
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_formats::{
+    Source,
+    ply::{self, Column},
+};
+use trisplat_scene::{Limits, Result};
 
 /// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];

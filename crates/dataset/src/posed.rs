@@ -6,9 +6,7 @@ use glam::{DVec3, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use trisplat_scene::asset::UpAxis;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result, UpAxis, camera::Camera};
 
 /// Posed photos of one scene.
 #[derive(Debug, Clone)]

@@ -5,7 +5,7 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display};
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// The largest size of the shrunk photos: "320x213".
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -4,8 +4,7 @@ use super::options::DatasetOptions;
 use super::posed::{Dataset, View};
 use std::collections::HashSet;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
+use trisplat_scene::{Error, Result, input};
 
 /// A part of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]

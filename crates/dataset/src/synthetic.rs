@@ -12,10 +12,11 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Error, Result, Rng,
+    camera::Camera,
+    image::{Image, Pixels},
+};
 
 /// What to make.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

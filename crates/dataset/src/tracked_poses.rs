@@ -13,11 +13,13 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::math::median::median;
-use trisplat_scene::math::normal_equations;
-use trisplat_scene::report::{StageDetails, counted};
+use trisplat_scene::{
+    Result,
+    camera::Camera,
+    math::median::median,
+    math::normal_equations,
+    report::{StageDetails, counted},
+};
 
 /// Fewest points that place a photo.
 const LEAST_POINTS: usize = 15;

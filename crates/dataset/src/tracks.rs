@@ -5,7 +5,7 @@ use super::options::DatasetOptions;
 use glam::{UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// The photos of a model, and the points of each.
 #[derive(Debug, Clone, PartialEq)]

@@ -18,9 +18,7 @@ use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_formats::foreign;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// The whole file; keys we do not know are ignored.
 #[derive(Debug, Deserialize)]

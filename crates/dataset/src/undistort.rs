@@ -9,7 +9,7 @@ use trisplat_scene::image::Pixels;
 
 /// The resampling for photos of one lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Undistort {
+pub(crate) struct Undistort {
     lens: Lens,
     pinhole: Lens,
 }
@@ -17,7 +17,7 @@ pub struct Undistort {
 impl Undistort {
     /// The plan for photos of `lens`. Fails with the reason when the model folds over inside the photo
     /// or leaves nothing of it.
-    pub fn new(lens: &Lens) -> Result<Self, String> {
+    pub(crate) fn new(lens: &Lens) -> Result<Self, String> {
         let (low, high) = inner_rectangle(lens)
             .ok_or("the distortion folds over inside the photo: its coefficients cannot be right")?;
         let size = (high - low).floor();
@@ -35,13 +35,13 @@ impl Undistort {
     }
 
     /// The camera of the resampled photo.
-    pub fn pinhole(&self) -> Lens {
+    pub(crate) fn pinhole(&self) -> Lens {
         self.pinhole
     }
 
     /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller by the
     /// same factor.
-    pub fn apply(&self, photo: &Pixels) -> Pixels {
+    pub(crate) fn apply(&self, photo: &Pixels) -> Pixels {
         let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
         let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
         let step = self.pinhole.size.as_dvec2() / size.as_dvec2();

@@ -109,8 +109,8 @@ mod tests {
     use super::*;
     use glam::{DVec2, DVec3, Mat3, UVec2};
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
-    use trisplat_dataset::synthetic_scene::{Ray, trace, visible};
     use trisplat_dataset::{Photo, View};
+    use trisplat_dataset::{Ray, trace, visible};
     use trisplat_scene::image::Pixels;
 
     fn view(name: &str, camera: Camera) -> View {

@@ -7,12 +7,14 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_dataset::{Photos, ShrunkSize, View};
-use trisplat_scene::error::Result;
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::math::color_fit::ColorMap;
-use trisplat_scene::math::metric;
-use trisplat_scene::report::generator;
-use trisplat_train::eval::Quality;
+use trisplat_scene::{
+    Result,
+    image::{Image, Pixels},
+    math::color_fit::ColorMap,
+    math::metric,
+    report::generator,
+};
+use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

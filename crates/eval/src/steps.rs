@@ -8,14 +8,11 @@ use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
 use std::path::Path;
 use trisplat_bake::{BakeOptions, bake};
 use trisplat_dataset::Dataset;
-use trisplat_formats::output::{self, Output, OutputOptions};
-use trisplat_formats::target::OutputTarget;
-use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::asset::{Asset, Provenance};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::Report;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_formats::{
+    self as formats, OutputTarget, ReadOptions,
+    output::{self, Output, OutputOptions},
+};
+use trisplat_scene::{Asset, Error, Loaded, Provenance, Result, Scene, Soup, report::Report};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]

@@ -20,11 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::path::Path;
-use trisplat_scene::asset::{Asset, Chunk, Placement};
-use trisplat_scene::bvh::Bvh;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::generator;
+use trisplat_scene::{Asset, Chunk, Error, Placement, Result, bvh::Bvh, mesh::Mesh, report::generator};
 use xxhash_rust::xxh3::Xxh3Default;
 
 const MAGIC: [u8; 4] = *b"TBVH";

@@ -1,7 +1,7 @@
 //! Colour channels from floats: sRGB-encoded, usually but not always in [0, 1].
 
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// A channel above this is not an overshoot but has another scale.
 const OVERSHOOT: f32 = 2.0;

@@ -5,9 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::splats;
 use std::path::Path;
-use trisplat_scene::error::Result;
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_scene::{Loaded, LoadedSplats, Result};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]

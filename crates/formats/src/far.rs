@@ -5,11 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use std::fmt::Display;
-use trisplat_scene::asset::{Placement, Provenance};
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::median::median;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Limits, Loaded, Placement, Provenance, Result, math::median::median};
 
 /// Below this distance along every axis positions are read unchanged.
 const NEAR: f64 = 4096.0;

@@ -1,10 +1,10 @@
 //! The end of every reader: drops triangles that are not finite, and validates the rest.
 
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Error, Loaded, Result, Scene, Soup,
+    mesh::{Colors, Mesh},
+};
 
 /// The scene without triangles that are not finite; a warning counts these.
 ///

@@ -4,7 +4,7 @@ use super::gaussians;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::path::Path;
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// The keys that make a JSON file a tileset.
 #[derive(Deserialize)]

@@ -4,7 +4,7 @@
 use super::format::Format;
 use serde_json::Value;
 use std::path::Path;
-use trisplat_scene::error::Error;
+use trisplat_scene::Error;
 
 /// The extension of glTF that holds them (a Khronos release candidate).
 pub(super) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";

@@ -16,8 +16,7 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Asset, Error, Result};
 
 /// The page without a scene, built from `page/src`.
 const PAGE: &str = include_str!("../../../page/dist/page.html");
@@ -32,7 +31,7 @@ const MAX_LINE_BYTES: u64 = 1 << 25;
 ///
 /// # Errors
 /// As [`gltf::write_glb`].
-pub fn write(
+pub(crate) fn write(
     out: &mut dyn Write,
     path: &Path,
     title: &str,

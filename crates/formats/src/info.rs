@@ -13,16 +13,12 @@ use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::math::median::median;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
-use trisplat_scene::splats::Splats;
-use trisplat_scene::texture::{FaceTexture, StoredPicture};
+use trisplat_scene::{
+    FaceTexture, Limits, Loaded, Provenance, Result, Scene, Soup, Splats, StoredPicture,
+    math::color::srgb_from_linear,
+    math::median::median,
+    mesh::{Colors, Mesh},
+};
 
 /// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
 const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f32::MAX];

@@ -5,8 +5,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 use std::str::FromStr;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input::BYTE_ORDER_MARK;
+use trisplat_scene::{Error, Result, input::BYTE_ORDER_MARK};
 
 /// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;

@@ -5,7 +5,7 @@ use super::format::Format;
 use super::source::{Source, is_packed};
 use super::{gltf, obj};
 use std::path::{Path, PathBuf};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::Limits;
 
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
 /// reader reports the fault.

@@ -18,13 +18,12 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear};
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::texture::FaceTexture;
+use trisplat_scene::{
+    Asset, Error, FaceTexture, Loaded, Result, Scene,
+    math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear},
+    math::srgb8::srgb8_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 pub(super) use materials::named_files;
 use std::io::{self, Write};

@@ -19,12 +19,11 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use glam::DVec3;
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Error, Limits, Loaded, Provenance, Result, Scene,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);

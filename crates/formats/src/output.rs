@@ -13,11 +13,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::asset::{Asset, Provenance};
-use trisplat_scene::atomic::{AtomicFile, publish};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Observer, Outcome, OutputReport, Report, StageDetails};
+use trisplat_scene::{
+    Asset, Error, Provenance, Result,
+    atomic::{AtomicFile, publish},
+    ranges::{self, Called},
+    report::{Observer, Outcome, OutputReport, Report, StageDetails},
+};
 
 pub use beside::Beside;
 

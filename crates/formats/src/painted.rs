@@ -5,8 +5,10 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::texture::{FaceTexture, Texture};
+use trisplat_scene::{
+    FaceTexture, Texture,
+    mesh::{Colors, Mesh},
+};
 
 /// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
 const MOST_PAGES: usize = 256;

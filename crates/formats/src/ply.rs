@@ -29,9 +29,7 @@ use glam::DVec3;
 use header::{Element, Header};
 use std::path::Path;
 use transcode::Wanted;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_scene::{Error, Loaded, LoadedSplats, Result, Scene};
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
 /// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.

@@ -6,7 +6,7 @@
 //!
 //! JSON, because it escapes line breaks in names and is the form of `asset.extras` in our GLB, too.
 
-use trisplat_scene::asset::Provenance;
+use trisplat_scene::Provenance;
 
 const KEY: &str = "trisplat ";
 
@@ -61,8 +61,8 @@ pub(super) fn shell_of_comments<'a>(mut comments: impl Iterator<Item = &'a str>)
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use trisplat_scene::asset::{Placement, UpAxis};
     use trisplat_scene::camera::{OrbitRange, Viewpoint};
+    use trisplat_scene::{Placement, UpAxis};
 
     proptest! {
         #[test]

@@ -36,14 +36,12 @@ use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::{Soup, rgb_from_sh0};
+use trisplat_scene::{
+    Error, Limits, Loaded, Provenance, Result, Scene, Soup, input,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+    rgb_from_sh0,
+};
 
 /// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can cost the
 /// parser about 100 bytes of stack, and a deflated file can claim any size.

@@ -5,9 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, gltf, html, obj, off, ply, pt};
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::guard::guarded;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Error, Loaded, Result, guard::guarded};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =
@@ -47,7 +45,7 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 /// let loaded = formats::read(&path, &ReadOptions::default())?;
 /// assert_eq!(loaded.scene.triangle_count(), 2); // polygons come as triangles
 /// assert_eq!(loaded.warnings, ["the file has no colours: every triangle is white"]);
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! What the caller will use of a file, and the limits that apply to it.
 
-use trisplat_scene::limits::Limits;
+use trisplat_scene::Limits;
 
 /// The parts of a file to load, and the limits for it. By default everything, within the default limits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,9 +4,7 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// A file to read: a label for messages, an open handle and its length. Standard input ("-") is spooled to a
 /// temporary file first, so that every reader may seek, and may compare counts with the real length.

@@ -12,9 +12,7 @@ use super::format::Format;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, ply};
-use trisplat_scene::error::Result;
-use trisplat_scene::guard::guarded;
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_scene::{LoadedSplats, Result, guard::guarded};
 
 /// The format of an open file when it holds Gaussians that we read.
 pub(super) fn format_of(source: &mut Source) -> Result<Option<Format>> {

@@ -9,20 +9,21 @@ use super::tileset::{self, TilesetTile};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::asset::{Asset, Provenance, Tile};
-use trisplat_scene::atomic::{AtomicFile, MadeFolders, sweep_folder};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{
+    Asset, Error, Provenance, Result, Tile,
+    atomic::{AtomicFile, MadeFolders, sweep_folder},
+    mesh::Mesh,
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Largest side of a tile's texture, texels: what today's phones draw.
 const LARGEST_TEXTURE: u32 = 4096;
 
 /// The ending of a tileset's name.
-pub const ENDING: &str = "tileset.json";
+pub(crate) const ENDING: &str = "tileset.json";
 
 /// Whether a file of this name is a tileset.
-pub fn is_tileset(path: &Path) -> bool {
+pub(crate) fn is_tileset(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     name == ENDING || name.ends_with(&format!(".{ENDING}"))
 }

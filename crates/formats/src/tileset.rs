@@ -3,8 +3,7 @@
 
 use glam::DVec3;
 use serde_json::{Value, json};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Result, mesh::Mesh};
 
 /// A tile: drawn as long as a viewer does not need more detail.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,7 +109,7 @@ impl TilesetTile {
 const INDENTED: usize = 1000;
 
 /// The text of the file.
-pub fn json(root: &TilesetTile, generator: &str) -> String {
+pub(crate) fn json(root: &TilesetTile, generator: &str) -> String {
     let extent = root.all_bounds().map_or(0.0, |[low, high]| (high - low).length());
     let set = json!({
         "asset": { "version": "1.1", "generator": generator },

@@ -2,9 +2,10 @@
 
 use super::output::{self, Beside, Output, OutputOptions};
 use std::path::Path;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{OutputReport, Report};
+use trisplat_scene::{
+    Asset, Result,
+    report::{OutputReport, Report},
+};
 
 /// What [`write()`] wrote.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +23,7 @@ pub struct WrittenFiles {
 /// when all of them are complete. Existing files are replaced.
 ///
 /// ```
-/// use trisplat_scene::asset::Asset;
+/// use trisplat_scene::Asset;
 /// use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
 /// use trisplat_scene::mesh::{Colors, Mesh};
 ///
@@ -37,7 +38,7 @@ pub struct WrittenFiles {
 /// assert_eq!(written.files.len(), 1);
 /// let back = formats::read(&path, &ReadOptions::default())?;
 /// assert_eq!(back.scene.triangle_count(), 1);
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Which graphics card draws.
 
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags, Surface};
 
 /// The choice of graphics card and graphics API.

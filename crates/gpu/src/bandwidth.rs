@@ -3,7 +3,7 @@
 use super::device::Gpu;
 use super::storage::storage;
 use std::time::Instant;
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 use wgpu::Buffer;
 
 /// Bytes of the two buffers, if the card can bind as much.

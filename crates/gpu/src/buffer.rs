@@ -3,7 +3,7 @@
 use super::device::Gpu;
 use bytemuck::NoUninit;
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// Elements that are computed before they are copied.

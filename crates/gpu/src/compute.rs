@@ -1,7 +1,7 @@
 //! Compute kernels: WGSL that runs on buffers.
 
 use super::device::Gpu;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindingResource, ComputePipeline,
     ComputePipelineDescriptor, PipelineCompilationOptions, ShaderModuleDescriptor, ShaderSource,
@@ -69,4 +69,4 @@ pub fn workgroups(count: u32) -> [u32; 2] {
 }
 
 /// Workgroups in one dimension that every card supports.
-pub const MOST_ACROSS: u32 = 65_535;
+pub(crate) const MOST_ACROSS: u32 = 65_535;

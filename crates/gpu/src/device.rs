@@ -2,7 +2,7 @@
 
 use super::adapter::AdapterOptions;
 use std::sync::{Arc, Mutex, PoisonError};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{
     Adapter, AdapterInfo, Device, DeviceDescriptor, Features, Limits, PollType, Queue, SubmissionIndex,
 };

@@ -2,17 +2,22 @@
 //!
 //! In: nothing. Out: an open card, its buffers, kernels and timers.
 
-pub mod adapter;
-pub mod bandwidth;
+mod adapter;
+mod bandwidth;
 pub mod buffer;
-pub mod compute;
-pub mod device;
+mod compute;
+mod device;
 pub mod readback;
-pub mod stages;
-pub mod storage;
-pub mod timer;
+mod stages;
+mod storage;
+mod timer;
 
 pub use adapter::{AdapterOptions, GraphicsApi};
+pub use bandwidth::copy_bandwidth;
+pub use compute::{Kernel, workgroups};
 pub use device::Gpu;
+pub use stages::StageTimer;
+pub use storage::{storage, uniform};
+pub use timer::Timer;
 /// The graphics interface, for those who hold a [`Gpu`].
 pub use wgpu;

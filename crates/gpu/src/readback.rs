@@ -3,7 +3,7 @@
 use super::device::Gpu;
 use bytemuck::{AnyBitPattern, NoUninit};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{
     Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
 };

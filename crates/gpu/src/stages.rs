@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::readback::elements;
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, CommandEncoder, ComputePassTimestampWrites, Features};
 use wgpu::{QuerySet, QuerySetDescriptor, QueryType};
 

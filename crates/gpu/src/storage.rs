@@ -1,7 +1,7 @@
 //! Storage buffers, within the limits of the card.
 
 use super::device::Gpu;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// A storage buffer of `bytes`, filled with zeros; an empty one holds one vector. It can be copied to and from.

@@ -6,16 +6,11 @@ use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::merge::merge;
-use trisplat_bake::teacher::TeacherWhen;
-use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_bake::{Bake, BakeOptions, TeacherWhen, Views, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Output, OutputFiles};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::Report;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Asset, Error, Loaded, Result, report::Report};
 
 /// An input of a bake.
 #[derive(Debug, Clone)]
@@ -37,7 +32,7 @@ impl BakeInput {
 ///
 /// ```
 /// use trisplat_bake::BakePreset;
-/// use trisplat_formats::target::OutputTarget;
+/// use trisplat_formats::OutputTarget;
 /// use trisplat_job::BakeInput;
 /// use trisplat_job::BakeJob;
 /// use trisplat_bake::BakeOptions;
@@ -48,7 +43,7 @@ impl BakeInput {
 /// let scene = BakeInput::File("../../samples/soups/studio.ply".into());
 /// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
 /// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct BakeJob {

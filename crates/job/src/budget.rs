@@ -1,15 +1,17 @@
 //! Choices for a training with a budget, before it begins.
 
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
-use trisplat_scene::budget::{Budget, Spending};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::{Layered, Origin};
-use trisplat_scene::scene::Loaded;
-use trisplat_train::TrainOptions;
-use trisplat_train::budget::{Enough, Pace, Paced, PlanInput, calibrate, plan};
+use trisplat_scene::{
+    Budget, Error, Loaded, Result, Spending,
+    layered::{Layered, Origin},
+};
+use trisplat_train::{
+    TrainOptions,
+    budget::{Enough, Pace, Paced, PlanInput, calibrate, plan},
+};
 
 /// Refuses options that a budget chooses, whichever layer sets them.
-pub fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
+pub(crate) fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
     let Some(budget) = budget else { return Ok(()) };
     let TrainOptions { steps, milestones, .. } = &options.options;
     for (key, value) in [("steps", steps.to_string()), ("milestones", format!("{milestones:?}"))] {

@@ -1,14 +1,15 @@
 //! Describes a file: its contents, its softness, and the triangles that a bake would keep.
 
 use std::path::Path;
-use trisplat_bake::prune::{PruneDetails, PruneOptions, prune};
-use trisplat_bake::solid::SolidOptions;
-use trisplat_bake::teacher::softness;
-use trisplat_formats::info::{BakeInfo, Info, info_of_content};
-use trisplat_formats::{Content, ReadOptions};
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{self, Outcome};
-use trisplat_scene::scene::Loaded;
+use trisplat_bake::{PruneDetails, PruneOptions, SolidOptions, prune, softness};
+use trisplat_formats::{
+    Content, ReadOptions,
+    info::{BakeInfo, Info, info_of_content},
+};
+use trisplat_scene::{
+    Loaded, Result,
+    report::{self, Outcome},
+};
 
 /// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to measure its softness.
 ///

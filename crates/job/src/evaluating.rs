@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_eval::coverage;
-use trisplat_eval::evaluate::{self, EvalReport, ScoredPicture};
-use trisplat_eval::render::scene_renderer::RenderOptions;
-use trisplat_eval::steps::{self, EvalStep};
+use trisplat_eval::{
+    RenderOptions, coverage,
+    evaluate::{self, EvalReport, ScoredPicture},
+    steps::{self, EvalStep},
+};
 use trisplat_formats as formats;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Result, image::Pixels};
 use trisplat_train::BackendOptions;
 
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
@@ -19,8 +19,8 @@ use trisplat_train::BackendOptions;
 /// use trisplat_dataset::DatasetOptions;
 /// use trisplat_job::EvalJob;
 /// # use glam::Vec3;
-/// # let scene = trisplat_scene::soup::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
-/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::soup::Soup::default() };
+/// # let scene = trisplat_scene::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::Soup::default() };
 ///
 /// let folder = tempfile::tempdir().unwrap();
 /// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
@@ -30,7 +30,7 @@ use trisplat_train::BackendOptions;
 ///
 /// let report = EvalJob::new(file).run(&dataset)?;
 /// assert_eq!(report.steps[0].images.len(), dataset.test().count());
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct EvalJob {

@@ -4,7 +4,7 @@ use super::observer::TrainJobObserver;
 use super::training::TrainJob;
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
 
 /// The part of a training that a step belongs to.
@@ -47,7 +47,7 @@ pub enum Event<'a> {
 /// let photos = Dataset::load("photos", &DatasetOptions::default())?;
 /// let trained = train(&photos, &TrainOptions::default(), |_| ControlFlow::Continue(()))?;
 /// trained.save("scene.ply")?;
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 pub fn train(
     dataset: &Dataset,

@@ -1,17 +1,12 @@
 //! A bake whose files take at most a number of bytes.
 
 use super::observer::BakeJobObserver;
-use trisplat_bake::max_bytes::{Attempt, most_within};
-use trisplat_bake::refit::RefitColors;
-use trisplat_bake::reshape::ReshapeOptions;
-use trisplat_bake::teacher::TeacherOptions;
-use trisplat_bake::texture::TextureWhen;
-use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_bake::{
+    Attempt, Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views, most_within,
+    refit::RefitColors,
+};
 use trisplat_formats::output::{self, Output};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::Report;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Asset, Loaded, Result, report::Report};
 
 /// A bake, its options and its report so far.
 pub(super) struct Fitted {

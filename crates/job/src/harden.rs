@@ -3,12 +3,12 @@
 use super::observer::BakeJobObserver;
 use std::path::Path;
 use std::time::Instant;
-use trisplat_bake::Views;
-use trisplat_bake::teacher::{is_solid, pictures};
+use trisplat_bake::{Views, is_solid, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Counts, StageDetails, StageReport};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{
+    Error, Loaded, Result, Scene,
+    report::{Counts, StageDetails, StageReport},
+};
 use trisplat_teacher as teacher;
 use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
 
@@ -80,7 +80,7 @@ impl Hardened {
 }
 
 /// Why `scene` need not be hardened, if it is solid.
-pub fn needless(scene: &Loaded) -> Option<&'static str> {
+pub(crate) fn needless(scene: &Loaded) -> Option<&'static str> {
     match &scene.scene {
         Scene::Mesh(_) => Some("the input is a mesh: its triangles are solid"),
         Scene::Soup(soup) => is_solid(soup).then_some("the scene is solid already"),

@@ -6,7 +6,7 @@ use trisplat_capture::camera_files;
 use trisplat_dataset::Dataset;
 use trisplat_formats as formats;
 use trisplat_scale::{Manifest, manifest};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::Limits;
 
 /// `path` and every file that it names, whatever it is: a scene with its buffers, materials and pictures; a data set with its
 /// poses, photos (those of COLMAP in the folder `images`) and masks; a plan with all its files and its data set; a folder

@@ -12,13 +12,13 @@ use trisplat_bake::BakeOptions;
 use trisplat_capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output;
-use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
-use trisplat_scene::budget::{Budget, Seconds};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::process::cpu_secs;
-use trisplat_scene::report::{Report, StageReport};
+use trisplat_scene::{
+    Budget, Error, Limits, Result, Seconds,
+    atomic::{AtomicFile, MadeFolders, Manifest},
+    input,
+    process::cpu_secs,
+    report::{Report, StageReport},
+};
 use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.

@@ -3,16 +3,14 @@
 use super::observer::TrainJobObserver;
 use super::training::TrainJob;
 use std::path::Path;
-use trisplat_bake::Views;
-use trisplat_bake::mesh::{MeshOptions, mesh};
+use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::budget::{Budget, Seconds};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::process::cpu_secs;
-use trisplat_scene::report::{Observer, Report};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Asset, Budget, Error, Loaded, Result, Seconds,
+    process::cpu_secs,
+    report::{Observer, Report},
+};
 use trisplat_train::TrainOptions;
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 use trisplat_capture::CaptureObserver;
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Observer, StageReport};
+use trisplat_scene::{
+    Result,
+    report::{Observer, StageReport},
+};
 use trisplat_train::{TrainObserver, TrainOptions, Trained};
 
 /// Observes a training job: these methods for its preparation, [`TrainObserver`] for its steps. By default every method does nothing.

@@ -7,19 +7,12 @@ use std::ops::Deref;
 use std::path::Path;
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::Dataset;
-use trisplat_eval::evaluate::Scores;
-use trisplat_eval::render::baked_scene::BakedScene;
-use trisplat_eval::render::scene_renderer::SceneRenderer;
-use trisplat_formats::output::OutputOptions;
-use trisplat_formats::{self as formats, ReadOptions, WrittenFiles};
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::placed;
-use trisplat_scene::report::Report;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_eval::{BakedScene, SceneRenderer, evaluate::Scores};
+use trisplat_formats::{self as formats, ReadOptions, WrittenFiles, output::OutputOptions};
+use trisplat_scene::{
+    Asset, Error, Limits, Loaded, Placement, Result, Scene, camera::Camera, image::Pixels, placed,
+    report::Report,
+};
 
 /// Reads a scene of any format, with all of its colours.
 ///

@@ -3,12 +3,8 @@
 
 use super::watched::{Watched, WatchedTraining};
 use serde::{Deserialize, Serialize};
-use trisplat_scene::budget::{Budget, Spending};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::Layered;
-use trisplat_scene::report::counted;
-use trisplat_train::prepared_run::PreparedRun;
-use trisplat_train::{Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
+use trisplat_scene::{Budget, Error, Result, Spending, layered::Layered, report::counted};
+use trisplat_train::{Checkpoint, PreparedRun, RunOptions, TrainOptions, TrainRun, Trained};
 
 /// A run in its preparation: everything that decides how it goes on, apart from photos.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -3,21 +3,13 @@
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_eval::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
-use trisplat_eval::render::splats_renderer::SplatsRenderer;
-use trisplat_eval::steps;
-use trisplat_formats::splats::cameras;
-use trisplat_formats::{self as formats, Content};
-use trisplat_raster::framing::Surroundings;
-use trisplat_raster::framing::surroundings::up_of;
-use trisplat_scene::asset::{Placement, Provenance, UpAxis};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::placed;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_eval::{RenderMode, RenderOptions, SceneRenderer, SplatsRenderer, steps};
+use trisplat_formats::{self as formats, Content, splats::cameras};
+use trisplat_raster::{framing::Surroundings, framing::surroundings::up_of};
+use trisplat_scene::{
+    Error, Loaded, LoadedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
+    image::Pixels, placed,
+};
 use trisplat_train::BackendOptions;
 use trisplat_view::orbit;
 
@@ -31,8 +23,8 @@ pub const WIDTH: u32 = 960;
 /// ```
 /// use trisplat_job::RenderJob;
 /// # use glam::Vec3;
-/// # let scene = trisplat_scene::soup::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
-/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::soup::Soup::default() };
+/// # let scene = trisplat_scene::Soup { vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]], opacity: vec![1.0], sigma: vec![0.01],
+/// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::Soup::default() };
 /// # let folder = tempfile::tempdir().unwrap();
 /// # let file = folder.path().join("scene.glb");
 /// # trisplat_formats::write(&trisplat_bake::bake(scene, &Default::default())?, &file, &Default::default())?;
@@ -42,7 +34,7 @@ pub const WIDTH: u32 = 960;
 /// let mut ready = job.prepare(None)?;
 /// let picture = ready.draw(0)?;
 /// assert_eq!((ready.cameras().len(), picture.size.to_array()), (3, [64, 48]));
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct RenderJob {

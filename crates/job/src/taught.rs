@@ -10,16 +10,14 @@ use super::teacher::{
 use super::watched::Watched;
 use std::path::Path;
 use std::time::Instant;
-use trisplat_bake::teacher::TeacherDetails;
+use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::budget::Budget;
-use trisplat_scene::error::Result;
-use trisplat_scene::layered::Layered;
-use trisplat_scene::report::{StageDetails, StageReport};
-use trisplat_scene::scene::Loaded;
-use trisplat_train::budget::Paced;
-use trisplat_train::device::OpenRun;
-use trisplat_train::{BackendOptions, Checkpoint, TrainOptions, TrainRun, Trained};
+use trisplat_scene::{
+    Budget, Loaded, Result,
+    layered::Layered,
+    report::{StageDetails, StageReport},
+};
+use trisplat_train::{BackendOptions, Checkpoint, OpenRun, TrainOptions, TrainRun, Trained, budget::Paced};
 
 /// The trained teachers of a run.
 pub(super) struct Teachers {

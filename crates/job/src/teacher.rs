@@ -8,13 +8,12 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_scene::budget::{Budget, Seconds};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::{Layered, Layers};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{
+    Budget, Error, Loaded, Result, Seconds,
+    layered::{Layered, Layers},
+};
 use trisplat_teacher as teacher;
-use trisplat_train::budget::Enough;
-use trisplat_train::{Checkpoint, TrainOptions, TrainPreset};
+use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::Enough};
 
 /// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;

@@ -10,22 +10,23 @@ use super::watched::{self, Watched, WatchedTraining};
 use super::watching::Watching;
 use std::path::PathBuf;
 use std::time::Instant;
-use trisplat_bake::teacher::TeacherDetails;
+use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
-use trisplat_scene::budget::{Budget, Spending};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::layered::Layered;
-use trisplat_scene::report::{Report, StageDetails, StageReport};
-use trisplat_scene::scene::Loaded;
-use trisplat_train::budget::{Enough, Paced};
-use trisplat_train::device::OpenRun;
-use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained};
+use trisplat_scene::{
+    Budget, Error, Loaded, Result, Spending,
+    layered::Layered,
+    report::{Report, StageDetails, StageReport},
+};
+use trisplat_train::{
+    BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainRun, Trained,
+    budget::{Enough, Paced},
+};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
 /// ```
 /// use trisplat_dataset::synthetic::{self, SyntheticOptions};
-/// use trisplat_job::teacher::TeacherSource;
+/// use trisplat_job::TeacherSource;
 /// use trisplat_dataset::Dataset;
 /// use trisplat_dataset::DatasetOptions;
 /// use trisplat_job::TrainJob;
@@ -41,7 +42,7 @@ use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, Train
 /// let done = job.run(&mut ())?;
 /// assert_eq!(done.trained.steps, 20);
 /// assert_eq!(done.report.stages[1].unneeded.as_deref(), Some("`teacher` off"));
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TrainJob {

@@ -1,14 +1,12 @@
 //! Compares a hardened scene with the original; only the better file is written.
 
-use trisplat_bake::teacher::pictures;
-use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_bake::{Bake, BakeOptions, Views, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::error::Result;
-use trisplat_scene::report::{Report, StageDetails, StageReport};
-use trisplat_scene::scene::Loaded;
-use trisplat_teacher::Viewpoints;
-use trisplat_teacher::viewpoints::between;
+use trisplat_scene::{
+    Asset, Loaded, Placement, Result,
+    report::{Report, StageDetails, StageReport},
+};
+use trisplat_teacher::{Viewpoints, between};
 use trisplat_train::{HardenedGain, TrainDetails};
 
 /// Most views that are compared.

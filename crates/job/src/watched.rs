@@ -9,10 +9,14 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::{Counts, StageDetails, StageReport, counted, to_json};
-use trisplat_train::budget::{CostModel, Workload, part_secs};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_scene::{
+    Error, Result,
+    report::{Counts, StageDetails, StageReport, counted, to_json},
+};
+use trisplat_train::{
+    TrainOptions, TrainPreset,
+    budget::{CostModel, Workload, part_secs},
+};
 
 /// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
 pub(super) const LONGEST_PX: u32 = 96;

@@ -5,7 +5,7 @@ use super::preparation::{PreparationPart, Storing, stopped};
 use super::watched::{LONGEST_PX, SOFT_STEPS, SOLID_STEPS, TRIANGLES, Watched, WatchedTraining, is_left_out};
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 use trisplat_train::{Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun};
 
 /// Fewest pixels of a photo per triangle.

@@ -13,8 +13,7 @@ mod rows;
 pub use options::GaussianOptions;
 
 use crate::soft::Frame;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::splats::Splats;
+use trisplat_scene::{Splats, camera::Camera};
 
 /// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for any number of threads.
 pub fn draw(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Frame {

@@ -47,9 +47,11 @@ use rounds::{Faces, PAIRS_PER_ROUND, rounds};
 use shade::Code;
 use std::time::Instant;
 use timing::PartTimes;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{
+    camera::Camera,
+    image::{Image, Pixels},
+    mesh::Mesh,
+};
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug)]
@@ -153,8 +155,8 @@ fn binned<'a>(batches: &'a mut Vec<Batch>, mesh: &Mesh, projector: &Projector, p
 mod tests {
     use super::*;
     use glam::{Mat3, UVec2, Vec2, Vec3};
+    use trisplat_scene::Rng;
     use trisplat_scene::mesh::Colors;
-    use trisplat_scene::rng::Rng;
 
     const SIZE: UVec2 = UVec2::new(300, 170);
 

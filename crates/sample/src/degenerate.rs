@@ -2,7 +2,7 @@
 //! wrong.
 
 use glam::{Vec3, vec3};
-use trisplat_scene::soup::{Soup, sh0_from_rgb};
+use trisplat_scene::{Soup, sh0_from_rgb};
 
 /// One triangle of every kind that breaks naive code, and a few valid ones, so that a bake of it still has
 /// something to write.

@@ -5,5 +5,5 @@
 mod degenerate;
 pub mod scenes;
 mod studio;
-pub mod town;
+mod town;
 pub mod town_photos;

@@ -7,10 +7,7 @@ use super::studio::{Studio, Surface};
 use glam::{DVec2, DVec3, Mat3, UVec2, Vec2, Vec3, vec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use trisplat_scene::asset::{Provenance, UpAxis};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::{Soup, sh0_from_rgb};
+use trisplat_scene::{Provenance, Rng, Soup, UpAxis, camera::Camera, sh0_from_rgb};
 
 /// Which soup to make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -365,7 +362,7 @@ mod tests {
     #[test]
     fn the_viewpoint_looks_at_the_stage_from_above() {
         let camera = viewpoint(UVec2::new(960, 540));
-        camera.validate(&trisplat_scene::limits::Limits::DEFAULT).unwrap();
+        camera.validate(&trisplat_scene::Limits::DEFAULT).unwrap();
         assert!(camera.position().y < -1.0);
         let seen = camera.rotation * vec3(0.0, -0.35, 0.1) + camera.translation;
         assert!(seen.z > 1.0 && seen.truncate().length() < 1e-5);

@@ -3,9 +3,11 @@
 //! origin.
 
 use glam::{Vec3, vec3};
-use trisplat_scene::math::octasphere::octasphere;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Rng,
+    math::octasphere::octasphere,
+    mesh::{Colors, Mesh},
+};
 
 /// Distance between the middles of neighbouring streets, m.
 pub(super) const PITCH: f32 = 20.0;
@@ -167,7 +169,7 @@ pub(super) fn half_side(lots: u32) -> f32 {
 }
 
 /// The town of `lots` times `lots` lots.
-pub fn town(lots: u32, seed: u64) -> Mesh {
+pub(crate) fn town(lots: u32, seed: u64) -> Mesh {
     let mut builder =
         Builder { positions: Vec::new(), colors: Vec::new(), rng: Rng::new(seed, "town", 0), next: 0 };
     let half = half_side(lots);

@@ -9,13 +9,13 @@ use std::io::Write;
 use std::path::Path;
 use trisplat_formats::ply;
 use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::asset::{Asset, Provenance, UpAxis};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Asset, Error, Provenance, Result, Rng, UpAxis,
+    atomic::AtomicFile,
+    camera::Camera,
+    math::color::srgb_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 /// What to make.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -6,7 +6,7 @@ use super::options::PlanOptions;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 use trisplat_dataset::View;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
 const FEWEST_PHOTOS: usize = 3;

@@ -2,8 +2,7 @@
 
 use glam::{Mat3, Vec2, Vec3};
 use std::ops::Range;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, camera::Camera};
 
 /// Triangles of a cell: the box of fewer is looked at as long as they are drawn.
 const CELL: usize = 64;

@@ -7,9 +7,7 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use trisplat_raster::soft::{Importance, Soft, SoftOptions, SoupRef};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::{Soup, sh0_from_rgb};
-use trisplat_scene::space::Space;
+use trisplat_scene::{Soup, Space, camera::Camera, sh0_from_rgb};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;

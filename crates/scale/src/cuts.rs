@@ -84,7 +84,7 @@ fn cut_place(points: &mut [Vec3], share: f64, around: &Surroundings) -> (usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     fn town(count: u64) -> Vec<Vec3> {
         let rng = Rng::new(3, "cuts", 0);

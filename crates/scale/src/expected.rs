@@ -2,9 +2,10 @@
 
 use super::manifest::Expected;
 use glam::UVec2;
-use trisplat_train::TrainOptions;
-use trisplat_train::budget::{CostModel, Workload, part_secs};
-use trisplat_train::options::REFERENCE_STEPS;
+use trisplat_train::{
+    REFERENCE_STEPS, TrainOptions,
+    budget::{CostModel, Workload, part_secs},
+};
 
 /// Bytes of an idle process. This and the following were fitted to blocks of a town (docs/benchmarks/scale.md).
 const BASE: f64 = 15e6;

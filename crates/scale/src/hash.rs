@@ -3,9 +3,7 @@
 use serde::Serialize;
 use std::io::{self, Read, Write};
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
 /// Bytes read at a time.

@@ -4,12 +4,11 @@
 use super::hash;
 use std::path::{Path, PathBuf};
 use trisplat_formats::ply;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::atomic::{AtomicFile, folder_of};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Error, Limits, Provenance, Result, Soup,
+    atomic::{AtomicFile, folder_of},
+    camera::Camera,
+};
 
 /// Writes a soup as `NAME-HASH.ply` where `path` is `NAME.ply`; `begun` is called with its final path before it exists. Returns
 /// that and the hash.

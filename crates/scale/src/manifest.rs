@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::DatasetOptions;
-use trisplat_scene::atomic::{AtomicFile, folder_of, sweep_folder};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::space::Space;
+use trisplat_scene::{
+    Error, Limits, Result, Space,
+    atomic::{AtomicFile, folder_of, sweep_folder},
+    input,
+};
 use trisplat_train::{Core, TrainOptions};
 
 /// The layout written and read; it changes whenever a key does.

@@ -7,15 +7,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::ShrunkSize;
-use trisplat_formats::ply::SoupWriter;
-use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_formats::{self as formats, ReadOptions, ply::SoupWriter};
+use trisplat_scene::{
+    Error, Limits, Loaded, Provenance, Result, Scene, Soup, atomic::AtomicFile, camera::Camera,
+};
 
 /// What a merge measured at the borders of blocks.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,8 +2,10 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Error, Result,
+    ranges::{self, Called},
+};
 
 /// How a scene is cut into blocks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -13,16 +13,8 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
-use trisplat_train::options::REFERENCE_STEPS;
-use trisplat_train::schedule::Schedule;
-use trisplat_train::{RunIdentity, TrainOptions, TrainPreset, Trained};
+use trisplat_scene::{Error, Limits, Loaded, Result, Scene, Soup, Space, atomic::AtomicFile, camera::Camera};
+use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, TrainPreset, Trained};
 
 /// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
 /// block, but before triangles become opaque.
@@ -205,7 +197,7 @@ fn name_of(path: &Path) -> String {
 pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Result<Vec<PlannedPhoto>> {
     let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
     let views: Vec<&View> = dataset.train().collect();
-    let planned = |(view, photo): (&&View, &trisplat_train::identity::PhotoIdentity)| {
+    let planned = |(view, photo): (&&View, &trisplat_train::PhotoIdentity)| {
         let mut hash = hash::of_file(&view.photo.path, &options.limits)?;
         if let Some(mask) = &view.photo.mask {
             hash += &hash::of_file(mask, &options.limits)?;

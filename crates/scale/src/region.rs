@@ -53,6 +53,6 @@ impl Region {
 }
 
 /// Where a triangle is: in the region that holds the middle of its corners.
-pub fn middle(corners: &[Vec3; 3]) -> Vec3 {
+pub(crate) fn middle(corners: &[Vec3; 3]) -> Vec3 {
     (corners[0] + corners[1] + corners[2]) / 3.0
 }

@@ -4,18 +4,15 @@ use super::merge::{Blocks, SeamQuality};
 use super::task::read_source;
 use glam::{Vec2, Vec3};
 use std::path::Path;
-use trisplat_bake::teacher::is_solid;
+use trisplat_bake::is_solid;
 use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, View};
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_raster::soft::{Soft, SoftOptions, SoupRef, Window};
-use trisplat_raster::solid::Solid;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::metric;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
-use trisplat_train::eval::EvalScene;
+use trisplat_raster::{
+    soft::{Soft, SoftOptions, SoupRef, Window},
+    solid::Solid,
+};
+use trisplat_scene::{Error, Loaded, Result, Scene, Soup, Space, camera::Camera, math::metric};
+use trisplat_train::EvalScene;
 
 /// Compares each of `scenes`, a name for the report and a file, with the held-out photos of the plan. A pixel is at a seam when it shows, by the coarse scene, what two blocks
 /// have trained: the halo of one and the core of another. So the pixels are the same for all scenes.

@@ -3,9 +3,7 @@
 use super::manifest::Manifest;
 use super::task::BlockFigures;
 use std::path::Path;
-use trisplat_scene::error::Result;
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result, input};
 
 /// State of a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

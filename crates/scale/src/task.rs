@@ -11,11 +11,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Error, Limits, Loaded, Provenance, Result, Scene, camera::Camera};
 use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 
 /// Default number of checkpoints that a task writes.

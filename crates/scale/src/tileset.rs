@@ -6,19 +6,11 @@ use super::merge::{Blocks, OwnedBlock};
 use super::task::read_source;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
-use trisplat_bake::decimate::{enlarge, rank_by_size};
-use trisplat_bake::place::PlaceOptions;
-use trisplat_bake::teacher::TeacherOptions;
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
-use trisplat_formats::output::WriteDetails;
-use trisplat_formats::tiles::TilesetWriter;
-use trisplat_formats::tileset::{TilesetTile, bounds};
-use trisplat_scene::asset::{Asset, Placement, Provenance, Tile, UpAxis};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{Bake, BakeOptions, BakePreset, PlaceOptions, TeacherOptions, enlarge, rank_by_size};
+use trisplat_formats::{TilesetTile, TilesetWriter, bounds, output::WriteDetails};
+use trisplat_scene::{
+    Asset, Loaded, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis, mesh::Mesh, placed,
+};
 
 /// What was written.
 #[derive(Debug, Clone, PartialEq)]

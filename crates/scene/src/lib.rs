@@ -2,28 +2,41 @@
 //!
 //! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, BVH, assets; numbers, errors, reports; files that are read within limits and appear whole.
 
-pub mod asset;
+mod asset;
 pub mod atomic;
-pub mod budget;
+mod budget;
 pub mod bvh;
 pub mod camera;
-pub mod error;
+mod error;
 pub mod guard;
 pub mod image;
 pub mod input;
 pub mod layered;
-pub mod limits;
+mod limits;
 pub mod math;
 pub mod mesh;
 pub mod placed;
 pub mod process;
 pub mod ranges;
-pub mod region;
+mod region;
 pub mod report;
-pub mod rng;
-pub mod scene;
-pub mod soup;
-pub mod space;
-pub mod splats;
-pub mod texture;
-pub mod work;
+mod rng;
+mod scene;
+mod soup;
+mod space;
+mod splats;
+mod texture;
+mod work;
+
+pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
+pub use budget::{Budget, BudgetClock, Seconds, Spending};
+pub use error::{Error, Result};
+pub use limits::Limits;
+pub use region::Region;
+pub use rng::Rng;
+pub use scene::{Loaded, Scene};
+pub use soup::{SH_C0, Soup, rgb_from_sh0, sh0_from_rgb};
+pub use space::Space;
+pub use splats::{LoadedSplats, ScreenFilter, Splats};
+pub use texture::{FaceTexture, StoredPicture, Texture};
+pub use work::WorkCount;

@@ -13,13 +13,13 @@ use std::path::Path;
 /// how to raise it. The defaults exceed every scene in the literature.
 ///
 /// ```
-/// use trisplat_scene::limits::Limits;
+/// use trisplat_scene::Limits;
 ///
 /// let mut limits = Limits::default();
 /// limits.set("picture_pixels=400000000")?;
 /// assert_eq!(limits.picture_pixels, 400_000_000);
 /// assert!(limits.set("pixels=1").is_err(), "there is no such limit");
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]

@@ -14,12 +14,7 @@ use super::pictures::pictures;
 use super::simplify::simplify;
 use super::smooth::smooth;
 use rayon::prelude::*;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::StageProgress;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Limits, Loaded, Result, camera::Camera, mesh::Mesh, report::StageProgress};
 use trisplat_teacher::Viewpoints;
 
 /// Rounds of smoothing before a surface is simplified.

@@ -3,8 +3,7 @@
 use super::options::SurfaceOptions;
 use super::picture::DepthPicture;
 use glam::{IVec3, Vec3};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::median::median;
+use trisplat_scene::{Error, Result, math::median::median};
 
 /// Samples along a side of a block.
 pub(super) const SIDE: i32 = 8;

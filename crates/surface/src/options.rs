@@ -2,8 +2,10 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::error::Result;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Result,
+    ranges::{self, Called},
+};
 
 /// Cells along the longest side, unless asked for more; ...
 const MOST_CELLS: u32 = 256;

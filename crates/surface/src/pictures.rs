@@ -2,15 +2,13 @@
 
 use super::picture::{DepthPicture, FREE, UNKNOWN};
 use glam::{UVec2, Vec3};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_raster::solid::{Barycentrics, NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::StageProgress;
-use trisplat_scene::scene::Scene;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
+use trisplat_raster::{
+    soft::SoftOptions,
+    solid::{Barycentrics, NO_FACE, Solid, SolidRasterOptions},
+};
+use trisplat_scene::{
+    Scene, Soup, Space, camera::Camera, math::srgb8::srgb8_from_linear, mesh::Mesh, report::StageProgress,
+};
 use trisplat_teacher::Teacher;
 
 /// Pixels of all pictures together: they are in memory at once, with 7 bytes each.

@@ -5,9 +5,11 @@ use super::cluster::{cluster, drop_unused};
 use super::components::{Components, drop_small_areas};
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Error, Result,
+    math::color::srgb_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 /// How much a change of colour counts: one from black to white as a move by this share of the mesh's size.
 const COLOR_WEIGHT: f32 = 0.02;

@@ -6,9 +6,7 @@
 
 use super::survey::{Survey, ViewCoverage, camera};
 use glam::Vec3;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Loaded, Soup, camera::Camera};
 
 /// Pictures of a scene.
 const PICTURES: usize = 60;
@@ -231,7 +229,7 @@ fn most_telling(mut views: Vec<GoodView>) -> Vec<Camera> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     /// Opaque triangles of about `size` at `places`.
     fn soup(places: impl Iterator<Item = Vec3>, size: f32) -> Soup {

@@ -6,14 +6,9 @@ use super::viewpoints::Viewpoints;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_dataset::picture_file::PictureFile;
-use trisplat_dataset::{Dataset, DatasetKind, Photo, View};
+use trisplat_dataset::{Dataset, DatasetKind, Photo, PictureFile, View};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::placed;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Error, Loaded, Result, camera::Camera, image::Pixels, placed};
 
 /// One picture in this many is held out, to score the solid scene.
 const HELD_OUT: usize = 8;

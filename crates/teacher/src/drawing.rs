@@ -2,10 +2,7 @@
 
 use glam::Vec3;
 use trisplat_raster::soft::{Frame, Soft, SoftOptions, SoupRef};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
+use trisplat_scene::{Soup, Space, camera::Camera, image::Pixels};
 
 /// Largest coordinate of a drawn triangle.
 const REACH: f32 = 1e15;

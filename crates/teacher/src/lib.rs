@@ -7,12 +7,13 @@
 
 mod chosen;
 pub mod dataset;
-pub mod drawing;
+mod drawing;
 mod stored;
 mod survey;
 mod thin;
-pub mod viewpoints;
+mod viewpoints;
 
 pub use dataset::{beside, dataset};
 pub use drawing::Teacher;
+pub use viewpoints::between;
 pub use viewpoints::{ViewpointKind, Viewpoints};

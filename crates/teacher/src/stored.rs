@@ -86,9 +86,7 @@ mod tests {
         between.sort_by(f32::total_cmp);
         // Nearest neighbours one step apart, and at the ends two; none beside the one that looks back.
         assert_eq!(between, [0.5, 1.0, 1.5, 2.0, 2.5]);
-        assert!(
-            all[5..].iter().all(|camera| camera.validate(&trisplat_scene::limits::Limits::DEFAULT).is_ok())
-        );
+        assert!(all[5..].iter().all(|camera| camera.validate(&trisplat_scene::Limits::DEFAULT).is_ok()));
     }
 
     #[test]

@@ -3,8 +3,7 @@
 use super::thin::Along;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_raster::soft::{Soft, SoftOptions, SoupRef};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, camera::Camera};
 
 /// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;

@@ -1,8 +1,7 @@
 //! Fewer, larger triangles that look about the same on a small picture.
 
 use glam::{DVec3, Vec3};
-use trisplat_scene::math::curve::along_curve;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Soup, math::curve::along_curve};
 
 /// Middles of triangles along a curve through space, so that every k-th one gives an even selection for any
 /// order of the file.
@@ -78,7 +77,7 @@ fn least_kept(areas: &[f64], most: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     /// Nine of ten are small, one of ten is ten times as long.
     fn soup(count: usize) -> Soup {

@@ -4,8 +4,7 @@ use super::chosen::Search;
 use super::stored;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Loaded, camera::Camera};
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

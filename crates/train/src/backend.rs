@@ -9,9 +9,7 @@ use super::schedule::Rates;
 use glam::UVec2;
 use std::borrow::Cow;
 use trisplat_raster::soft::{Frame, Importance, SoftOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Error, Result, camera::Camera, image::Pixels};
 
 /// A photo of one step.
 #[derive(Debug, Clone, Copy)]

@@ -24,12 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::guard::guarded;
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::space::Space;
+use trisplat_scene::{Error, Limits, Result, Space, atomic::AtomicFile, guard::guarded, input};
 
 /// Number of the layout; it changes whenever a key or an array does.
 const FORMAT: u32 = 15;
@@ -364,7 +359,7 @@ impl Arrays<'_> {
 mod tests {
     use super::*;
     use crate::identity::PhotoIdentity;
-    use trisplat_scene::soup::Soup;
+    use trisplat_scene::Soup;
 
     fn photo(name: &str) -> PhotoIdentity {
         PhotoIdentity { name: name.into(), size: [3, 2], pose: 7, pixels: Some(1 << 63) }
@@ -455,7 +450,7 @@ mod tests {
         write(&path, &sample()).unwrap();
         let whole = std::fs::read(&path).unwrap();
         assert_eq!(read(&path).unwrap(), sample());
-        let rng = trisplat_scene::rng::Rng::new(1, "corruption", 0);
+        let rng = trisplat_scene::Rng::new(1, "corruption", 0);
         let random = |i: u64, below: usize| (rng.bits(i) % below as u64) as usize;
         let refused = |what: String, bytes: &[u8]| {
             std::fs::write(&path, bytes).unwrap();

@@ -7,10 +7,11 @@ use super::schedule::Rates;
 use super::update::{Regularisers, update};
 use rayon::prelude::*;
 use std::borrow::Cow;
-use trisplat_raster::kernel::normal::{Maps, MapsGrad, normal_grad};
-use trisplat_raster::soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
+use trisplat_raster::{
+    kernel::normal::{Maps, MapsGrad, normal_grad},
+    soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef},
+};
+use trisplat_scene::{Result, camera::Camera};
 
 /// A training scene in main memory.
 #[derive(Debug, Default)]

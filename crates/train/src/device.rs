@@ -6,7 +6,7 @@ use super::run::{StartedRun, TrainRun};
 #[cfg(feature = "gpu")]
 use trisplat_gpu::Gpu;
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Where a run trains.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -3,17 +3,20 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Photos, ShrunkSize, View};
-use trisplat_raster::soft::{Soft, SoftOptions, SoupRef, Window};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::color_fit::ColorMap;
-use trisplat_scene::math::metric;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::soup::{Soup, rgb_from_sh0};
-use trisplat_scene::space::Space;
+use trisplat_raster::{
+    soft::{Soft, SoftOptions, SoupRef, Window},
+    solid::{Solid, SolidRasterOptions},
+};
+use trisplat_scene::{
+    Result, Soup, Space,
+    camera::Camera,
+    image::Pixels,
+    math::color::linear_from_srgb,
+    math::color_fit::ColorMap,
+    math::metric,
+    mesh::{Colors, Mesh},
+    rgb_from_sh0,
+};
 
 /// Samples per pixel along each axis wherever solid drawings are compared with photos.
 pub const SOLID_SAMPLES: u32 = 4;
@@ -86,7 +89,7 @@ impl PhotoScore {
 /// Draws held-out photos one by one and compares. Photos are decoded once; those that do not fit the memory for them are in a
 /// temporary file.
 #[derive(Debug)]
-pub struct Evaluator {
+pub(crate) struct Evaluator {
     views: Vec<EvalView>,
     photos: Photos,
     shrunk: Option<ShrunkSize>,
@@ -104,7 +107,7 @@ struct EvalView {
 impl Evaluator {
     /// Decodes the photos of `views`, so that broken ones are found now; `photo_bytes` is the memory for
     /// them.
-    pub fn new(views: &[&View], photo_bytes: u64) -> Result<Self> {
+    pub(crate) fn new(views: &[&View], photo_bytes: u64) -> Result<Self> {
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..photos.len());
         (0..photos.len()).try_for_each(|i| photos.take(i).map(drop))?;
@@ -115,24 +118,34 @@ impl Evaluator {
     }
 
     /// The size that the photos were shrunk to; `None` where they were not.
-    pub fn shrunk_size(&self) -> Option<ShrunkSize> {
+    pub(crate) fn shrunk_size(&self) -> Option<ShrunkSize> {
         self.shrunk
     }
 
     /// True when no photo is held out.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.views.is_empty()
     }
 
     /// Draws a soup of the world for the first photo; `None` when none is held out.
-    pub fn first_picture(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Option<Pixels> {
+    pub(crate) fn first_picture(
+        &mut self,
+        soup: &Soup,
+        space: &Space,
+        options: &SoftOptions,
+    ) -> Option<Pixels> {
         let camera = space.camera_to_training(&self.views.first()?.camera);
         let scene = EvalScene::new(soup, space, options);
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
     }
 
     /// Draws a soup of the world for every photo and compares. Fails when a photo cannot be decoded.
-    pub fn scores(&mut self, soup: &Soup, space: &Space, options: &SoftOptions) -> Result<Vec<PhotoScore>> {
+    pub(crate) fn scores(
+        &mut self,
+        soup: &Soup,
+        space: &Space,
+        options: &SoftOptions,
+    ) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
         let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
         let scores = self.scores_of(options, |camera, options| {
@@ -145,7 +158,7 @@ impl Evaluator {
 
     /// Compares every photo with the picture of `draw` for its camera, in the world, drawn with `options`;
     /// objects get other backgrounds. Fails when it does, or when a photo cannot be decoded.
-    pub fn scores_of(
+    pub(crate) fn scores_of(
         &mut self,
         options: &SoftOptions,
         mut draw: impl FnMut(&Camera, &SoftOptions) -> Result<Pixels>,

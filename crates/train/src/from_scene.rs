@@ -1,11 +1,7 @@
 //! A run that starts from a scene instead of points: a soft soup to be hardened, or any mesh.
 
 use glam::{DVec3, Vec3};
-use trisplat_scene::asset::Placement;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
+use trisplat_scene::{Error, Loaded, Placement, Result, Soup, Space};
 
 /// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
 /// set: `origin` is the world point at (0, 0, 0) of the data set.

@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Loaded, camera::Camera};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// All inputs, apart from training options, that change the result of a run. Contents are kept as XXH3

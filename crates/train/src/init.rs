@@ -8,9 +8,7 @@
 use super::neighbours::mean_distances;
 use super::options::InitOptions;
 use glam::Vec3;
-use trisplat_scene::math::median::median;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::{Soup, sh0_from_rgb};
+use trisplat_scene::{Rng, Soup, math::median::median, sh0_from_rgb};
 
 /// First opacity (0.28, supplement).
 pub(super) const FIRST_OPACITY: f32 = 0.28;
@@ -19,7 +17,7 @@ pub(super) const FIRST_SIGMA: f32 = 1.16;
 
 /// A coloured point of the sparse cloud, in training space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InitPoint {
+pub(crate) struct InitPoint {
     /// Position.
     pub position: Vec3,
     /// Colour, sRGB-encoded, in [0, 1].
@@ -27,7 +25,7 @@ pub struct InitPoint {
 }
 
 /// The first soup, SH degree 0. Points that are not finite are left out.
-pub fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
+pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64) -> Soup {
     let points: Vec<InitPoint> = points.iter().copied().filter(|p| p.position.is_finite()).collect();
     let distances = mean_distances(&points.iter().map(|p| p.position).collect::<Vec<_>>());
     // A point without neighbours, or at the same place as these, gets the median size.

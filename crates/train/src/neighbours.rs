@@ -9,7 +9,7 @@ const LEAF: usize = 8;
 
 /// The mean distance of every point to its three nearest neighbours, in the points' order. With fewer than
 /// four points the mean is over all others; a lone point gets 0.
-pub fn mean_distances(points: &[Vec3]) -> Vec<f32> {
+pub(crate) fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let mut axes = vec![0; points.len()];
     build(points, &mut order, &mut axes);
@@ -104,7 +104,7 @@ impl KdTree<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     #[test]
     fn equals_brute_force() {

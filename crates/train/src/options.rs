@@ -10,8 +10,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::exposure::ExposureUse;
 use trisplat_raster::soft::{SoftOptions, Sort, Window};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Error, Result,
+    ranges::{self, Called},
+};
 
 /// The run all schedule positions are written for (Held et al. 2025, supplement).
 pub const REFERENCE_STEPS: f64 = 30_000.0;

@@ -11,8 +11,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::process::cpu_secs;
+use trisplat_scene::{Error, Result, process::cpu_secs};
 
 /// The outputs during a run; none of them changes the result.
 #[derive(Debug, Clone, Default)]

@@ -8,13 +8,13 @@
 
 use glam::Vec3;
 use trisplat_raster::kernel::window::mean_window;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::Soup;
 
 /// The lowest σ the activation gives before the anneal (`0.01 + exp(x)` in the paper's code).
-pub const SIGMA_MIN: f32 = 0.01;
+pub(crate) const SIGMA_MIN: f32 = 0.01;
 
 /// The σ of a solid triangle: no anneal goes below it.
-pub const SIGMA_SOLID: f32 = 1e-4;
+pub(crate) const SIGMA_SOLID: f32 = 1e-4;
 
 /// Raw parameters of N triangles, in training space.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -77,18 +77,18 @@ impl Anneal {
 }
 
 /// 1 / (1 + e^-x).
-pub fn sigmoid(x: f32) -> f32 {
+pub(crate) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
 }
 
 /// The logit of an opacity, after clamping to [1e-6, 1 - 1e-6].
-pub fn logit(opacity: f32) -> f32 {
+pub(crate) fn logit(opacity: f32) -> f32 {
     let o = opacity.clamp(1e-6, 1.0 - 1e-6);
     (o / (1.0 - o)).ln()
 }
 
 /// The raw value of a σ, after raising it above the lowest one.
-pub fn sigma_raw(sigma: f32) -> f32 {
+pub(crate) fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 

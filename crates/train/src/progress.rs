@@ -5,8 +5,7 @@ use super::refine::Refined;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::error::Error;
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Error, Loaded};
 
 /// The state of a run after some step: one point of its curve.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,18 +2,15 @@
 
 use glam::UVec2;
 use std::sync::Arc;
-use trisplat_dataset::picture_file::{PictureFile, StoredPicture};
-use trisplat_dataset::{Photos, View};
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::rng::Rng;
+use trisplat_dataset::{Photos, PictureFile, StoredPicture, View};
+use trisplat_scene::{Result, Rng, image::Pixels};
 
 /// Least shorter side of the smaller photos of early steps, px.
-pub const MIN_PX: u32 = 64;
+pub(crate) const MIN_PX: u32 = 64;
 
 /// Photos by index and level. Small ones stay in memory, or in a temporary file, while their level is in use.
 #[derive(Debug)]
-pub struct Pyramid {
+pub(crate) struct Pyramid {
     photos: Photos,
     sizes: Vec<UVec2>,
     cut: Vec<bool>,
@@ -37,7 +34,7 @@ const SMALL_SHARE: u64 = 5;
 
 impl Pyramid {
     /// The photos of `views`, decoded under a budget; none is shrunk below `min_px` on its shorter side.
-    pub fn new(views: &[&View], budget_bytes: u64, min_px: u32) -> Self {
+    pub(crate) fn new(views: &[&View], budget_bytes: u64, min_px: u32) -> Self {
         let small_budget = budget_bytes / SMALL_SHARE;
         let photos = views.iter().map(|v| v.photo.clone()).collect();
         Self {
@@ -54,31 +51,31 @@ impl Pyramid {
     }
 
     /// The size photo `i` has at `level`.
-    pub fn size(&self, i: usize, level: u32) -> UVec2 {
+    pub(crate) fn size(&self, i: usize, level: u32) -> UVec2 {
         size_at(self.sizes[i], level, self.min_px)
     }
 
     /// True when photo `i` shows an object without background: see
     /// [`Photo::is_cut`](trisplat_dataset::Photo::is_cut).
-    pub fn is_cut(&self, i: usize) -> bool {
+    pub(crate) fn is_cut(&self, i: usize) -> bool {
         self.cut[i]
     }
 
     /// Prefetches the photos of an epoch at `level`.
-    pub fn prefetch(&mut self, order: &[usize], level: u32) {
+    pub(crate) fn prefetch(&mut self, order: &[usize], level: u32) {
         let cached = |i: usize| level > 0 && level == self.level && self.small[i].is_some();
         let missing: Vec<usize> = order.iter().copied().filter(|&i| !cached(i)).collect();
         self.photos.prefetch(missing);
     }
 
     /// The hash of photo `i`, if it has been decoded.
-    pub fn digest(&self, i: usize) -> Option<u64> {
+    pub(crate) fn digest(&self, i: usize) -> Option<u64> {
         self.photos.digest(i)
     }
 
     /// Decodes the photos of `known` and returns the first one with another hash. They are not decoded again
     /// later.
-    pub fn first_changed(&mut self, known: &[(usize, u64)]) -> Result<Option<usize>> {
+    pub(crate) fn first_changed(&mut self, known: &[(usize, u64)]) -> Result<Option<usize>> {
         self.photos.prefetch(known.iter().map(|(i, _)| *i));
         for (i, digest) in known {
             self.photos.take(*i)?;
@@ -90,7 +87,7 @@ impl Pyramid {
     }
 
     /// Photo `i` at `level`.
-    pub fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
+    pub(crate) fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
         if level != self.level {
             self.small.fill(None);
             (self.small_bytes, self.file) = (0, PictureFile::default());
@@ -126,14 +123,14 @@ impl Pyramid {
 }
 
 /// The size at `level` of a photo of size `full`; its shorter side does not fall below `min_px`.
-pub fn size_at(full: UVec2, level: u32, min_px: u32) -> UVec2 {
+pub(crate) fn size_at(full: UVec2, level: u32, min_px: u32) -> UVec2 {
     let shorter = full.min_element();
     let level = (0..=level).rev().find(|l| shorter >> l >= min_px).unwrap_or(0);
     (full / (1 << level)).max(UVec2::ONE)
 }
 
 /// The order in which epoch `epoch` visits `count` photos: every one once.
-pub fn order(count: usize, seed: u64, epoch: u64) -> Vec<usize> {
+pub(crate) fn order(count: usize, seed: u64, epoch: u64) -> Vec<usize> {
     let rng = Rng::new(seed, "photo order", epoch);
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by_key(|&i| (rng.bits(i as u64), i));

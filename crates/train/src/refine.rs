@@ -12,7 +12,7 @@ use super::relocate::{Relocation, make_room};
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::Rng;
 
 /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
 const MIN_VIEWS: u32 = 2;
@@ -21,7 +21,7 @@ const CLONE_SHIFT: f32 = 1.5;
 
 /// What one refinement works with.
 #[derive(Debug, Clone, Copy)]
-pub struct RefinePlan<'a> {
+pub(crate) struct RefinePlan<'a> {
     /// The constants.
     pub options: &'a RefineOptions,
     /// Never more triangles than this.
@@ -74,7 +74,11 @@ pub struct Refined {
 
 /// Refines `state` and `visibility` together; complete statistics are reset. The most important triangle
 /// always stays.
-pub fn refine(state: &mut TrainState, visibility: &mut VisibilityStats, plan: &RefinePlan<'_>) -> Refined {
+pub(crate) fn refine(
+    state: &mut TrainState,
+    visibility: &mut VisibilityStats,
+    plan: &RefinePlan<'_>,
+) -> Refined {
     let mut done = Refined::default();
     let complete = visibility.is_complete();
     let mut alive = prune(state, visibility, complete, plan, &mut done);
@@ -274,7 +278,7 @@ fn clone(params: &Params, i: usize, plan: &RefinePlan<'_>, rng: Rng) -> Params {
 mod tests {
     use super::*;
     use crate::params::logit;
-    use trisplat_scene::soup::Soup;
+    use trisplat_scene::Soup;
 
     fn state(n: usize) -> TrainState {
         let rng = Rng::new(5, "soup", 0);

@@ -2,7 +2,7 @@
 
 use super::checkpoint::{self, Checkpoint};
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";

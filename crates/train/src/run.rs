@@ -16,12 +16,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, View};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::report::generator;
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Error, Loaded, Provenance, Result, Soup, camera::Camera, report::generator};
 
 /// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
@@ -43,7 +38,7 @@ use trisplat_scene::soup::Soup;
 /// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
 /// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut ())?;
 /// assert_eq!(trained.soup, resumed.soup);
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct TrainRun<'a> {

@@ -8,11 +8,11 @@ use super::timeline::Timeline;
 use trisplat_raster::soft::{SoftOptions, Sort, Window};
 
 /// Largest alpha of a layer of the soft scene (3DGS).
-pub const ALPHA_CAP: f32 = 0.99;
+pub(crate) const ALPHA_CAP: f32 = 0.99;
 
 /// Largest alpha of a layer with engine shading, before the scene is opaque. Layers behind must show a
 /// little, or the loss has no gradient towards removing a layer.
-pub const ENGINE_ALPHA_CAP: f32 = 0.995;
+pub(crate) const ENGINE_ALPHA_CAP: f32 = 0.995;
 
 /// Rate of the opacity's logit (0.014, supplement).
 const OPACITY_RATE: f64 = 0.03;
@@ -37,7 +37,7 @@ const SIZE_UNTIL: f64 = 25_000.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
 /// First refinement, steps of a 30,000-step run (500, supplement).
-pub const REFINE_FROM: f64 = 500.0;
+pub(crate) const REFINE_FROM: f64 = 500.0;
 
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]

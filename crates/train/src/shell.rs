@@ -11,12 +11,14 @@ use super::options::TrainOptions;
 use super::pyramid::Pyramid;
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::median::median;
-use trisplat_scene::math::octasphere::{face_count, octasphere};
-use trisplat_scene::soup::{Soup, sh0_from_rgb};
+use trisplat_scene::{
+    Result, Soup,
+    camera::Camera,
+    image::Pixels,
+    math::median::median,
+    math::octasphere::{face_count, octasphere},
+    sh0_from_rgb,
+};
 
 /// Least triangles of a run for each triangle of its shell.
 const PER_SHELL_TRIANGLE: u64 = 10;
@@ -228,7 +230,7 @@ mod tests {
     use super::*;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
     use trisplat_dataset::{Dataset, DatasetOptions, View};
-    use trisplat_scene::space::Space;
+    use trisplat_scene::Space;
 
     /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {

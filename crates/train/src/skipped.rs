@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::AddAssign;
-use trisplat_scene::work::WorkCount;
+use trisplat_scene::WorkCount;
 
 /// The full work of this process's steps, and the skipped part.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

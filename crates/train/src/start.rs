@@ -13,12 +13,7 @@ use super::visibility::VisibilityStats;
 use glam::Vec3;
 use std::borrow::Cow;
 use trisplat_dataset::{Dataset, DatasetKind, Point, View, cloud};
-use trisplat_scene::asset::Placement;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
+use trisplat_scene::{Loaded, Placement, Result, Soup, Space, camera::Camera};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;

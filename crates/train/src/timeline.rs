@@ -9,11 +9,11 @@ use super::options::{REFERENCE_STEPS, TrainOptions};
 /// The positions, steps of a 30,000-step run, at which a run may change its remaining steps: when photos
 /// change from a quarter to half their size, when engine shading begins, when photos have their full size,
 /// and once more before the end.
-pub const MILESTONES: [f64; 4] = [12_000.0, 20_000.0, 24_000.0, 27_000.0];
+pub(crate) const MILESTONES: [f64; 4] = [12_000.0, 20_000.0, 24_000.0, 27_000.0];
 
 /// The distribution of a run's steps over its schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Timeline {
+pub(crate) struct Timeline {
     steps: u64,
     /// Steps at which [`MILESTONES`] are reached; `None`: in proportion.
     milestones: Option<[u64; 4]>,
@@ -29,24 +29,24 @@ struct Part {
 
 impl Timeline {
     /// The timeline of these options.
-    pub fn new(options: &TrainOptions) -> Self {
+    pub(crate) fn new(options: &TrainOptions) -> Self {
         let milestones = Some(options.milestones).filter(|milestones| *milestones != [0; 4]);
         Self { steps: options.steps, milestones }
     }
 
     /// The milestones of a proportional run of `steps` steps.
-    pub fn proportional(steps: u64) -> [u64; 4] {
+    pub(crate) fn proportional(steps: u64) -> [u64; 4] {
         let plain = Self { steps, milestones: None };
         MILESTONES.map(|position| plain.step_at(position))
     }
 
     /// True when its milestones are steps of its own.
-    pub fn has_milestones(&self) -> bool {
+    pub(crate) fn has_milestones(&self) -> bool {
         self.milestones.is_some()
     }
 
     /// The step at which `position`, of a 30,000-step run, is reached.
-    pub fn step_at(&self, position: f64) -> u64 {
+    pub(crate) fn step_at(&self, position: f64) -> u64 {
         let in_proportion = |steps: u64| (position * steps as f64 / REFERENCE_STEPS).round() as u64;
         if position > REFERENCE_STEPS {
             return in_proportion(self.steps).max(self.steps + 1);
@@ -61,7 +61,7 @@ impl Timeline {
     }
 
     /// The position, of a 30,000-step run, that is reached after `step` steps.
-    pub fn position(&self, step: u64) -> f64 {
+    pub(crate) fn position(&self, step: u64) -> f64 {
         let in_proportion = step as f64 * REFERENCE_STEPS / self.steps.max(1) as f64;
         match self.part_of(step) {
             Some(Part { positions: [from, until], steps: [first, last] }) if last > first => {
@@ -73,7 +73,7 @@ impl Timeline {
     }
 
     /// The steps of a whole run with the density of this one at `step`.
-    pub fn density(&self, step: u64) -> f64 {
+    pub(crate) fn density(&self, step: u64) -> f64 {
         match self.part_of(step) {
             Some(Part { positions: [from, until], steps: [first, last] }) => {
                 (last - first).max(1) as f64 * REFERENCE_STEPS / (until - from)

@@ -11,14 +11,13 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_formats::ply;
-use trisplat_scene::asset::{Placement, Provenance};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::process;
-use trisplat_scene::report::{Counts, StageDetails, StageReport, generator, to_json};
-use trisplat_scene::scene::Loaded;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Error, Loaded, Placement, Provenance, Result, Soup,
+    atomic::AtomicFile,
+    camera::Camera,
+    process,
+    report::{Counts, StageDetails, StageReport, generator, to_json},
+};
 
 /// A trained scene.
 #[derive(Debug, Clone)]

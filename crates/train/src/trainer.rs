@@ -16,16 +16,15 @@ use super::skipped::SkippedWork;
 use super::start::{self, FirstScene, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use std::sync::Arc;
-use trisplat_dataset::exposure::{Cells, compared_size};
-use trisplat_dataset::{Dataset, View};
-use trisplat_raster::soft::{Soft, SoftOptions, Window};
-use trisplat_raster::solid::Solid;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
+use trisplat_dataset::{
+    Dataset, View,
+    exposure::{Cells, compared_size},
+};
+use trisplat_raster::{
+    soft::{Soft, SoftOptions, Window},
+    solid::Solid,
+};
+use trisplat_scene::{Error, Result, Rng, Soup, Space, camera::Camera, image::Pixels};
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.

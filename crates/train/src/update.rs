@@ -13,7 +13,7 @@ const CHUNK: usize = 512;
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
 /// for game engines).
 #[derive(Debug, Clone, Copy)]
-pub struct Regularisers {
+pub(crate) struct Regularisers {
     /// ∂(β1 · mean opacity + β / mean opacity)/∂opacity.
     d_opacity: f32,
     /// ∂(β · mean σ)/∂σ.
@@ -24,7 +24,7 @@ pub struct Regularisers {
 
 impl Regularisers {
     /// The gradients at these parameters.
-    pub fn new(state: &TrainState, rates: &Rates) -> Self {
+    pub(crate) fn new(state: &TrainState, rates: &Rates) -> Self {
         // Pinned triangles do not change: they do not count.
         let (params, pinned) = (&state.params, state.pinned);
         let n = (params.len() - pinned).max(1) as f64;
@@ -66,7 +66,7 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
 
 /// Updates `state` by `gradient`. Returns how many triangles had a gradient, and how many of these were not
 /// finite; such triangles keep their parameters in this step.
-pub fn update(
+pub(crate) fn update(
     state: &mut TrainState,
     gradient: &SoupGrad,
     rates: &Rates,

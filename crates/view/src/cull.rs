@@ -6,14 +6,14 @@ use trisplat_scene::camera::Camera;
 
 /// The view pyramid of a camera, cut off at the near plane.
 #[derive(Debug, Clone)]
-pub struct Frustum {
+pub(crate) struct Frustum {
     /// Inside: `plane.xyz · p + plane.w >= 0`.
     planes: [DVec4; 5],
 }
 
 impl Frustum {
     /// The view of `camera` beyond `near`.
-    pub fn new(camera: &Camera, near: f32) -> Self {
+    pub(crate) fn new(camera: &Camera, near: f32) -> Self {
         let axis = |row: usize| camera.rotation.row(row).as_dvec3().extend(camera.translation[row].into());
         let (x, y, z) = (axis(0), axis(1), axis(2));
         let (focal, center, size) =
@@ -30,7 +30,7 @@ impl Frustum {
     }
 
     /// False only when the box is outside the view.
-    pub fn sees(&self, bounds: &Aabb) -> bool {
+    pub(crate) fn sees(&self, bounds: &Aabb) -> bool {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         self.planes.iter().all(|plane| {
             let normal = plane.truncate();
@@ -43,7 +43,7 @@ impl Frustum {
 }
 
 /// Distance from a camera to the nearest point of a box.
-pub fn distance(camera: &Camera, bounds: &Aabb) -> f32 {
+pub(crate) fn distance(camera: &Camera, bounds: &Aabb) -> f32 {
     let position: Vec3 = camera.position();
     position.distance(position.clamp(bounds.min, bounds.max))
 }
@@ -52,7 +52,7 @@ pub fn distance(camera: &Camera, bounds: &Aabb) -> f32 {
 mod tests {
     use super::*;
     use glam::{Mat3, UVec2, Vec2};
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     #[test]
     fn no_box_with_a_visible_point_is_left_out() {

@@ -17,7 +17,7 @@ const WORTH: f64 = 0.1;
 
 /// Chooses the number of pixels so that a frame meets the time limit of the graphics card.
 #[derive(Debug, Clone)]
-pub struct FrameRate {
+pub(crate) struct FrameRate {
     /// Most milliseconds of a frame.
     budget: f64,
     /// Samples per pixel of the first level.
@@ -34,36 +34,36 @@ pub struct FrameRate {
 
 impl FrameRate {
     /// For `fps` frames per second, in a window with `msaa` samples per pixel at rest.
-    pub fn new(fps: f64, msaa: u32) -> Self {
+    pub(crate) fn new(fps: f64, msaa: u32) -> Self {
         let times = Vec::with_capacity(FRAMES);
         Self { budget: 1e3 / fps, msaa, level: 0, skipped: IN_FLIGHT, times, before: None, too_slow: None }
     }
 
     /// The frame rate to hold.
-    pub fn fps(&self) -> f64 {
+    pub(crate) fn fps(&self) -> f64 {
         1e3 / self.budget
     }
 
     /// The size to draw for a window of `size`, with one sample per pixel; `None` for all of it, with all samples.
-    pub fn size(&self, size: UVec2) -> Option<UVec2> {
+    pub(crate) fn size(&self, size: UVec2) -> Option<UVec2> {
         let share = SHARES[self.level];
         let reduced = || (size.as_vec2() * share).round().max(Vec2::ONE).as_uvec2();
         (self.level > 0).then(reduced)
     }
 
     /// Share of the triangles that would be fast enough, if fewer pixels are not.
-    pub fn triangles_that_would_do(&self) -> Option<f64> {
+    pub(crate) fn triangles_that_would_do(&self) -> Option<f64> {
         self.too_slow.map(|ms| (self.budget / ms).min(1.0))
     }
 
     /// A frame was drawn in full at rest: the next measurement does not belong to the level.
-    pub fn rests(&mut self) {
+    pub(crate) fn rests(&mut self) {
         self.skipped = IN_FLIGHT;
         self.times.clear();
     }
 
     /// The card worked for `ms` on a frame in motion.
-    pub fn took(&mut self, ms: f64) {
+    pub(crate) fn took(&mut self, ms: f64) {
         if self.skipped > 0 {
             self.skipped -= 1;
             return;

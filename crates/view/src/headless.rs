@@ -5,14 +5,11 @@ use super::model::{ChunkOrder, Model};
 use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Asset, Error, Result, camera::Camera, image::Pixels};
 use wgpu::*;
 
 /// The format of pictures: four bytes per pixel, sRGB-encoded by the card.
-pub const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
+pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 
 /// How a picture is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +62,7 @@ impl Headless {
         camera: &Camera,
         options: &HeadlessOptions,
     ) -> Result<(Pixels, DrawStats)> {
-        camera.validate(&trisplat_scene::limits::Limits::DEFAULT)?;
+        camera.validate(&trisplat_scene::Limits::DEFAULT)?;
         if !(1..=16).contains(&options.samples) {
             return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
         }

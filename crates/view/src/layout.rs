@@ -13,8 +13,10 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Chunk,
+    mesh::{Colors, Mesh},
+};
 
 /// How vertices are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -52,7 +54,7 @@ impl VertexLayout {
 /// A corner of the layout [`VertexLayout::Corner`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct CornerVertex {
+pub(crate) struct CornerVertex {
     /// World position.
     pub position: [f32; 3],
     /// See [`pack_color`].
@@ -62,7 +64,7 @@ pub struct CornerVertex {
 /// A corner of the layout [`VertexLayout::Texture`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct TextureVertex {
+pub(crate) struct TextureVertex {
     /// World position.
     pub position: [f32; 3],
     /// Place on the page: (0, 0) is the upper left corner.
@@ -72,7 +74,7 @@ pub struct TextureVertex {
 /// The positions that a chunk can store: `origin + step * (0..2^21)` on each axis.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct ChunkGrid {
+pub(crate) struct ChunkGrid {
     /// Multiples of the step.
     pub origin: [f32; 3],
     /// A power of two.
@@ -82,13 +84,13 @@ pub struct ChunkGrid {
 const GRID_BITS: i32 = 21;
 
 /// Linear light to 10 bits per channel, red lowest, stored as the square root.
-pub fn pack_color(linear: [f32; 3]) -> u32 {
+pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
     let [r, g, b] = linear.map(|c| (c.clamp(0.0, 1.0).sqrt() * 1023.0 + 0.5) as u32);
     r | g << 10 | b << 20
 }
 
 /// The grid of a chunk whose corners lie in a box.
-pub fn grid(bounds: &Aabb) -> ChunkGrid {
+pub(crate) fn grid(bounds: &Aabb) -> ChunkGrid {
     let extent = f64::from((bounds.max - bounds.min).max_element()).max(f64::MIN_POSITIVE);
     // One step is kept for the origin, which is rounded down to a multiple of the step.
     let exponent = (extent / f64::from((1 << GRID_BITS) - 2)).log2().ceil().clamp(-120.0, 120.0);
@@ -98,7 +100,7 @@ pub fn grid(bounds: &Aabb) -> ChunkGrid {
 }
 
 /// The point of a grid nearest to a position: 21 bits per axis, x lowest.
-pub fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
+pub(crate) fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
     let steps = (position.as_dvec3() - DVec3::from(grid.origin.map(f64::from))) / f64::from(grid.step);
     let [x, y, z] = (steps + 0.5).to_array().map(|s| (s as u32).min((1 << GRID_BITS) - 1));
     [x | y << 21, y >> 11 | z << 10]
@@ -130,7 +132,7 @@ impl Aabb {
 }
 
 /// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
-pub fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
+pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
     let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
     chunks.par_iter().map(|chunk| (*chunk, Aabb::of(&asset.mesh, chunk))).collect()

@@ -4,20 +4,29 @@
 //! In: scenes and assets. Out: pictures drawn as an engine draws them, and a window.
 
 #[cfg(feature = "gpu")]
-pub mod cull;
+mod cull;
 #[cfg(feature = "view")]
-pub mod frame_rate;
+mod frame_rate;
 #[cfg(feature = "gpu")]
-pub mod headless;
+mod headless;
 #[cfg(feature = "gpu")]
-pub mod layout;
+mod layout;
 #[cfg(feature = "gpu")]
-pub mod model;
+mod model;
 pub mod orbit;
 #[cfg(feature = "gpu")]
 mod pages;
 #[cfg(feature = "gpu")]
-pub mod renderer;
+mod renderer;
 pub mod show;
 #[cfg(feature = "view")]
 pub mod window;
+
+#[cfg(feature = "gpu")]
+pub use headless::{Canvas, Headless, HeadlessOptions};
+#[cfg(feature = "gpu")]
+pub use layout::VertexLayout;
+#[cfg(feature = "gpu")]
+pub use model::{ChunkOrder, Model};
+#[cfg(feature = "gpu")]
+pub use renderer::{DisplayMode, DrawStats, FrameParams};

@@ -6,11 +6,11 @@ use super::pages::{Pages, runs};
 use glam::Vec3;
 use std::ops::Range;
 use trisplat_gpu::{Gpu, buffer};
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Asset, Chunk, Error, Result, Rng,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+};
 use wgpu::{BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferUsages};
 use wgpu::{IndexFormat, RenderPass};
 
@@ -60,7 +60,7 @@ pub enum ChunkOrder {
 }
 
 /// One draw call: a run of faces, and the chunk that it (or its first face) is in.
-pub type DrawCall = (Range<u32>, u32);
+pub(crate) type DrawCall = (Range<u32>, u32);
 
 impl Model {
     /// Uploads the faces of `asset`.

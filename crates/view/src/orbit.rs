@@ -3,8 +3,10 @@
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 use trisplat_raster::framing::viewpoint::camera_holding;
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{
+    Scene,
+    camera::{Camera, Viewpoint},
+};
 
 /// Largest radius of an orbit, as a share of the distance to the walls or shell that close a scene.
 const ROOM: f32 = 0.9;
@@ -94,8 +96,8 @@ fn median(values: Vec<f32>) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_scene::Soup;
     use trisplat_scene::mesh::Mesh;
-    use trisplat_scene::soup::Soup;
 
     const VIEWPOINT: Viewpoint = Viewpoint {
         eye: [3.0, 2.0, 1.0],

@@ -2,10 +2,7 @@
 
 use super::layout::Aabb;
 use trisplat_gpu::Gpu;
-use trisplat_scene::asset::Chunk;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::texture::{FaceTexture, Texture};
+use trisplat_scene::{Chunk, FaceTexture, Result, Texture, mesh::Mesh};
 use wgpu::*;
 
 /// Bytes of a texel.

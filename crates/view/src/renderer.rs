@@ -9,10 +9,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4, Vec4};
 use std::collections::HashMap;
 use trisplat_gpu::Gpu;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::{Asset, Error, Result, camera::Camera, math::color::linear_from_srgb};
 use wgpu::*;
 
 /// How one frame is drawn.
@@ -99,7 +96,7 @@ pub struct FrameOutput<'a> {
 }
 
 /// A texture to draw to.
-pub fn texture(
+pub(crate) fn texture(
     gpu: &Gpu,
     label: &str,
     size: glam::UVec2,
@@ -343,7 +340,8 @@ fn begin<'e>(
 }
 
 /// Records a picture of only background.
-pub fn clear(
+#[cfg(feature = "view")]
+pub(crate) fn clear(
     encoder: &mut CommandEncoder,
     picture: &TextureView,
     attachments: &Attachments,

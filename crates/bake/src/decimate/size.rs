@@ -4,8 +4,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{Rng, mesh::Mesh};
 
 /// About how many kept triangles a neighbourhood holds.
 const PER_CELL: u32 = 24;

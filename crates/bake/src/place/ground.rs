@@ -12,7 +12,7 @@ const LEAST_OF_LARGEST: f64 = 0.25;
 
 /// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a scene without
 /// extent.
-pub fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
+pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option<f64> {
     let region = samples::region(scene, cameras)?;
     let faces = samples::faces(scene, &region);
     let mut heights: Vec<(f64, f64)> = faces.iter().map(|f| (f.position.dot(up), f.weight)).collect();
@@ -54,8 +54,8 @@ fn layers(heights: &[(f64, f64)], thickness: f64) -> Vec<Layer> {
 mod tests {
     use super::*;
     use glam::Vec3;
+    use trisplat_scene::Rng;
     use trisplat_scene::mesh::{Colors, Mesh};
-    use trisplat_scene::rng::Rng;
 
     /// Level squares of `side` at a height, in small triangles.
     fn level(mesh: &mut Mesh, height: f32, side: f32, count: u64) {

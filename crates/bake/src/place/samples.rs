@@ -18,7 +18,7 @@ const MOST_SIDE: f64 = 0.05;
 
 /// The middle of a scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Region {
+pub(crate) struct Region {
     /// The point that the cameras look at, or the median of the triangles.
     pub center: DVec3,
     /// Median distance of the cameras from there; without cameras, half of the distance within which most
@@ -28,7 +28,7 @@ pub struct Region {
 
 /// A point on a surface.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Where it is.
     pub position: DVec3,
     /// Area of the surface that it represents.
@@ -37,19 +37,19 @@ pub struct Sample {
 
 /// A mesh whose last faces may be a backdrop.
 #[derive(Debug, Clone, Copy)]
-pub struct Foreground<'a> {
+pub(crate) struct Foreground<'a> {
     mesh: &'a Mesh,
     faces: usize,
 }
 
 impl<'a> Foreground<'a> {
     /// The faces of `mesh` before its last `backdrop`.
-    pub fn new(mesh: &'a Mesh, backdrop: u32) -> Self {
+    pub(crate) fn new(mesh: &'a Mesh, backdrop: u32) -> Self {
         Self { mesh, faces: mesh.face_count().saturating_sub(backdrop as usize) }
     }
 
     /// The vertices of these faces: they come before those of the backdrop.
-    pub fn vertices(&self) -> &'a [Vec3] {
+    pub(crate) fn vertices(&self) -> &'a [Vec3] {
         let corners = 3 * self.faces;
         let end = match self.mesh.indices.get(..corners) {
             Some(indices) => indices.iter().max().map_or(0, |last| *last as usize + 1),
@@ -60,7 +60,7 @@ impl<'a> Foreground<'a> {
 }
 
 /// The middle of a scene; `None` when it has no extent.
-pub fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
+pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     let vertices = scene.vertices();
     let vertices: Vec<Vec3> = vertices.iter().step_by(step(vertices.len())).copied().collect();
     let along = |axis: usize| median(vertices.iter().map(|v| v[axis]).collect(), f32::total_cmp);
@@ -82,14 +82,14 @@ pub fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
 }
 
 /// Points of a cloud in the region, evenly chosen.
-pub fn points(points: &[Vec3], region: &Region) -> Vec<Sample> {
+pub(crate) fn points(points: &[Vec3], region: &Region) -> Vec<Sample> {
     let chosen = points.iter().step_by(step(points.len())).map(|p| p.as_dvec3());
     let near = chosen.filter(|p| p.distance(region.center) < REACH * region.radius);
     near.map(|position| Sample { position, weight: 1.0 }).collect()
 }
 
 /// Triangles of a scene in the region, evenly chosen, with their areas up to a limit.
-pub fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
+pub(crate) fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
     let most = (MOST_SIDE * region.radius).powi(2);
     let sample = |face: usize| {
         let [a, b, c] = scene.mesh.corners(face).map(|v| v.as_dvec3());

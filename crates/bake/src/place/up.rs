@@ -4,10 +4,7 @@ use super::samples::{self, Foreground, Sample};
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::eigen::symmetric_eigen;
-use trisplat_scene::math::median::median;
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{Rng, camera::Camera, math::eigen::symmetric_eigen, math::median::median};
 
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;
@@ -90,7 +87,7 @@ pub struct Evidence<'a> {
 /// People hold cameras level, so up is at right angles to the rows of the photos: the direction in which the
 /// right vectors vary least. A table or floor near that direction is more level than hands are steady, and
 /// replaces it.
-pub fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
+pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate> {
     let held = from_cameras(known.cameras)?;
     let cone = if held.open { WIDEST_CONE } else { (4.0 * held.tilt).clamp(NARROWEST_CONE, WIDEST_CONE) };
     let surface = match held.tilt < RANDOM_TILT {

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
-use trisplat_scene::asset::{UpAxis, UpDirection};
+use trisplat_scene::{UpAxis, UpDirection};
 
 /// The up direction of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -97,7 +97,7 @@ impl fmt::Display for KnownLength {
 }
 
 /// Numbers between commas, all finite.
-pub fn numbers(text: &str) -> Option<Vec<f64>> {
+pub(crate) fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|word| word.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect()
 }
 

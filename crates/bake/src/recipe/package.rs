@@ -13,11 +13,12 @@ use crate::place::{PlaceDetails, place, placement};
 use crate::viewpoint::viewpoint;
 use crate::weld::weld;
 use glam::DVec3;
-use trisplat_scene::asset::{Asset, Provenance};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed;
-use trisplat_scene::report::{Outcome, Report, StageProgress, generator};
+use trisplat_scene::{
+    Asset, Provenance, Result,
+    mesh::Mesh,
+    placed,
+    report::{Outcome, Report, StageProgress, generator},
+};
 
 /// Photos that a level of detail is evaluated on.
 const EVALUATION_VIEWS: usize = 12;

@@ -4,9 +4,7 @@ use super::equations::Fit;
 use super::photo_equations::{Gatherer, Observation};
 use crate::views::{SAMPLES, Views};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::StageProgress;
+use trisplat_scene::{Result, mesh::Mesh, report::StageProgress};
 
 /// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual of their
 /// pixel. With many photos this is sharper. With few photos one triangle corrects the error of another, which

@@ -3,8 +3,10 @@
 use super::equations::Fit;
 use super::options::RefitColors;
 use crate::views::Views;
-use trisplat_scene::error::Result;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Result,
+    mesh::{Colors, Mesh},
+};
 
 /// PSNR on held-out photos, dB.
 pub(super) struct Evaluation {

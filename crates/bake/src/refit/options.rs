@@ -1,7 +1,9 @@
 //! Which colours are fitted, and how.
 
-use trisplat_scene::error::Result;
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Result,
+    ranges::{self, Called},
+};
 
 /// Which colours are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

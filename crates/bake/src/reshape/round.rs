@@ -8,9 +8,7 @@ use crate::views::Views;
 use std::sync::Arc;
 use std::sync::atomic::AtomicI64;
 use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Result, image::Pixels, mesh::Mesh};
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;

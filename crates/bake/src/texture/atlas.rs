@@ -17,9 +17,7 @@ use super::layout::Layout;
 use super::options::TextureOptions;
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Error, Result, math::srgb8::srgb8_from_linear, mesh::Mesh};
 
 /// Most texels along an edge.
 const MOST: u32 = 1024;
@@ -315,8 +313,8 @@ fn color_key(mesh: &Mesh, face: usize) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_scene::Rng;
     use trisplat_scene::mesh::Colors;
-    use trisplat_scene::rng::Rng;
 
     /// Edges of many lengths: points, needles, triangles that are never seen, and a huge one.
     fn edges() -> Vec<[f32; 3]> {

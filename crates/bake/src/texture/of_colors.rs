@@ -4,10 +4,7 @@ use super::atlas::Atlas;
 use super::options::TextureOptions;
 use super::pages;
 use super::texels::Texels;
-use trisplat_scene::error::Result;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Loaded, Result, Scene, math::color::srgb_from_linear, mesh::Mesh};
 
 /// Corners whose sRGB-encoded colours differ by less look alike.
 const ALIKE: f32 = 2.0 / 255.0;

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use trisplat_formats::output::OutputFormat;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{
+    Error, Result,
+    ranges::{self, Called},
+};
 
 /// Which photos a texture shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

@@ -21,12 +21,9 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicI32, Ordering};
 use trisplat_raster::solid::{Barycentrics, NO_FACE, Solid, Visibility};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::StageProgress;
+use trisplat_scene::{
+    Result, camera::Camera, image::Pixels, math::color::srgb_from_linear, mesh::Mesh, report::StageProgress,
+};
 
 /// One in the sums.
 const UNIT: f32 = 4096.0;

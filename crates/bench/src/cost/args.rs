@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use trisplat_dataset::DatasetOptions;
-use trisplat_scene::budget::Seconds;
+use trisplat_scene::Seconds;
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]

@@ -22,7 +22,7 @@ pub(super) fn half_band<'a>(groups: impl Iterator<Item = &'a [f64]>, runs: usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     #[test]
     fn bands_are_those_of_tables() {

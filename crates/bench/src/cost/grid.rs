@@ -1,7 +1,7 @@
 //! Which trainings are worth their time: every number of triangles with ever more steps, until the next would take more than the budget.
 
 use super::cell::CostCell;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// The first number of steps, and what is beyond the last; each is twice the one before.
 const STEPS: (u64, u64) = (250, 1 << 24);

@@ -8,8 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::error::Result;
-use trisplat_scene::math::short::short;
+use trisplat_scene::{Result, math::short::short};
 
 /// What `trisplat bench cost --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -7,11 +7,12 @@ use super::grid::Grid;
 use super::report::{CostReport, plot};
 use crate::machine::Machine;
 use std::path::Path;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_dataset::{Dataset, ShrunkSize};
+use trisplat_dataset::{
+    Dataset, ShrunkSize,
+    synthetic::{self, SyntheticOptions},
+};
 use trisplat_job::{TrainJob, watched};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::process::cpu_secs;
+use trisplat_scene::{Error, Result, process::cpu_secs};
 use trisplat_train::TrainOptions;
 
 /// Told of the progress.

@@ -6,7 +6,7 @@ use trisplat_scene::math::short::short;
 
 /// A value at a place on the x axis, with the name of its line or dot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PlotPoint {
+pub(crate) struct PlotPoint {
     /// The line that it is on, or the label of the dot.
     pub name: String,
     /// Place on the x axis.

@@ -7,7 +7,7 @@ use trisplat_scene::math::short::short;
 
 /// A value with half the width of its band.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BandPoint {
+pub(crate) struct BandPoint {
     /// Place on the x axis, which is logarithmic.
     pub x: f64,
     /// Value.
@@ -18,7 +18,7 @@ pub struct BandPoint {
 
 /// One chart.
 #[derive(Debug, Clone)]
-pub struct BandPanel {
+pub(crate) struct BandPanel {
     /// What is shown.
     pub title: String,
     /// What x is.

@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A value for pairs of names.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct HeatMap {
+pub(crate) struct HeatMap {
     /// What is shown.
     pub title: String,
     /// The rows, and the columns.

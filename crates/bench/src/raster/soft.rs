@@ -3,8 +3,7 @@
 use super::timing::{CaseCost, RasterCase, camera, time};
 use glam::Vec3;
 use trisplat_raster::soft::{FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Rng, Soup};
 
 /// Size of the triangles, relative to their distance.
 const SIZE: f32 = 0.027;

@@ -3,8 +3,10 @@
 use super::timing::{CaseCost, RasterCase, camera, time};
 use glam::{UVec2, Vec3};
 use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{
+    Rng,
+    mesh::{Colors, Mesh},
+};
 
 /// Corners lie within this distance of a triangle's middle, px of a picture 1280 px wide.
 const REACH_PX: f32 = 2.0;

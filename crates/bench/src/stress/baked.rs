@@ -2,11 +2,8 @@
 
 use super::scene::StressScene;
 use glam::{DVec3, Vec3};
-use trisplat_bake::prune::REACH;
-use trisplat_bake::teacher::TeacherOptions;
-use trisplat_bake::{BakeOptions, bake};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_bake::{BakeOptions, REACH, TeacherOptions, bake};
+use trisplat_scene::{Loaded, Scene, mesh::Mesh};
 
 /// Cases of more triangles are not compared: each is looked for among all.
 const MOST: usize = 256;

@@ -5,8 +5,7 @@ use super::promises::domain;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::{Error, Result, Rng};
 
 /// A case of the stress test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -4,7 +4,7 @@ use super::axes::AXES;
 use super::case::StressCase;
 use super::promises::domain;
 use super::rig::{Outcome, Rig};
-use trisplat_scene::rng::Rng;
+use trisplat_scene::Rng;
 
 /// Largest step along an axis, as a share of its range.
 const STEP: f64 = 0.15;

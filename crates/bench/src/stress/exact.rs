@@ -2,13 +2,17 @@
 //! tiles, no bounds, no lanes. The window is the soft one, the order that of the triangles' depths.
 
 use glam::{DMat3, DVec3, Vec3};
-use trisplat_raster::kernel::clip::{self, Piece};
-use trisplat_raster::kernel::splat::{self, CameraTriangle, Splat};
-use trisplat_raster::kernel::{composite, sh, window};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::vec::{V2, V3};
-use trisplat_scene::soup::Soup;
+use trisplat_raster::{
+    kernel::clip::{self, Piece},
+    kernel::splat::{self, CameraTriangle, Splat},
+    kernel::{composite, sh, window},
+    soft::SoftOptions,
+};
+use trisplat_scene::{
+    Soup,
+    camera::Camera,
+    math::vec::{V2, V3},
+};
 
 /// Depths that differ by less than this share may be taken in either order by single precision.
 const ORDER: f64 = 2e-6;

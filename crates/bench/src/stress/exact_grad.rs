@@ -2,14 +2,18 @@
 
 use super::exact::{ExactCamera, ExactFrame, ExactLayer, ExactSplat, dvec3, v3};
 use glam::DVec3;
-use trisplat_raster::kernel::clip;
-use trisplat_raster::kernel::sh;
-use trisplat_raster::kernel::splat::{self, SplatGrad};
-use trisplat_raster::kernel::window;
-use trisplat_raster::soft::{FrameGrad, SoftOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::vec::{V2, V3};
-use trisplat_scene::soup::Soup;
+use trisplat_raster::{
+    kernel::clip,
+    kernel::sh,
+    kernel::splat::{self, SplatGrad},
+    kernel::window,
+    soft::{FrameGrad, SoftOptions},
+};
+use trisplat_scene::{
+    Soup,
+    camera::Camera,
+    math::vec::{V2, V3},
+};
 
 /// Gradient of one triangle.
 #[derive(Debug, Clone, Default, PartialEq)]

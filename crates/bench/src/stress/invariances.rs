@@ -7,11 +7,14 @@ use super::rows::InvarianceRow;
 use super::scene::StressScene;
 use super::tally::summary;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec3};
-use trisplat_raster::soft::{Soft, SoupRef};
-use trisplat_raster::solid::{NO_FACE, Solid};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::lanes::{SimdLevel, with_at_most};
-use trisplat_scene::rng::Rng;
+use trisplat_raster::{
+    soft::{Soft, SoupRef},
+    solid::{NO_FACE, Solid},
+};
+use trisplat_scene::{
+    Error, Result, Rng,
+    math::lanes::{SimdLevel, with_at_most},
+};
 
 /// Columns and rows by which a picture is moved over the tiles, px.
 const MOVED: UVec2 = UVec2::new(21, 13);

@@ -4,13 +4,13 @@ use super::axes::{AXES, Axis};
 use super::rows::{ErrorSummary, Part, StressReport, StressRow};
 use crate::plot::{self, HeatMap};
 use std::path::Path;
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 
 /// Writes an SVG of two heat maps, errors of frames and of gradients: what 99.9% of them are at most with two axes stretched to their ends,
 /// on the diagonal with one alone, in the worst part of its range.
 ///
 /// # Errors
-/// [`Error::Io`](trisplat_scene::error::Error::Io) when the file cannot be written.
+/// [`Error::Io`](trisplat_scene::Error::Io) when the file cannot be written.
 pub fn plot(path: &Path, report: &StressReport) -> Result<()> {
     let frames = heat_map("frames: error, 99.9% are at most", &report.rows, |row| &row.value);
     let gradients = heat_map("gradients: error, 99.9% are at most", &report.rows, |row| &row.gradient);

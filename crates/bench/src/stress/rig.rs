@@ -7,9 +7,11 @@ use super::exact_grad::ExactGrad;
 use super::ray_caster::wrong_samples;
 use super::scene::StressScene;
 use std::time::Instant;
-use trisplat_raster::soft::{FrameGrad, Soft, SoupGrad, SoupRef};
-use trisplat_raster::solid::Solid;
-use trisplat_scene::rng::Rng;
+use trisplat_raster::{
+    soft::{FrameGrad, Soft, SoupGrad, SoupRef},
+    solid::Solid,
+};
+use trisplat_scene::Rng;
 
 /// A gradient's error is relative to at least this share of the largest entry of all triangles.
 const SMALL_SHARE: f64 = 0.02;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use trisplat_formats::gltf::PositionEncoding;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Cases that a thread takes at once.
 const BATCH: u64 = 64;
@@ -30,32 +30,31 @@ const VARIED_EVERY: u64 = 500;
 const TIMED_RUNS: usize = 25;
 
 /// What to measure.
-#[derive(Debug, Clone)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[derive(Debug, Clone, clap::Args)]
 pub struct StressArgs {
     /// Random cases.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 1_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000)))]
+    #[arg(long, default_value_t = 1_000_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     pub cases: u64,
     /// First seed of the cases.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 0, value_name = "N"))]
+    #[arg(long, default_value_t = 0, value_name = "N")]
     pub seed: u64,
     /// Seeds that the cases are of, each of as many.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000)))]
+    #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub seeds: u64,
     /// Steps of each search for a worst case.
-    #[cfg_attr(feature = "cli", arg(long, default_value_t = 5000, value_name = "N", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000)))]
+    #[arg(long, default_value_t = 5000, value_name = "N", value_parser = clap::value_parser!(u64).range(0..=1_000_000_000))]
     pub climb: u64,
     /// File that the worst case is written to when a promise is broken.
-    #[cfg_attr(feature = "cli", arg(long, default_value = "stress-worst.json", value_name = "FILE"))]
+    #[arg(long, default_value = "stress-worst.json", value_name = "FILE")]
     pub worst: PathBuf,
     /// Draw the case of this file alone and print what is found; exit code 1 where it fails a promise.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
     /// Write heat maps of the errors of every pair of axes, as SVG.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
     /// Print JSON (`trisplat schema stress` describes it).
-    #[cfg_attr(feature = "cli", arg(long))]
+    #[arg(long)]
     pub json: bool,
 }
 

@@ -3,12 +3,12 @@
 use super::axes::Axis;
 use super::case::StressCase;
 use glam::{DMat3, DQuat, DVec2, DVec3, UVec2, Vec2};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_raster::solid::SolidRasterOptions;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::rng::Rng;
-use trisplat_scene::soup::Soup;
+use trisplat_raster::{soft::SoftOptions, solid::SolidRasterOptions};
+use trisplat_scene::{
+    Rng, Soup,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+};
 
 /// Width and height of the pictures, px.
 pub const SIDE: u32 = 16;

@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 use std::path::Path;
-use trisplat_formats::gltf::{GltfOptions, PositionEncoding, to_glb_bytes};
-use trisplat_formats::{ReadOptions, read};
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::scene::Scene;
+use trisplat_formats::{
+    ReadOptions,
+    gltf::{GltfOptions, PositionEncoding, to_glb_bytes},
+    read,
+};
+use trisplat_scene::{Asset, Error, Result, Scene, mesh::Mesh};
 
 /// Steps along an axis of a quantised chunk.
 const STEPS: f64 = u16::MAX as f64;

@@ -7,9 +7,7 @@
 
 use super::{Exposures, Rings};
 use glam::{UVec2, Vec2};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::math::color::linear_of_srgb8;
-use trisplat_scene::math::median::median;
+use trisplat_scene::{image::Pixels, math::color::linear_of_srgb8, math::median::median};
 
 /// Cells along each side of a picture.
 const GRID: u32 = 16;
@@ -206,8 +204,8 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_scene::Rng;
     use trisplat_scene::math::color::srgb_from_linear;
-    use trisplat_scene::rng::Rng;
 
     /// A picture of `size` with light from 0.05 to 0.3, the same for every photo, as `gains` and `falloff` make it.
     fn picture(gains: [f32; 3], falloff: f32, noise: &Rng, size: UVec2) -> Pixels {

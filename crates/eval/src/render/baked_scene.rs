@@ -1,14 +1,8 @@
 //! A file as an engine would draw it, baked in memory.
 
 use glam::DVec3;
-use trisplat_bake::teacher::TeacherOptions;
-use trisplat_bake::{BakeOptions, bake};
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::placed;
-use trisplat_scene::scene::{Loaded, Scene};
-use trisplat_scene::soup::Soup;
+use trisplat_bake::{BakeOptions, TeacherOptions, bake};
+use trisplat_scene::{Asset, Loaded, Placement, Result, Scene, Soup, camera::Camera, placed};
 
 /// A scene baked in memory, ready for drawing.
 #[derive(Debug)]

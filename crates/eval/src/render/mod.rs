@@ -1,6 +1,6 @@
 //! Pictures of soups, meshes, splats and baked files, for `render`, `eval`, `view` and the benchmarks.
 
-pub mod baked_scene;
-pub mod contact_sheet;
-pub mod scene_renderer;
-pub mod splats_renderer;
+pub(crate) mod baked_scene;
+pub(crate) mod contact_sheet;
+pub(crate) mod scene_renderer;
+pub(crate) mod splats_renderer;

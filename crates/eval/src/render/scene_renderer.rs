@@ -3,20 +3,19 @@
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::Dataset;
-use trisplat_raster::soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef};
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
-use trisplat_scene::asset::Placement;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::soup::Soup;
-use trisplat_scene::space::Space;
-use trisplat_train::BackendOptions;
-use trisplat_train::eval::SOLID_SAMPLES;
+use trisplat_raster::{
+    soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef},
+    solid::{NO_FACE, Solid, SolidRasterOptions},
+};
+use trisplat_scene::{
+    Error, Limits, Placement, Result, Soup, Space,
+    camera::Camera,
+    image::{Image, Pixels},
+    mesh::Mesh,
+};
 #[cfg(feature = "gpu")]
-use trisplat_train::gpu::CardScene;
+use trisplat_train::CardScene;
+use trisplat_train::{BackendOptions, SOLID_SAMPLES};
 use trisplat_view::show;
 
 /// The two rasterisers.

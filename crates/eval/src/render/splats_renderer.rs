@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 use trisplat_raster::gaussian::{self, GaussianOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::image::{Image, Pixels};
-use trisplat_scene::splats::Splats;
+use trisplat_scene::{
+    Splats,
+    camera::Camera,
+    image::{Image, Pixels},
+};
 
 /// Depth of the near plane in units of the scene's size, for scenes so small that the usual depth would cut into them.
 const NEAR_PER_SIZE: f64 = 0.01;

@@ -14,7 +14,7 @@ use gltf_json::accessor::ComponentType;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{Read, Seek, SeekFrom};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Adds the faults of a glTF file; `for_engines` is false for a scene that only its own page reads.
 pub(super) fn check(
@@ -108,7 +108,7 @@ fn check_padding(source: &mut Source, bin: GlbChunk, used: u64, findings: &mut F
     let mut padding = vec![0; rest as usize];
     let mut file = &*source.file;
     let read = file.seek(SeekFrom::Start(bin.start + used)).and_then(|_| file.read_exact(&mut padding));
-    read.map_err(|e| trisplat_scene::error::Error::io(&source.path, e))?;
+    read.map_err(|e| trisplat_scene::Error::io(&source.path, e))?;
     if padding.iter().any(|byte| *byte != 0) {
         findings.error("chunk 1", "is padded with something other than zeros");
     }

@@ -6,9 +6,7 @@ use crate::tileset_json::{Content, Tile, Tileset, is_json};
 use glam::{DMat4, DVec3, Vec3};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// Tolerance of boxes, as a share of their size, because writers round and positions may have 16 bits.
 const SLACK: f64 = 1e-3;

@@ -3,8 +3,10 @@
 use super::findings::{Findings, Severity};
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Soup,
+    mesh::{Colors, Mesh},
+};
 
 /// Largest side of a texture that today's phones draw, texels.
 const LARGEST_TEXTURE: u32 = 4096;

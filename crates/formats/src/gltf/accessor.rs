@@ -7,7 +7,7 @@ use super::meshopt;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
 use std::collections::VecDeque;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Bytes read at a time when elements are decoded.
 const BLOCK_BYTES: u64 = 1 << 18;

@@ -11,8 +11,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
+use trisplat_scene::{Error, Result, input};
 
 /// Every buffer of a document, opened on first use.
 pub(crate) struct Buffers<'a> {

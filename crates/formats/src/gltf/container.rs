@@ -4,8 +4,7 @@ use super::limits::{GLB_BYTES, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES};
 use crate::Source;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result};
 
 const MAGIC: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;

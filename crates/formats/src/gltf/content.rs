@@ -7,8 +7,7 @@ use super::options::GltfOptions;
 use super::part::{ScenePart, all_streams, parts};
 use std::io::{self, Write};
 use std::path::Path;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Asset, Error, Result};
 
 /// The content of a file, without the bytes themselves.
 pub(super) struct Content<'a> {

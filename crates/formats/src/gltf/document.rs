@@ -26,9 +26,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input::BYTE_ORDER_MARK;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result, input::BYTE_ORDER_MARK};
 
 /// Names of extensions, without their content.
 type Names = BTreeMap<String, IgnoredAny>;

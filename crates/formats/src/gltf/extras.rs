@@ -3,7 +3,7 @@
 use super::options::{ColorEncoding, PositionEncoding};
 use gltf_json::Asset;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::asset::{Provenance, UpAxis};
+use trisplat_scene::{Provenance, UpAxis};
 
 /// Prefix of this program's versions.
 const PROGRAM: &str = "trisplat";

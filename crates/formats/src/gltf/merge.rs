@@ -12,10 +12,11 @@ use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use gltf_json::validation::Checked;
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Error, Limits, Result,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 /// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];

@@ -6,8 +6,7 @@ use super::uri;
 use crate::Source;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result};
 
 /// What of a document may name files. Buffers do so as pictures do.
 #[derive(Debug, Deserialize)]

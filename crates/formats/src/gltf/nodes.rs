@@ -4,8 +4,7 @@ use super::document::{Document, Node};
 use crate::far::is_far;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result};
 
 /// A mesh shown by a node.
 #[derive(Debug)]

@@ -2,8 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{Result, image::Pixels};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///

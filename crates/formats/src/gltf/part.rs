@@ -9,10 +9,11 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-use trisplat_scene::asset::{Asset, Chunk};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::math::median::median;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Chunk, Error, Result,
+    math::median::median,
+    mesh::{Colors, Mesh},
+};
 
 /// Name of the node, the mesh and the material of the backdrop.
 pub(super) const BACKDROP: &str = "backdrop";

@@ -15,9 +15,7 @@ use super::part;
 use crate::far::note_origin;
 use crate::{ReadOptions, Source, finish, foreign, gaussians};
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::{Loaded, Scene};
+use trisplat_scene::{Error, Loaded, Provenance, Result, Scene};
 
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
 /// linear.

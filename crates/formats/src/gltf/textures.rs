@@ -9,10 +9,7 @@ use gltf_json::accessor::ComponentType;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::texture::Texture;
+use trisplat_scene::{Error, Limits, Result, Texture, mesh::Mesh};
 
 /// The places of primitives on textures, in the order of their faces.
 #[derive(Default)]

@@ -9,8 +9,7 @@ use super::content::Content;
 use super::options::GltfOptions;
 use std::io::Write;
 use std::path::Path;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Asset, Error, Result};
 
 /// What was written.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -28,7 +27,7 @@ pub struct Written {
 /// The bytes of `asset` as one GLB.
 ///
 /// ```
-/// use trisplat_scene::asset::Asset;
+/// use trisplat_scene::Asset;
 /// use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
 /// use trisplat_scene::mesh::{Colors, Mesh};
 ///
@@ -39,7 +38,7 @@ pub struct Written {
 /// };
 /// let glb = to_glb_bytes(&Asset { mesh, ..Asset::default() }, &GltfOptions::default())?;
 /// assert!(glb.starts_with(b"glTF"));
-/// # Ok::<(), trisplat_scene::error::Error>(())
+/// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 ///
 /// # Errors

@@ -6,7 +6,7 @@
 
 use crate::tileset;
 use glam::DVec3;
-use trisplat_scene::asset::Asset;
+use trisplat_scene::Asset;
 
 /// Height of the screen that levels are chosen for, px.
 const SCREEN_PX: f64 = 1080.0;

@@ -8,12 +8,11 @@ use glam::Vec2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::texture::Texture;
+use trisplat_scene::{
+    Error, Limits, Result, Texture, input,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
 
 /// Most libraries of a file; each is read whole.
 const MOST_LIBRARIES: usize = 64;

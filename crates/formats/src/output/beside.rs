@@ -2,7 +2,7 @@
 
 use super::{Output, OutputFormat, OutputOptions, is_device};
 use std::path::{Path, PathBuf};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Name of the node in a file of the collider.
 const COLLISION_NODE: &str = "collision";

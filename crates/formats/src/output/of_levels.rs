@@ -5,8 +5,7 @@ use crate::gltf::{backdrop_nodes, scene_nodes, uri};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::tileset::{self, TilesetTile};
 use std::path::Path;
-use trisplat_scene::asset::{Asset, Tile};
-use trisplat_scene::error::Result;
+use trisplat_scene::{Asset, Result, Tile};
 
 impl Output {
     /// The files, in the order of publication.

@@ -8,8 +8,7 @@ use crate::far::{origin_of, sampled};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::path::Path;
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result};
 
 /// The origin to subtract from every position: zero, except for double positions far from the origin.
 pub(super) fn origin(vertices: &Table) -> Result<DVec3> {

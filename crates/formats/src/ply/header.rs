@@ -3,8 +3,7 @@
 use crate::lines::clip;
 use crate::source::Source;
 use std::io::{BufRead, BufReader, Read};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input::BYTE_ORDER_MARK;
+use trisplat_scene::{Error, Result, input::BYTE_ORDER_MARK};
 
 /// More than any real header; a longer one is not of a PLY file, or is broken.
 const LONGEST: u64 = 1 << 20;

@@ -13,12 +13,12 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8};
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{
+    Asset, Error, Limits, Result,
+    math::color::{linear_from_srgb, linear_of_srgb8},
+    math::srgb8::srgb8_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 /// The mesh, relative to `origin`; guesses and repairs are added to `warnings`.
 pub(super) fn read(

@@ -9,8 +9,7 @@ use crate::splats::build::{sh0, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::DVec3;
 use std::f64::consts::SQRT_2;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::splats::Splats;
+use trisplat_scene::{Error, Result, Splats};
 
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;

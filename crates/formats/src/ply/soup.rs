@@ -14,11 +14,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::soup::{Soup, rgb_from_sh0};
+use trisplat_scene::{Error, Limits, Provenance, Result, Soup, camera::Camera, rgb_from_sh0};
 
 /// The property of a face that is 1 for the shell; files without a shell lack it.
 const SHELL: &str = "shell";

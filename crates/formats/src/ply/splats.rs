@@ -9,8 +9,7 @@ use crate::splats::build::{unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::splats::{ScreenFilter, Splats};
+use trisplat_scene::{Error, Result, ScreenFilter, Splats};
 
 /// Whether these vertices are Gaussians.
 pub(super) fn are_in(vertices: &Element) -> bool {

@@ -12,7 +12,7 @@ use crate::source::Source;
 use rayon::prelude::*;
 use std::fs::File;
 use std::path::Path;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
 const BLOCK: usize = 1 << 19;

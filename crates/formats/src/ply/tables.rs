@@ -5,8 +5,7 @@ use super::table::Table;
 use super::transcode::Wanted;
 use super::views;
 use crate::source::Source;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Error, Limits, Result};
 
 /// The two elements of every triangle PLY, and the optional cameras of a soup.
 pub(super) struct Tables<'a> {

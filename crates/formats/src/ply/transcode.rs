@@ -7,7 +7,7 @@ use super::header::{Element, Encoding, PropertyType, Scalar};
 use crate::faces::{check_corners, not_a_triangle};
 use crate::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// What is wanted of an element's rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

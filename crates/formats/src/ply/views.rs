@@ -8,9 +8,7 @@ use super::table::Table;
 use crate::blocks::write_blocks;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::io::{self, Write};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::limits::Limits;
+use trisplat_scene::{Limits, Result, camera::Camera};
 
 pub(super) const NAME: &str = "view";
 /// R by rows, t, focal lengths and principal point; then the size, as integers.

@@ -4,11 +4,7 @@ use crate::far;
 use glam::{DVec3, Quat};
 use std::io::Read;
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::soup::SH_C0;
-use trisplat_scene::splats::{LoadedSplats, Splats};
+use trisplat_scene::{Error, Limits, LoadedSplats, Provenance, Result, SH_C0, Splats};
 
 /// As many Gaussians of zeros.
 pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {

@@ -8,11 +8,7 @@
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::input;
-use trisplat_scene::limits::Limits;
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_scene::{Error, Limits, LoadedSplats, Result, camera::Camera, input};
 
 #[derive(Deserialize)]
 struct Entry {

@@ -18,10 +18,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::fs::File;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::splats::{LoadedSplats, ScreenFilter, Splats};
+use trisplat_scene::{Error, Limits, LoadedSplats, Provenance, Result, ScreenFilter, Splats};
 
 /// Lists of coefficients side by side in their picture.
 const LISTS_PER_ROW: usize = 64;

@@ -7,9 +7,7 @@
 use super::build::{finish, read_all, sh0, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec3};
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::splats::LoadedSplats;
+use trisplat_scene::{Error, LoadedSplats, Provenance, Result};
 
 const BYTES: usize = 32;
 

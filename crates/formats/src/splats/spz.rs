@@ -14,9 +14,7 @@ use crate::{ReadOptions, Source, gaussians};
 use glam::DVec3;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::ErrorKind;
-use trisplat_scene::asset::{Provenance, UpAxis};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::splats::{LoadedSplats, ScreenFilter, Splats};
+use trisplat_scene::{Error, LoadedSplats, Provenance, Result, ScreenFilter, Splats, UpAxis};
 
 const HEADER: usize = 16;
 /// Gzip makes nothing smaller than this many times.

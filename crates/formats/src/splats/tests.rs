@@ -4,10 +4,7 @@ use crate::{Content, ReadOptions, read_content};
 use glam::{DVec3, Quat, Vec3};
 use std::io::Write;
 use std::path::Path;
-use trisplat_scene::asset::UpAxis;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::limits::Limits;
-use trisplat_scene::splats::{LoadedSplats, ScreenFilter};
+use trisplat_scene::{Error, Limits, LoadedSplats, Result, ScreenFilter, UpAxis};
 
 fn options() -> ReadOptions {
     ReadOptions::with_degree(3)

@@ -111,8 +111,8 @@ fn directions() -> Vec<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_scene::Rng;
     use trisplat_scene::math::octasphere::octasphere;
-    use trisplat_scene::rng::Rng;
 
     /// Small triangles in a ball of this radius.
     fn things(count: u64, radius: f32) -> Vec<[Vec3; 3]> {

@@ -1,8 +1,10 @@
 //! The subject of a scene: the object that its photos look at, or its dense middle without photos.
 
 use glam::Vec3;
-use trisplat_scene::camera::{self, Camera};
-use trisplat_scene::math::median::median;
+use trisplat_scene::{
+    camera::{self, Camera},
+    math::median::median,
+};
 
 /// Most points to sample.
 pub(super) const MOST_POINTS: usize = 20_000;
@@ -105,7 +107,7 @@ fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
 mod tests {
     use super::*;
     use glam::{Mat3, UVec2, Vec2};
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     /// Points spread evenly in a cube of this half side around a centre.
     fn cube(center: Vec3, half: f32, count: u64) -> impl Iterator<Item = Vec3> {

@@ -3,9 +3,10 @@
 use super::far_shell::far_shell;
 use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
-use trisplat_scene::asset::Provenance;
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::scene::Scene;
+use trisplat_scene::{
+    Provenance, Scene,
+    camera::{Camera, Viewpoint},
+};
 
 /// A scene, and flags of its far shell.
 #[derive(Debug)]

@@ -2,9 +2,7 @@
 
 use super::{GaussianOptions, draw};
 use glam::{DMat2, DMat3, DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::rng::Rng;
-use trisplat_scene::splats::{ScreenFilter, Splats};
+use trisplat_scene::{Rng, ScreenFilter, Splats, camera::Camera};
 
 /// A Gaussian on the screen: depth, middle, inverse covariance, opacity, colour.
 type Flat = (f64, DVec2, DMat2, f64, DVec3);

@@ -6,9 +6,7 @@ use crate::soft::MARGIN;
 use crate::soft::sort::{DepthKey, by_depth};
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::vec::V3;
-use trisplat_scene::splats::Splats;
+use trisplat_scene::{Splats, camera::Camera, math::vec::V3};
 
 /// Gaussians that one task projects.
 const PER_TASK: usize = 4096;

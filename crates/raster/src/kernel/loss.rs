@@ -89,7 +89,7 @@ pub fn photometric_grad<R: LossNumber>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     const LAMBDA: f64 = 0.2;
 

@@ -8,8 +8,7 @@
 //! Pixels on the border, or next to one whose coverage is below [`MIN_COVERAGE`], have no N and no loss.
 
 use rayon::prelude::*;
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::V3;
+use trisplat_scene::{math::real::Real, math::vec::V3};
 
 /// The least coverage A of a pixel with a depth.
 pub const MIN_COVERAGE: f64 = 0.1;
@@ -142,7 +141,7 @@ impl<R: Real<Mask = bool>> Maps<'_, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     const WIDTH: usize = 7;
     const COUNT: usize = WIDTH * 6;

@@ -1,8 +1,7 @@
 //! View-dependent colour: real spherical harmonics of degree 0 to 3 (as in Kerbl et al. 2023).
 #![allow(clippy::excessive_precision, reason = "as published")]
 
-use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::V3;
+use trisplat_scene::{math::real::Real, math::vec::V3};
 
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;
@@ -123,7 +122,7 @@ mod tests {
 
     #[test]
     fn the_constant_of_soups_is_the_kernels_to_one_unit_in_the_last_place() {
-        let (exact, soup) = (SH_C0 as f32, trisplat_scene::soup::SH_C0);
+        let (exact, soup) = (SH_C0 as f32, trisplat_scene::SH_C0);
         assert!(soup == exact || soup.next_up() == exact);
     }
 }

@@ -79,9 +79,9 @@ mod tests {
     use super::super::{Importance, Soft, SoupRef};
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
+    use trisplat_scene::Rng;
+    use trisplat_scene::Soup;
     use trisplat_scene::camera::Camera;
-    use trisplat_scene::rng::Rng;
-    use trisplat_scene::soup::Soup;
 
     fn soup(count: usize) -> Soup {
         let rng = Rng::new(5, "contributions", 0);

@@ -3,8 +3,7 @@
 use super::tile_grid::{BLOCKS, tiles_between};
 use super::{Soft, SoftOptions, SoupRef, slabs};
 use std::ops::AddAssign;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::work::WorkCount;
+use trisplat_scene::{WorkCount, camera::Camera};
 
 /// The full work of a frame, and the skipped part.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -77,7 +76,7 @@ impl Soft {
 mod tests {
     use super::*;
     use glam::{Mat3, UVec2, Vec2, Vec3};
-    use trisplat_scene::soup::Soup;
+    use trisplat_scene::Soup;
 
     /// A camera at the origin that looks along z at 64×64 px.
     fn camera() -> Camera {

@@ -89,9 +89,9 @@ mod tests {
     use super::super::{FrameGrad, Importance, Soft, SoftOptions, SoupGrad, SoupRef};
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
+    use trisplat_scene::Rng;
+    use trisplat_scene::Soup;
     use trisplat_scene::camera::Camera;
-    use trisplat_scene::rng::Rng;
-    use trisplat_scene::soup::Soup;
 
     const SIZE: UVec2 = UVec2::new(150, 90);
 

@@ -41,7 +41,7 @@ mod tests {
 
     #[test]
     fn sorts_as_a_stable_sort_does() {
-        let rng = trisplat_scene::rng::Rng::new(1, "sort", 0);
+        let rng = trisplat_scene::Rng::new(1, "sort", 0);
         let mut keys: Vec<DepthKey> = (0..5000)
             .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), index: i as u32 })
             .collect();

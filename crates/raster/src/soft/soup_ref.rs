@@ -44,8 +44,8 @@ impl<'a> SoupRef<'a> {
     }
 }
 
-impl<'a> From<&'a trisplat_scene::soup::Soup> for SoupRef<'a> {
-    fn from(soup: &'a trisplat_scene::soup::Soup) -> Self {
+impl<'a> From<&'a trisplat_scene::Soup> for SoupRef<'a> {
+    fn from(soup: &'a trisplat_scene::Soup) -> Self {
         Self {
             vertices: &soup.vertices,
             opacity: &soup.opacity,

@@ -1,7 +1,7 @@
 //! How the solid rasteriser draws.
 
 use glam::UVec2;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 
 /// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
 pub const MAX_SAMPLES: u32 = 1 << 15;

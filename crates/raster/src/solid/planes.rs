@@ -12,8 +12,10 @@ use super::rounds::rounds;
 use super::spans::draw_large;
 use glam::UVec2;
 use rayon::prelude::*;
-use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{
+    math::lanes::{Lanes, Work, dispatch},
+    mesh::Mesh,
+};
 
 /// The nearest face of a set at a sample. The greater of two is nearer; at the same depth it has the lower
 /// face index.
@@ -120,9 +122,9 @@ mod tests {
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
     use std::sync::Mutex;
+    use trisplat_scene::Rng;
     use trisplat_scene::camera::Camera;
     use trisplat_scene::mesh::Mesh;
-    use trisplat_scene::rng::Rng;
 
     /// Triangles of all sizes that hide each other.
     fn mesh(faces: u64) -> Mesh {

@@ -5,12 +5,14 @@ use super::bins::{TILE_HEIGHT, TILE_WIDTH};
 use super::keys::{STRIDE, SampleKeys, face_of};
 use super::projector::Projector;
 use super::visibility::NO_FACE;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
-use trisplat_scene::math::real::{Mask, Real};
-use trisplat_scene::math::srgb8::srgb8_from_linear;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::texture::FaceTexture;
+use trisplat_scene::{
+    FaceTexture,
+    math::color::srgb_from_linear,
+    math::lanes::{LANES, Lanes, Work, dispatch, prefetch},
+    math::real::{Mask, Real},
+    math::srgb8::srgb8_from_linear,
+    mesh::{Colors, Mesh},
+};
 
 /// A channel of a pixel, sRGB-encoded.
 pub(super) trait Code: Copy + Default + Send {
@@ -295,9 +297,9 @@ mod tests {
     use super::super::keys::EMPTY;
     use super::*;
     use glam::{Mat3, UVec2, Vec2, Vec3};
+    use trisplat_scene::Rng;
     use trisplat_scene::camera::Camera;
     use trisplat_scene::math::lanes::{SimdLevel, dispatch_at};
-    use trisplat_scene::rng::Rng;
 
     /// Keys and pixels of a picture of one tile, by the instructions of `level`.
     fn drawn(level: SimdLevel, mesh: &Mesh, projector: &Projector) -> (Box<SampleKeys>, Vec<[u8; 3]>) {

@@ -8,12 +8,9 @@ use crate::options::{REFERENCE_STEPS, SolidifyOptions, TrainOptions, WarmupOptio
 use crate::pyramid::{MIN_PX, size_at};
 use crate::start::FirstScene;
 use crate::trainer::Trainer;
-use trisplat_dataset::photo::Photo;
-use trisplat_dataset::{Dataset, View};
+use trisplat_dataset::{Dataset, Photo, View};
 use trisplat_raster::soft::{SoftOptions, Window};
-use trisplat_scene::budget::Spending;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::scene::Loaded;
+use trisplat_scene::{Error, Loaded, Result, Spending};
 
 /// Most photos to try.
 const PHOTOS: usize = 4;

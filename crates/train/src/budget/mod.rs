@@ -19,4 +19,4 @@ pub use calibrate::calibrate;
 pub use cost::{Calibration, CostModel, Workload, part_secs};
 pub use pace::{BudgetDetails, Correction, Pace, Paced};
 pub use plan::{Enough, Plan, PlanInput, plan};
-pub use trisplat_scene::budget::{Budget, BudgetClock, Seconds, Spending};
+pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};

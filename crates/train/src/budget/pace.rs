@@ -8,7 +8,7 @@ use crate::schedule::Schedule;
 use crate::timeline::MILESTONES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::budget::{Budget, Seconds, Spending};
+use trisplat_scene::{Budget, Seconds, Spending};
 
 /// Most remaining steps, as a multiple of the planned ones.
 const MOST_STRETCH: f64 = 10.0;

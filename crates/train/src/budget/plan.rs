@@ -7,8 +7,7 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::Dataset;
-use trisplat_scene::budget::Budget;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Budget, Error, Result};
 
 /// Triangles per step, by the least error at equal cost (docs/benchmarks/history.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;

@@ -18,13 +18,13 @@ use crate::params::{Params, TrainState};
 use crate::schedule::Rates;
 use std::borrow::Cow;
 use std::collections::VecDeque;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::readback::{Readback, elements};
-use trisplat_gpu::stages::StageTimer;
-use trisplat_gpu::storage::{storage, uniform};
+use trisplat_gpu::{
+    Gpu, StageTimer,
+    readback::{Readback, elements},
+    storage, uniform,
+};
 use trisplat_raster::soft::{Frame, SoftOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result, camera::Camera};
 use wgpu::{Buffer, CommandEncoder};
 
 /// Storage buffers that one pass binds.

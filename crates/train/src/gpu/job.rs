@@ -1,8 +1,7 @@
 //! Parameters of passes that are used several times, and the places of their lengths in the counts.
 
-use trisplat_gpu::Gpu;
-use trisplat_gpu::storage::uniform;
-use trisplat_scene::error::Result;
+use trisplat_gpu::{Gpu, uniform};
+use trisplat_scene::Result;
 use wgpu::{BindingResource, Buffer, BufferBinding};
 
 /// Places in the buffer of counts; the twin of the constants in `passes/step.wgsl`.

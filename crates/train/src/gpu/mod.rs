@@ -29,4 +29,3 @@ pub(super) use backend::expected_bytes;
 pub use backend::{GpuBackend, StepTimes};
 pub use limits::GpuLimits;
 pub use picture::CardScene;
-pub use work::StepWork;

@@ -4,9 +4,8 @@ use super::source::{Pass, pass};
 use super::uniform::StepPlan;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::compute::Kernel;
-use trisplat_scene::error::Result;
+use trisplat_gpu::{Gpu, Kernel};
+use trisplat_scene::Result;
 
 macro_rules! passes {
     ($($(#[$doc:meta])* $field:ident: $pass:expr,)*) => {

@@ -7,12 +7,9 @@ use super::step_buffers::StepCapacity;
 use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
 use crate::backend::TrainBackend;
 use crate::params::{Params, TrainState};
-use trisplat_gpu::Gpu;
-use trisplat_gpu::readback::elements;
+use trisplat_gpu::{Gpu, readback::elements};
 use trisplat_raster::soft::{Frame, SoftOptions};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Result, Soup, camera::Camera};
 
 /// A soup on a graphics card, for drawing.
 #[derive(Debug)]

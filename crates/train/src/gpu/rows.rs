@@ -53,7 +53,7 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::rng::Rng;
+    use trisplat_scene::Rng;
 
     #[test]
     fn rows_hold_every_number_once() {

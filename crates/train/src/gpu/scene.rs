@@ -6,11 +6,9 @@ use super::uniform::SceneShape;
 use crate::backend::BackendVisibility;
 use crate::params::{Params, TrainState};
 use std::ops::Range;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::readback::elements;
-use trisplat_gpu::storage::{storage, uniform};
+use trisplat_gpu::{Gpu, readback::elements, storage, uniform};
 use trisplat_raster::soft::Importance;
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use wgpu::{BindingResource, Buffer, BufferBinding};
 
 /// The remedy when a scene does not fit.

@@ -7,11 +7,8 @@ use super::passes::Passes;
 use super::scene::REMEDY;
 use super::sequence::{BindGroups, Sequence, Spread};
 use super::source::{GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
-use trisplat_gpu::Gpu;
-use trisplat_gpu::readback::elements;
-use trisplat_gpu::storage::storage;
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::rng::Rng;
+use trisplat_gpu::{Gpu, readback::elements, storage};
+use trisplat_scene::{Error, Result, Rng};
 use wgpu::Buffer;
 
 /// Numbers: several blocks; the last is not full.

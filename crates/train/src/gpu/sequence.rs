@@ -3,9 +3,7 @@
 use super::job::{Groups, Job, Jobs};
 use glam::UVec2;
 use std::collections::HashMap;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::compute::{Kernel, workgroups};
-use trisplat_gpu::stages::StageTimer;
+use trisplat_gpu::{Gpu, Kernel, StageTimer, workgroups};
 use wgpu::{
     BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
 };

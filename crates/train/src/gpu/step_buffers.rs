@@ -4,10 +4,9 @@ use super::scene::REMEDY;
 use super::source::{BUCKET, GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
 use super::uniform::{SLOT_NUMBERS, StepPlan};
 use glam::UVec2;
-use trisplat_gpu::Gpu;
-use trisplat_gpu::storage::storage;
+use trisplat_gpu::{Gpu, storage};
 use trisplat_raster::soft::tile_count;
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 use wgpu::Buffer;
 
 /// Bindings that hold the slots of pairs, by far the largest of a step's buffers; the twin of `slot_part` in `passes/slot_part.wgsl`.

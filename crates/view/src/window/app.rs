@@ -11,7 +11,7 @@ use glam::{UVec2, Vec2};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use trisplat_scene::error::{Error, Result};
+use trisplat_scene::{Error, Result};
 use winit::application::ApplicationHandler;
 use winit::error::EventLoopError;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};

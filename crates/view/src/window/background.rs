@@ -10,10 +10,11 @@ use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_gpu::Gpu;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::error::{Error, Result};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::{
+    Asset, Error, Result,
+    camera::{Camera, Viewpoint},
+    image::Pixels,
+};
 use winit::event_loop::EventLoopProxy;
 
 /// A message from a thread to the window.

@@ -3,9 +3,11 @@
 use super::super::layout::Aabb;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
-use trisplat_scene::asset::Placement;
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::placed;
+use trisplat_scene::{
+    Placement,
+    camera::{Camera, Viewpoint},
+    placed,
+};
 
 /// A drag across the whole height of the window turns the camera by this, rad.
 const DRAG_ANGLE: f32 = 3.0;
@@ -309,7 +311,7 @@ mod tests {
     fn framing_has_every_corner_of_the_box_in_view() {
         for up in [Vec3::Y, Vec3::NEG_Y, Vec3::Z] {
             let camera = CameraControls::new(&BOX, up).camera(SIZE, PANE);
-            camera.validate(&trisplat_scene::limits::Limits::DEFAULT).unwrap();
+            camera.validate(&trisplat_scene::Limits::DEFAULT).unwrap();
             for i in 0..8 {
                 let pick =
                     |bit: usize, axis: usize| if i >> bit & 1 == 0 { BOX.min[axis] } else { BOX.max[axis] };
@@ -320,7 +322,7 @@ mod tests {
         }
         CameraControls::new(&Aabb::EMPTY, Vec3::Y)
             .camera(SIZE, PANE)
-            .validate(&trisplat_scene::limits::Limits::DEFAULT)
+            .validate(&trisplat_scene::Limits::DEFAULT)
             .unwrap();
     }
 

@@ -4,7 +4,7 @@ use crate::layout::Aabb;
 use egui::{DragValue, Ui};
 use glam::{DVec3, Vec3};
 use std::f64::consts::TAU;
-use trisplat_scene::region::Region;
+use trisplat_scene::Region;
 
 /// Number of line segments of a circle.
 const CIRCLE: u32 = 48;

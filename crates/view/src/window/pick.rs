@@ -2,10 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::asset::Asset;
-use trisplat_scene::camera::Camera;
-use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Asset, Soup, camera::Camera, math::color::srgb_from_linear};
 
 /// A triangle under the mouse.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,10 +75,10 @@ fn incenter(corners: &[Vec3; 3]) -> (DVec3, DVec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_bake::teacher::TeacherOptions;
+    use trisplat_bake::TeacherOptions;
     use trisplat_bake::{BakeOptions, bake};
     use trisplat_sample::scenes::{self, SampleScene};
-    use trisplat_scene::scene::{Loaded, Scene};
+    use trisplat_scene::{Loaded, Scene};
 
     #[test]
     fn a_click_finds_the_soups_triangle_behind_a_baked_face() {

@@ -4,7 +4,7 @@ use super::super::renderer::{Attachments, texture};
 use egui::{Color32, LayerId, Pos2, Rect, TextureId, Ui, Vec2};
 use glam::UVec2;
 use trisplat_gpu::Gpu;
-use trisplat_scene::error::Result;
+use trisplat_scene::Result;
 use wgpu::*;
 
 /// The format for the panel's renderer: encoded colours.

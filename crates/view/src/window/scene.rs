@@ -3,12 +3,7 @@
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::camera::Camera;
-use trisplat_scene::error::Result;
-use trisplat_scene::image::Pixels;
-use trisplat_scene::region::Region;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{Asset, Placement, Region, Result, Soup, camera::Camera, image::Pixels};
 
 /// What a window shows.
 pub struct WindowScene {

@@ -12,11 +12,11 @@ use egui::{ColorImage, Context, TextureHandle, TextureId, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use trisplat_scene::asset::{Asset, Placement};
-use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::image::Pixels;
-use trisplat_scene::region::Region;
-use trisplat_scene::soup::Soup;
+use trisplat_scene::{
+    Asset, Placement, Region, Soup,
+    camera::{Camera, Viewpoint},
+    image::Pixels,
+};
 
 /// Duration of a note.
 const NOTE_TIME: Duration = Duration::from_secs(4);
