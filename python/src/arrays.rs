@@ -6,7 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trisplat::{Mesh, Scene, Soup};
-use trisplat_scene::{image::Pixels, mesh::Colors};
+use trisplat_scene::{image::RgbImage, mesh::Colors};
 
 /// The arrays of a scene.
 pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDict>> {
@@ -44,7 +44,7 @@ pub fn of_mesh<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<Bound<'py, PyDict>
 }
 
 /// The picture as rows from the top.
-pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &Pixels) -> PyResult<()> {
+pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &RgbImage) -> PyResult<()> {
     let [width, height] = picture.size.to_array().map(|n| n as usize);
     put(out, name, picture.rgb.as_flattened().to_vec(), &[height, width, 3])
 }

@@ -15,7 +15,7 @@ use trisplat_eval::{
     is_shown,
 };
 use trisplat_job::EvalJob;
-use trisplat_scene::{Error, Result, image::Pixels};
+use trisplat_scene::{Error, Result, image::RgbImage};
 use trisplat_train::BackendOptions;
 use trisplat_view::show;
 
@@ -224,7 +224,7 @@ impl EvalPictures {
         Ok(Self { folders, sheet, views: views.len(), added: 0 })
     }
 
-    fn add(&mut self, photo: &Pixels, drawn: &[ScoredPicture]) -> Result<()> {
+    fn add(&mut self, photo: &RgbImage, drawn: &[ScoredPicture]) -> Result<()> {
         for (folder, one) in self.folders.iter().zip(drawn) {
             folder.save(self.added, &one.picture)?;
             if let Some(image) = &one.image {
@@ -233,7 +233,7 @@ impl EvalPictures {
             }
         }
         if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.added, self.views)) {
-            let maps: Vec<Pixels> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
+            let maps: Vec<RgbImage> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
             let pairs = drawn.iter().zip(&maps).flat_map(|(d, map)| [&d.picture, map]);
             sheet.add(std::iter::once(photo).chain(pairs));
         }

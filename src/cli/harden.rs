@@ -5,7 +5,7 @@ use super::progress::Progress;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_job::{HardenOptions, MOST_PICTURES};
-use trisplat_scene::{Loaded, Result};
+use trisplat_scene::{ImportedScene, Result};
 use trisplat_teacher as teacher;
 use trisplat_train::TrainOptions;
 
@@ -37,7 +37,7 @@ pub(super) fn share(text: &str) -> std::result::Result<f64, String> {
 /// The soft pictures of `scene` that replace photos in training, drawn under a bar.
 pub(super) fn draw(
     path: &Path,
-    scene: &Loaded,
+    scene: &ImportedScene,
     options: &TrainOptions,
     how: &DatasetOptions,
     global: &Global,

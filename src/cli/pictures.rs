@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use trisplat_scene::{
     Result,
     atomic::AtomicFile,
-    image::{Pixels, npy},
+    image::{RgbImage, npy},
 };
 
 /// Where each picture goes.
@@ -51,7 +51,7 @@ impl Pictures {
     }
 
     /// Writes the picture of the photo at index `i`.
-    pub(super) fn save(&self, i: usize, picture: &Pixels) -> Result<()> {
+    pub(super) fn save(&self, i: usize, picture: &RgbImage) -> Result<()> {
         picture.save_png(&self.paths[i])
     }
 }

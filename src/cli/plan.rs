@@ -21,7 +21,7 @@ use trisplat_scale::{
     plan::{check, find_coarse, keep_coarse},
     status, task,
 };
-use trisplat_scene::{Error, Loaded, Result, layered::Layers};
+use trisplat_scene::{Error, ImportedScene, Result, layered::Layers};
 use trisplat_train::{BackendOptions, OpenRun, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
@@ -143,7 +143,7 @@ fn coarse_scene(
     options: &(TrainOptions, u64),
     path: &Path,
     global: &Global,
-) -> Result<Option<(PathBuf, Loaded)>> {
+) -> Result<Option<(PathBuf, ImportedScene)>> {
     let limits = args.dataset_options.limits;
     let made = match find_coarse(path, &limits) {
         Some(made) => made,

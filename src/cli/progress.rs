@@ -7,7 +7,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
 use trisplat_dataset::tracked_poses::TrackedPoses;
-use trisplat_job::watched::Watched;
+use trisplat_job::watched::TrialRun;
 use trisplat_scene::report::{Observer, StageDetails, StageReport, counted};
 
 /// What is shown for a stage that does not report progress.
@@ -173,7 +173,7 @@ fn row(stage: &StageReport) -> String {
         let text = format!("{} moved by {:.2} px", counted(poses.moved, "photo"), poses.moved_px);
         return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
-    if let Some(watched) = stage.details_as::<Watched>() {
+    if let Some(watched) = stage.details_as::<TrialRun>() {
         let text = format!("{} left out of short trainings", counted(watched.photos.len() as u64, "photo"));
         return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
@@ -253,7 +253,7 @@ mod tests {
     fn the_parts_of_a_training_are_rows_that_a_person_understands() {
         let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
         let done = |name: &str| StageReport { unneeded: None, ..StageReport::unneeded(name, String::new()) };
-        let watched = Watched { photos: vec!["a.jpg".into()], ..Watched::default() };
+        let watched = TrialRun { photos: vec!["a.jpg".into()], ..TrialRun::default() };
         let details = trisplat_scene::report::to_json(&watched);
         let watched = row(&StageReport { details, ..done("watched") });
         assert!(watched.contains("1 photo left out of short trainings"), "{watched}");

@@ -14,7 +14,7 @@ use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDeta
 use trisplat_dataset::{Description, tracked_poses::TrackedPoses};
 use trisplat_eval::evaluate::EvalReport;
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
-use trisplat_job::watched::Watched;
+use trisplat_job::watched::TrialRun;
 use trisplat_scale::{Manifest, MergeReport, task::BlockFigures};
 use trisplat_scene::{
     Error, Result,
@@ -127,7 +127,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
         stage_schema::<TrackedPoses>(g),
-        stage_schema::<Watched>(g),
+        stage_schema::<TrialRun>(g),
         stage_schema::<TeacherDetails>(g),
         stage_schema::<CollisionDetails>(g),
         stage_schema::<SurfaceDetails>(g),

@@ -27,7 +27,7 @@ use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::Track
 use trisplat_formats as formats;
 use trisplat_job::{ReadyTrain, TeacherPlan, TrainJob, reading, teacher_files};
 use trisplat_scene::{
-    Error, Loaded, Result,
+    Error, ImportedScene, Result,
     atomic::AtomicFile,
     layered::{Layered, Layers},
     report::{OutputReport, Report, counted},
@@ -182,7 +182,7 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
 fn dataset(
     args: &TrainArgs,
     how: &DatasetOptions,
-    from: Option<&Loaded>,
+    from: Option<&ImportedScene>,
     options: &TrainOptions,
     global: &Global,
 ) -> Result<Dataset> {

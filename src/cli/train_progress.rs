@@ -10,7 +10,7 @@ use std::io::{BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use trisplat_dataset::{Dataset, ShrunkSize};
-use trisplat_scene::{Error, Loaded, Result, report::counted};
+use trisplat_scene::{Error, ImportedScene, Result, report::counted};
 use trisplat_train::{Refined, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
 
 /// Another observer of a run.
@@ -18,7 +18,7 @@ pub trait Watcher: TrainObserver {
     /// The data set of the run.
     fn begun(&mut self, dataset: &Dataset);
     /// The run has ended, with its result and the written scene.
-    fn ended(&mut self, what: &str, scene: Loaded);
+    fn ended(&mut self, what: &str, scene: ImportedScene);
 }
 
 /// Outputs that a run and the trainings that prepare it could not write, with their errors.
@@ -205,7 +205,7 @@ impl TrainObserver for Bar {
         self.watcher.as_mut().is_some_and(|watcher| watcher.wants_scene())
     }
 
-    fn scene(&mut self, sample: &TrainSample, scene: Loaded) {
+    fn scene(&mut self, sample: &TrainSample, scene: ImportedScene) {
         if let Some(watcher) = &mut self.watcher {
             watcher.scene(sample, scene);
         }

@@ -25,7 +25,7 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::{Error, Loaded, Result};
+use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_train::{TrainObserver, TrainSample};
 use trisplat_view::window::{
     self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
@@ -46,9 +46,9 @@ enum News {
     /// It is on these photos.
     Photos(PosedPhotos),
     /// The present scene, its metadata, and the duration of the copy.
-    Scene(Box<Loaded>, String, Duration),
+    Scene(Box<ImportedScene>, String, Duration),
     /// The written scene, and the result of the run.
-    Ended(Box<Loaded>, String),
+    Ended(Box<ImportedScene>, String),
 }
 
 /// Trains on another thread, because the window needs this one.
@@ -144,7 +144,7 @@ impl TrainObserver for SceneWatcher {
         self.wanted.swap(false, Ordering::Relaxed)
     }
 
-    fn scene(&mut self, sample: &TrainSample, scene: Loaded) {
+    fn scene(&mut self, sample: &TrainSample, scene: ImportedScene) {
         let TrainSample { step, psnr, .. } = sample;
         let status = format!("step {step}, {psnr:.2} dB on the photos");
         self.tell(News::Scene(Box::new(scene), status, self.asked.elapsed()));
@@ -157,7 +157,7 @@ impl Watcher for SceneWatcher {
         self.tell(News::Photos(PosedPhotos { views, origin }));
     }
 
-    fn ended(&mut self, what: &str, scene: Loaded) {
+    fn ended(&mut self, what: &str, scene: ImportedScene) {
         // A user who ended the program has closed the window too.
         if signals::exit_code().is_none() {
             self.tell(News::Ended(Box::new(scene), what.to_owned()));

@@ -10,7 +10,7 @@ use trisplat_eval::{BakedScene, SceneRenderer};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
 use trisplat_scene::{
-    Asset, Error, Loaded, Placement, Region, Result, atomic::AtomicFile, camera::Camera, placed,
+    Asset, Error, ImportedScene, Placement, Region, Result, atomic::AtomicFile, camera::Camera, placed,
 };
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
@@ -110,7 +110,7 @@ pub(super) struct PosedPhotos {
 
 /// The content of a window for a scene of `file`.
 pub(super) fn window_scene(
-    loaded: Loaded,
+    loaded: ImportedScene,
     photos: &PosedPhotos,
     how: &DatasetOptions,
     file: &Path,

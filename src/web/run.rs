@@ -13,7 +13,7 @@ use trisplat_eval::SceneRenderer;
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
 use trisplat_job::{BakeInput, BakeJob, HardenOptions, describe};
 use trisplat_scene::{
-    Asset, Error, Limits, Loaded, Placement, Result, Scene,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,
     guard::{self, is_guarded},
     input,
@@ -100,7 +100,7 @@ fn quick(options: Map<String, Value>) -> Result<BakeOptions> {
 }
 
 /// A scene as an engine draws it, and its placement in the frame of the scene's file.
-fn shown(loaded: Loaded, options: &BakeOptions) -> Result<(Asset, Placement)> {
+fn shown(loaded: ImportedScene, options: &BakeOptions) -> Result<(Asset, Placement)> {
     let in_world = loaded.provenance.placement;
     let asset = bake(loaded, options)?;
     let placement = in_world.inverse().then(&asset.provenance.placement);

@@ -8,7 +8,7 @@ use trisplat_formats::{
     gltf::{GltfOptions, to_glb_bytes},
 };
 use trisplat_raster::framing::Surroundings;
-use trisplat_scene::{Asset, Loaded, Scene};
+use trisplat_scene::{Asset, ImportedScene, Scene};
 use trisplat_view::orbit;
 
 /// The README's first file, as its first command bakes it, without the slow part that changes no place.
@@ -48,7 +48,8 @@ fn every_glb_has_a_camera_node_that_looks_at_the_subject() {
 #[test]
 fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups/studio.ply");
-    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions::default()).expect("a sample");
+    let ImportedScene { scene, provenance, .. } =
+        formats::read(&path, &ReadOptions::default()).expect("a sample");
     let surroundings = Surroundings::of(&scene, &provenance);
     let viewpoint = surroundings.viewpoint(&[], Vec3::NEG_Y).expect("there is something to see");
     let target = DVec3::from(viewpoint.target).as_vec3();

@@ -5,9 +5,9 @@ use std::path::Path;
 use trisplat_bake::{
     Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES, visible_px,
 };
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    Asset, Loaded, Scene,
+    Asset, ImportedScene, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
     report::{Observer, Report, StageProgress},
@@ -43,8 +43,13 @@ fn cameras() -> Vec<Camera> {
     (0..9).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
-fn loaded(cameras: Vec<Camera>) -> Loaded {
-    Loaded { scene: Scene::Mesh(wall()), provenance: Default::default(), warnings: Vec::new(), cameras }
+fn loaded(cameras: Vec<Camera>) -> ImportedScene {
+    ImportedScene {
+        scene: Scene::Mesh(wall()),
+        provenance: Default::default(),
+        warnings: Vec::new(),
+        cameras,
+    }
 }
 
 fn baked(cameras: Vec<Camera>, shares: &[f64], change: impl Fn(&mut BakeOptions)) -> (Asset, Report) {
@@ -66,8 +71,8 @@ fn holes(mesh: &Mesh) -> f64 {
     let (mut holes, mut all) = (0, 0);
     for camera in cameras() {
         let options = SolidRasterOptions::default();
-        let whole = Solid::new().visibility(&wall(), &camera, &options).face.clone();
-        let mut solid = Solid::new();
+        let whole = SolidRasterizer::new().visibility(&wall(), &camera, &options).face.clone();
+        let mut solid = SolidRasterizer::new();
         let seen = solid.visibility(mesh, &camera, &options);
         for (now, before) in seen.face.iter().zip(&whole).filter(|(_, before)| **before != NO_FACE) {
             let hidden = |f: u32| mesh.corners(f as usize)[0].z > 0.25;

@@ -5,7 +5,7 @@ use std::path::Path;
 use trisplat_bake::{BakeOptions, Lit, LitDetails, LitOptions, bake, lit};
 use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, write};
 use trisplat_scene::{
-    Asset, Loaded, Rng, Scene,
+    Asset, ImportedScene, Rng, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
     report::Outcome,
@@ -137,7 +137,7 @@ fn baked(how: Lit, welded: bool) -> Asset {
     }
     let mut options = BakeOptions::default();
     (options.lit.lit, options.chunk.chunk_triangles, options.place.rotate) = (how, 700, 30.0);
-    bake(Loaded { cameras: around(), ..Loaded::from(mesh) }, &options).unwrap()
+    bake(ImportedScene { cameras: around(), ..ImportedScene::from(mesh) }, &options).unwrap()
 }
 
 /// Normals of a GLB in the frame of the scene, three for each face, and the corners they are at.

@@ -8,8 +8,8 @@ use trisplat_formats::{
     self as formats, OutputOptions, ReadOptions,
     gltf::{GltfOptions, TextureFormat, to_glb_bytes},
 };
-use trisplat_raster::solid::Solid;
-use trisplat_scene::{Asset, Chunk, Loaded, Scene, UpAxis, UpDirection, math::metric, mesh::Mesh};
+use trisplat_raster::solid::SolidRasterizer;
+use trisplat_scene::{Asset, Chunk, ImportedScene, Scene, UpAxis, UpDirection, math::metric, mesh::Mesh};
 
 const EXACT: OutputOptions = OutputOptions { texture_format: TextureFormat::Png, ..OutputOptions::DEFAULT };
 
@@ -17,7 +17,7 @@ fn pages(mesh: &Mesh) -> usize {
     mesh.texture.as_ref().map_or(0, |texture| texture.pages.len())
 }
 
-fn mesh_of(loaded: Loaded) -> Mesh {
+fn mesh_of(loaded: ImportedScene) -> Mesh {
     match loaded.scene {
         Scene::Mesh(mesh) => mesh,
         Scene::Soup(_) => panic!("a mesh"),
@@ -56,7 +56,7 @@ fn pages_are_primitives_in_files_and_come_back() {
     assert!((psnr(&back) - wants).abs() < 0.1, "{} {wants}", psnr(&back));
     // A bake cuts chunks by page.
     let bake = BakeOptions::preset(BakePreset::Fast);
-    let asset = Bake::new(&bake).run([Loaded::from(Scene::Mesh(back))]).unwrap();
+    let asset = Bake::new(&bake).run([ImportedScene::from(Scene::Mesh(back))]).unwrap();
     let texture = asset.mesh.texture.as_ref().unwrap();
     assert_eq!(asset.chunks.len(), texture.pages.len());
     for chunk in &asset.chunks {
@@ -103,7 +103,7 @@ fn tiles_have_pages_of_their_own() {
             Some(views) => bake.photos(views),
             None => bake,
         };
-        let asset = bake.run([Loaded::from(Scene::Mesh(input))]).unwrap();
+        let asset = bake.run([ImportedScene::from(Scene::Mesh(input))]).unwrap();
         formats::write(&asset, &path, &options.output).unwrap();
         (asset, tiles(folder.path()))
     };
@@ -128,8 +128,9 @@ fn levels_and_crops_of_a_textured_input_keep_its_texels() {
     let input = baked(grey(8)).mesh;
     let mut options = upright();
     options.lod.lod = vec![0.25];
-    let bake =
-        |options: &BakeOptions| Bake::new(options).run([Loaded::from(Scene::Mesh(input.clone()))]).unwrap();
+    let bake = |options: &BakeOptions| {
+        Bake::new(options).run([ImportedScene::from(Scene::Mesh(input.clone()))]).unwrap()
+    };
     let texels = |mesh: &Mesh| mesh.texture.as_ref().unwrap().pages[0].size().element_product();
     let asset = bake(&options);
     let level = &asset.levels[0].mesh;
@@ -159,7 +160,8 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
     let mut shared = moved(&smooth, 5.0);
     shared.indices = (0..shared.positions.len() as u32).collect();
     let parts = [textured_wall, flat, smooth, shared];
-    let merged = merge(parts.iter().map(|part| Loaded::from(Scene::Mesh(part.clone()))).collect()).unwrap();
+    let merged =
+        merge(parts.iter().map(|part| ImportedScene::from(Scene::Mesh(part.clone()))).collect()).unwrap();
     assert_eq!(merged.warnings.len(), 3, "{:?}", merged.warnings);
     let merged = mesh_of(merged);
     merged.validate().unwrap();
@@ -169,15 +171,17 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
     for (i, part) in parts.iter().enumerate() {
         let middle = Vec3::X * 5.0 * i as f32;
         let camera = cameras()[0].looking(middle + Vec3::new(0.2, 0.1, -2.4), middle, Vec3::NEG_Y);
-        let draw = |mesh: &Mesh| Solid::new().render(mesh, &camera, &DRAWING).rgb;
+        let draw = |mesh: &Mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING).rgb;
         for all in [&merged, &back] {
             let psnr = metric::psnr(&draw(all), &draw(part), None);
             assert!(psnr > 40.0, "part {i}: {psnr} dB");
         }
     }
     // Without a texture nothing changes.
-    let plain =
-        merge(vec![Loaded::from(Scene::Mesh(parts[1].clone())), Loaded::from(Scene::Mesh(parts[2].clone()))]);
+    let plain = merge(vec![
+        ImportedScene::from(Scene::Mesh(parts[1].clone())),
+        ImportedScene::from(Scene::Mesh(parts[2].clone())),
+    ]);
     assert!(mesh_of(plain.unwrap()).texture.is_none());
 }
 

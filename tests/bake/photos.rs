@@ -11,11 +11,11 @@ use trisplat_bake::{
     unseen::{self, FaceLimit, UnseenDetails, UnseenOptions},
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Masks};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    Asset, Loaded, Placement, Result, UpAxis,
+    Asset, ImportedScene, Placement, Result, UpAxis,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     mesh::{Colors, Mesh},
     report::{Outcome, StageProgress},
 };
@@ -73,11 +73,15 @@ fn camera(view: usize) -> Camera {
 }
 
 /// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
-fn photograph(mesh: &Mesh, develop: impl Fn(usize, Pixels) -> Pixels) -> (TempDir, Dataset) {
+fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
     photograph_at(mesh, 4, develop)
 }
 
-fn photograph_at(mesh: &Mesh, samples: u32, develop: impl Fn(usize, Pixels) -> Pixels) -> (TempDir, Dataset) {
+fn photograph_at(
+    mesh: &Mesh,
+    samples: u32,
+    develop: impl Fn(usize, RgbImage) -> RgbImage,
+) -> (TempDir, Dataset) {
     let folder = tempfile::tempdir().unwrap();
     let (model, images) = (folder.path().join("sparse/0"), folder.path().join("images"));
     std::fs::create_dir_all(&model).unwrap();
@@ -90,7 +94,7 @@ fn photograph_at(mesh: &Mesh, samples: u32, develop: impl Fn(usize, Pixels) -> P
         let id = view + 1;
         writeln!(list, "{id} {} {} {} {} {} {} {} 1 {view:02}.png\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z)
             .unwrap();
-        let photo = develop(view, Solid::new().render(mesh, &c, &options));
+        let photo = develop(view, SolidRasterizer::new().render(mesh, &c, &options));
         photo.save_png(images.join(format!("{view:02}.png"))).unwrap();
     }
     std::fs::write(model.join("cameras.txt"), "1 PINHOLE 96 72 110 110 50 37\n").unwrap();
@@ -117,10 +121,10 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     std::fs::create_dir(&masks).unwrap();
     let one_sample = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
     for view in 0..VIEWS {
-        let mut solid = Solid::new();
+        let mut solid = SolidRasterizer::new();
         let seen = solid.visibility(&mesh, &camera(view), &one_sample);
         let rgb = seen.face.iter().map(|&face| [if face < THING { 255 } else { 0 }; 3]).collect();
-        let mask = Pixels { size: seen.size, rgb, alpha: None };
+        let mask = RgbImage { size: seen.size, rgb, alpha: None };
         mask.save_png(masks.join(format!("{view:02}.png"))).unwrap();
     }
     let dataset = load(folder.path());
@@ -167,7 +171,8 @@ fn difference(a: &Mesh, b: &Mesh) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for view in 0..VIEWS {
         let c = camera(view);
-        let (a, b) = (Solid::new().render(a, &c, &options), Solid::new().render(b, &c, &options));
+        let (a, b) =
+            (SolidRasterizer::new().render(a, &c, &options), SolidRasterizer::new().render(b, &c, &options));
         for (a, b) in a.rgb.as_flattened().iter().zip(b.rgb.as_flattened()) {
             sum += (f64::from(*a) - f64::from(*b)).powi(2);
             count += 1.0;
@@ -257,7 +262,7 @@ fn a_channel_that_training_left_at_zero_takes_what_photos_show_in_one_pass() {
 fn a_channel_at_zero_that_photos_contradict_returns_where_all_other_colours_stay() {
     let (truth, dead) = without_blue();
     // Photos that are not held out lack red and green, so that the scene's own colours are better.
-    let bluish = |view: usize, mut photo: Pixels| {
+    let bluish = |view: usize, mut photo: RgbImage| {
         for rgb in photo.rgb.iter_mut().filter(|_| view % 8 != 4) {
             *rgb = [rgb[0].saturating_sub(60), rgb[1].saturating_sub(60), rgb[2]];
         }
@@ -279,7 +284,7 @@ fn a_channel_at_zero_that_photos_contradict_returns_where_all_other_colours_stay
 #[test]
 fn a_photo_of_another_exposure_is_left_out() {
     let truth = scene();
-    let brighten = |view: usize, mut photo: Pixels| {
+    let brighten = |view: usize, mut photo: RgbImage| {
         if view == 5 {
             photo.rgb.iter_mut().flatten().for_each(|c| *c = c.saturating_mul(2));
         }
@@ -397,7 +402,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     // Photos of one colour are closer to a picture of that colour than to any scene.
     let mut options = BakeOptions { force_dataset: true, ..BakeOptions::DEFAULT };
     (options.chunk.chunk_triangles, options.bvh.bvh, options.lod.lod) = (30, true, vec![0.5]);
-    let baked = |input: Loaded, options: &BakeOptions, views: Option<&mut Views>| {
+    let baked = |input: ImportedScene, options: &BakeOptions, views: Option<&mut Views>| {
         Bake::new(options).photos(views).run([input]).unwrap()
     };
     let first = baked(mesh.clone().into(), &options, Some(&mut views(&dataset)));
@@ -424,7 +429,8 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));
 
     let again = |options: &BakeOptions| {
-        let input = Loaded { provenance: first.provenance.clone(), ..Loaded::from(first.mesh.clone()) };
+        let input =
+            ImportedScene { provenance: first.provenance.clone(), ..ImportedScene::from(first.mesh.clone()) };
         baked(input, options, None)
     };
     let kept = again(&BakeOptions::DEFAULT);
@@ -512,7 +518,7 @@ fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
 fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
     let mesh = scene();
     // Photos that are held out have bright and dark squares, which leave their brightness as it is.
-    let chequered = |view: usize, mut photo: Pixels| {
+    let chequered = |view: usize, mut photo: RgbImage| {
         for (i, rgb) in photo.rgb.iter_mut().enumerate().filter(|_| view % 8 == 4) {
             let (x, y) = (i as u32 % photo.size.x, i as u32 / photo.size.x);
             let bright = (x / 12 + y / 12).is_multiple_of(2);

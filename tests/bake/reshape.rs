@@ -7,10 +7,10 @@ use trisplat_bake::{
 };
 use trisplat_raster::{
     soft::SoftOptions,
-    solid::{NO_FACE, Solid, SolidRasterOptions},
+    solid::{NO_FACE, SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Loaded,
+    ImportedScene,
     image::Image,
     mesh::{Colors, Mesh},
     report::{Outcome, StageProgress},
@@ -87,7 +87,7 @@ fn a_closed_scene_stays_closed() {
         .unwrap();
     let drawing = SolidRasterOptions::default();
     for camera in eyes {
-        let seen = Solid::new().visibility(&mesh, &camera, &drawing).face.clone();
+        let seen = SolidRasterizer::new().visibility(&mesh, &camera, &drawing).face.clone();
         assert!(!seen.contains(&NO_FACE), "a hole");
     }
 }
@@ -121,7 +121,7 @@ fn solid_scenes_and_shared_vertices_are_left_alone() {
     assert!(
         matches!(reshaped(&mut shared, true, &always).0, Outcome::Unneeded(why) if why.contains("shared"))
     );
-    let loaded = Loaded { cameras: cameras(), ..Loaded::from(before) };
+    let loaded = ImportedScene { cameras: cameras(), ..ImportedScene::from(before) };
     let (_, report) = baked_with(loaded, BakeOptions::default());
     assert_eq!(unneeded(&report, "reshape"), Some("the scene is solid already"));
     assert_eq!(BakeOptions::preset(BakePreset::Fast).reshape, ReshapeOptions::OFF);

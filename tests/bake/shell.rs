@@ -3,7 +3,7 @@
 use super::hostile::{random_triangle, soup_of};
 use glam::Vec3;
 use trisplat_bake::{BackdropWhen, Bake, BakeOptions, BakePreset};
-use trisplat_scene::{Asset, Loaded, Soup};
+use trisplat_scene::{Asset, ImportedScene, Soup};
 
 /// Eight huge triangles around the origin.
 fn octahedron() -> Soup {
@@ -27,7 +27,7 @@ fn subject(count: u64) -> Soup {
 fn baked(inputs: impl IntoIterator<Item = Soup>, edit: impl Fn(&mut BakeOptions)) -> Asset {
     let mut options = BakeOptions::preset(BakePreset::Fast);
     edit(&mut options);
-    Bake::new(&options).run(inputs.into_iter().map(Loaded::from)).unwrap()
+    Bake::new(&options).run(inputs.into_iter().map(ImportedScene::from)).unwrap()
 }
 
 fn with_shell(count: u64) -> Soup {

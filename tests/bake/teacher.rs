@@ -8,10 +8,10 @@ use trisplat_bake::{
 };
 use trisplat_raster::{
     soft::SoftOptions,
-    solid::{Solid, SolidRasterOptions},
+    solid::{SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Asset, Error, Loaded, Region, Scene, Soup, UpAxis, UpDirection,
+    Asset, Error, ImportedScene, Region, Scene, Soup, UpAxis, UpDirection,
     camera::Camera,
     math::metric,
     report::{Outcome, Report},
@@ -41,16 +41,16 @@ pub(crate) fn cameras() -> Vec<Camera> {
     (0..16).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
-pub(crate) fn soft(cameras: Vec<Camera>) -> Loaded {
-    Loaded { cameras, ..Loaded::from(ball()) }
+pub(crate) fn soft(cameras: Vec<Camera>) -> ImportedScene {
+    ImportedScene { cameras, ..ImportedScene::from(ball()) }
 }
 
-fn baked(scene: Loaded, teacher: TeacherOptions) -> (Asset, Report) {
+fn baked(scene: ImportedScene, teacher: TeacherOptions) -> (Asset, Report) {
     // Fitting triangles has tests of its own.
     baked_with(scene, BakeOptions { teacher, reshape: ReshapeOptions::OFF, ..BakeOptions::default() })
 }
 
-pub(crate) fn baked_with(scene: Loaded, mut options: BakeOptions) -> (Asset, Report) {
+pub(crate) fn baked_with(scene: ImportedScene, mut options: BakeOptions) -> (Asset, Report) {
     // The frame of the input, so that its cameras see the output.
     options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
     let mut report = Report::default();
@@ -73,7 +73,7 @@ pub(crate) fn psnr(asset: &Asset) -> f64 {
     };
     let one = |i| {
         let (soft, solid) =
-            (teacher.picture(&between(i)), Solid::new().render(&asset.mesh, &between(i), &drawing));
+            (teacher.picture(&between(i)), SolidRasterizer::new().render(&asset.mesh, &between(i), &drawing));
         metric::psnr(&soft.rgb, &solid.rgb, None)
     };
     (0..15).map(one).sum::<f64>() / 15.0
@@ -108,13 +108,13 @@ fn a_solid_scene_and_a_fast_bake_are_not_taught() {
     solid.opacity.fill(1.0);
     solid.sigma.fill(SOLID_SIGMA);
     assert!(is_solid(&solid) && !is_solid(&ball()));
-    let loaded = Loaded { cameras: cameras(), ..Loaded::from(solid) };
+    let loaded = ImportedScene { cameras: cameras(), ..ImportedScene::from(solid) };
     assert_eq!(softness(&loaded, &SolidOptions::DEFAULT).unwrap(), None);
     let (with, report) = baked(loaded.clone(), TeacherOptions::DEFAULT);
     assert_eq!(unneeded(&report, "teacher"), Some("the scene is solid already"));
     assert!(with.mesh == baked(loaded, TeacherOptions::OFF).0.mesh);
     assert_eq!(BakeOptions::preset(BakePreset::Fast).teacher, TeacherOptions::OFF);
-    let mesh = Loaded { cameras: cameras(), ..Loaded::from(Scene::Mesh(with.mesh)) };
+    let mesh = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(with.mesh)) };
     assert!(unneeded(&baked(mesh, TeacherOptions::DEFAULT).1, "teacher").unwrap().contains("mesh"));
 }
 
@@ -138,7 +138,7 @@ fn what_a_crop_cuts_off_is_not_in_the_pictures() {
     let mut soup = ball();
     let wall = [[Vec3::new(-9.0, -9.0, 2.0), Vec3::new(9.0, -9.0, 2.0), Vec3::new(0.0, 9.0, 2.0)]];
     soup.append(soup_of(wall.map(|corners| (corners, 1.0, SOLID_SIGMA))));
-    let loaded = Loaded { cameras: cameras(), ..Loaded::from(soup) };
+    let loaded = ImportedScene { cameras: cameras(), ..ImportedScene::from(soup) };
     let mut options = BakeOptions { reshape: ReshapeOptions::OFF, ..BakeOptions::default() };
     options.crop.crop = vec![Region::Box([-1.5; 3], [1.5; 3])];
     options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
@@ -151,7 +151,7 @@ fn what_a_crop_cuts_off_is_not_in_the_pictures() {
 fn hostile_scenes_are_drawn_or_refused_with_an_error() {
     for (name, soup) in super::hostile::finite().into_iter().chain(super::hostile::poison()) {
         for stored in [cameras(), Vec::new()] {
-            let scene = Loaded { cameras: stored, ..Loaded::from(soup.clone()) };
+            let scene = ImportedScene { cameras: stored, ..ImportedScene::from(soup.clone()) };
             let (mut views, mut details) = (None, TeacherDetails::default());
             let options = TeacherOptions::DEFAULT;
             match teacher(&mut views, &scene, false, &options, &SolidOptions::DEFAULT, &mut details) {

@@ -10,11 +10,11 @@ use trisplat_formats::{
     OutputOptions, ReadOptions,
     gltf::{GltfOptions, TextureFormat, to_glb_bytes},
 };
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    Asset, Loaded, Result, Scene, UpAxis, UpDirection,
+    Asset, ImportedScene, Result, Scene, UpAxis, UpDirection,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     math::metric,
     mesh::{Colors, Mesh},
     report::{Outcome, Report, StageProgress},
@@ -64,8 +64,8 @@ pub(super) fn cameras() -> Vec<Camera> {
     (0..20).map(|i| lens.looking(eye(i), Vec3::ZERO, Vec3::NEG_Y)).collect()
 }
 
-pub(super) fn photos() -> Vec<Pixels> {
-    cameras().iter().map(|camera| Solid::new().render(&painted(), camera, &DRAWING)).collect()
+pub(super) fn photos() -> Vec<RgbImage> {
+    cameras().iter().map(|camera| SolidRasterizer::new().render(&painted(), camera, &DRAWING)).collect()
 }
 
 pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
@@ -78,7 +78,7 @@ pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Out
 /// PSNR of a mesh against the painted wall from between the cameras, dB.
 pub(super) fn psnr(mesh: &Mesh) -> f64 {
     let camera = cameras()[0].looking(Vec3::new(0.23, 0.11, -2.4), Vec3::ZERO, Vec3::NEG_Y);
-    let [wants, got] = [&painted(), mesh].map(|mesh| Solid::new().render(mesh, &camera, &DRAWING));
+    let [wants, got] = [&painted(), mesh].map(|mesh| SolidRasterizer::new().render(mesh, &camera, &DRAWING));
     metric::psnr(&wants.rgb, &got.rgb, None)
 }
 
@@ -102,7 +102,7 @@ fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
     let grey = || wall(4, |_, _| [0.4; 3]);
     // Every photo is of other stripes, about that grey.
     let striped = |i: usize| wall(48, move |x, _| [0.4 + 0.2 * (9.0 * x + 2.4 * i as f32).sin(); 3]);
-    let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
+    let photo = |(i, camera): (usize, &Camera)| SolidRasterizer::new().render(&striped(i), camera, &DRAWING);
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let mut run = |options: &TextureOptions| {
         let (mut mesh, mut details) = (grey(), TextureDetails::default());
@@ -129,7 +129,7 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
         let shift = if i.is_multiple_of(2) { 0.05 } else { -0.05 };
         wall(96, move |x, _| [0.4 + 0.3 * (18.0 * (x + shift)).sin(); 3])
     };
-    let photo = |(i, camera): (usize, &Camera)| Solid::new().render(&striped(i), camera, &DRAWING);
+    let photo = |(i, camera): (usize, &Camera)| SolidRasterizer::new().render(&striped(i), camera, &DRAWING);
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let (mut mesh, mut details) = (wall(4, |_, _| [0.4; 3]), TextureDetails::default());
     // What the scene's own colours are said to reach is more than what texels do.
@@ -216,7 +216,7 @@ fn without_photos_it_says_what_it_wants() {
     assert!(matches!(run(&TextureOptions::DEFAULT).unwrap(), Outcome::Unneeded(_)));
 }
 
-pub(super) fn read(glb: &[u8]) -> Loaded {
+pub(super) fn read(glb: &[u8]) -> ImportedScene {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
     std::fs::write(&path, glb).unwrap();
@@ -227,7 +227,7 @@ pub(super) fn read(glb: &[u8]) -> Loaded {
 pub(super) fn baked(input: Mesh) -> Asset {
     let mut views = Views::drawn(cameras(), photos());
     let options = BakeOptions { texture: ON, ..BakeOptions::preset(trisplat_bake::BakePreset::Fast) };
-    Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(input))]).unwrap()
+    Bake::new(&options).photos(&mut views).run([ImportedScene::from(Scene::Mesh(input))]).unwrap()
 }
 
 #[test]
@@ -245,7 +245,8 @@ fn a_textured_file_reads_back_as_it_was() {
     let jpeg = to_glb_bytes(&asset, &GltfOptions::default()).unwrap();
     assert!(!String::from_utf8_lossy(&jpeg).contains("COLOR_0"));
     let Scene::Mesh(close) = read(&jpeg).scene else { panic!("a mesh") };
-    let [exact, close] = [&back, &close].map(|mesh| Solid::new().render(mesh, &cameras()[7], &DRAWING));
+    let [exact, close] =
+        [&back, &close].map(|mesh| SolidRasterizer::new().render(mesh, &cameras()[7], &DRAWING));
     assert!(metric::psnr(&exact.rgb, &close.rgb, None) > 38.0);
 }
 
@@ -255,8 +256,8 @@ fn a_texture_that_is_baked_again_is_kept_where_triangles_stay_as_they_are() {
         let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
         options.prune.max_triangles = max_triangles;
         let mut report = Report::new("bake");
-        let inputs: Vec<Loaded> =
-            (0..walls).map(|_| Loaded::from(Scene::Mesh(baked(grey(4)).mesh))).collect();
+        let inputs: Vec<ImportedScene> =
+            (0..walls).map(|_| ImportedScene::from(Scene::Mesh(baked(grey(4)).mesh))).collect();
         let asset = Bake::new(&options).report(&mut report).run(inputs).unwrap();
         (asset.mesh.texture, report.warnings)
     };
@@ -290,7 +291,7 @@ fn levels_have_textures_of_their_own() {
         (options.texture.texture, options.lod.lod) = (texture.into(), vec![0.5]);
         // The wall stays where the cameras see it.
         options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
-        Bake::new(&options).photos(&mut views).run([Loaded::from(Scene::Mesh(grey(8)))]).unwrap()
+        Bake::new(&options).photos(&mut views).run([ImportedScene::from(Scene::Mesh(grey(8)))]).unwrap()
     };
     let [plain, textured] = [bake(false), bake(true)];
     let level = |asset: &Asset| asset.levels[0].mesh.clone();
@@ -342,13 +343,13 @@ fn a_connected_surface_stays_connected_and_is_painted_in_charts() {
 fn the_best_photos_meet_without_a_seam() {
     let half = |view: usize| if view.is_multiple_of(2) { -1.0f32 } else { 1.0 };
     let exposed = |(view, camera): (usize, &Camera)| {
-        let mut photo = Solid::new().render(&painted(), camera, &DRAWING);
+        let mut photo = SolidRasterizer::new().render(&painted(), camera, &DRAWING);
         let gain = 1.0 + 0.12 * half(view);
         photo.rgb.iter_mut().for_each(|p| *p = p.map(|c| (f32::from(c) * gain).min(255.0) as u8));
         photo
     };
     let run = |detail: TextureDetail| {
-        let photos: Vec<Pixels> = cameras().iter().enumerate().map(exposed).collect();
+        let photos: Vec<RgbImage> = cameras().iter().enumerate().map(exposed).collect();
         let (mut views, mut details) = (Views::drawn(cameras(), photos), TextureDetails::default());
         let mut mesh = connected(8);
         let options = TextureOptions { texture_detail: detail, ..ON };

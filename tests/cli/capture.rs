@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use trisplat::{Dataset, DatasetOptions};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Stands in for COLMAP.
 const COLMAP: &str = include_str!("../common/colmap.sh");
@@ -157,7 +157,7 @@ fn photos_without_poses_are_shown_and_advice_is_given() {
     let said = fake.succeed(&CAPTURE);
     assert!(said.contains("38 of 40 photos have a pose"), "{said}");
     assert!(said.contains("take more photos between view_0009.png and view_0012.png: 2 there"), "{said}");
-    let sheet = Pixels::load(&fake.at("set/capture/gaps.png")).unwrap();
+    let sheet = RgbImage::load(&fake.at("set/capture/gaps.png")).unwrap();
     assert_eq!((sheet.size.x, sheet.size.y), (3 * 328 + 8, 256));
 }
 
@@ -257,7 +257,7 @@ fn a_program_that_outlives_a_killed_capture_is_not_disturbed() {
 }
 
 /// A JPEG that says how its camera was held.
-fn held(picture: &Pixels, orientation: u8) -> Vec<u8> {
+fn held(picture: &RgbImage, orientation: u8) -> Vec<u8> {
     let entry = [0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];
     let tiff = [&b"II*\0\x08\0\0\0\x01\0"[..], &entry, &[0; 4]].concat();
     let jpeg = picture.to_jpeg(95).unwrap();
@@ -268,7 +268,7 @@ fn held(picture: &Pixels, orientation: u8) -> Vec<u8> {
 #[test]
 fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
     let fake = Fake::new();
-    let upright = Pixels::load(&fake.at("photos/view_0004.png")).unwrap();
+    let upright = RgbImage::load(&fake.at("photos/view_0004.png")).unwrap();
     // Held on its right side: the file is what the camera's chip saw.
     let turned = upright.turned(8);
     std::fs::create_dir(fake.at("phone")).unwrap();
@@ -281,7 +281,7 @@ fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
     assert_eq!(names(&fake.at("set/images").join(&wide)), ["a.jpg", "b.jpg"]);
     assert_eq!(names(&fake.at("set/images").join(&high)), ["c.jpg"]);
     assert!(fake.calls()[0].contains("--ImageReader.single_camera_per_folder 1"));
-    let made = Pixels::load(&fake.at("set/images").join(&wide).join("a.jpg")).unwrap();
+    let made = RgbImage::load(&fake.at("set/images").join(&wide).join("a.jpg")).unwrap();
     assert_eq!(made.size, upright.size);
     let apart =
         made.rgb.iter().zip(&upright.rgb).flat_map(|(a, b)| (0..3).map(|c| f64::from(a[c].abs_diff(b[c]))));

@@ -67,7 +67,7 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
     // The same names, sizes and cameras, and one photo of something else.
     let photo = folder.path().join("photos/images/view_0003.png");
     let kept = std::fs::read(&photo).unwrap();
-    let mut pixels = trisplat_scene::image::Pixels::load(&photo).unwrap();
+    let mut pixels = trisplat_scene::image::RgbImage::load(&photo).unwrap();
     pixels.rgb[7][1] ^= 0x40;
     pixels.save_png(&photo).unwrap();
     refused(folder.path(), &SAME, "its photo view_0003.png has other pixels");

@@ -9,7 +9,7 @@ use trisplat_eval::{
     SceneRenderer,
     evaluate::{EvalReport, StepScore},
 };
-use trisplat_scene::{image::Pixels, math::metric};
+use trisplat_scene::{image::RgbImage, math::metric};
 
 pub(super) fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("samples").join(name)
@@ -57,8 +57,8 @@ fn check_scores(step: &StepScore, renders: &Path) {
     let mut sum = [0.0; 3];
     for (image, view) in step.images.iter().zip(dataset.test()) {
         assert_eq!(image.name, view.name);
-        let drawn = Pixels::load(&renders.join(&image.name)).unwrap();
-        let photo = Pixels::load(&view.photo.path).unwrap();
+        let drawn = RgbImage::load(&renders.join(&image.name)).unwrap();
+        let photo = RgbImage::load(&view.photo.path).unwrap();
         let scores = [
             metric::psnr(&photo.rgb, &drawn.rgb, None),
             metric::ssim(photo.size, &photo.rgb, &drawn.rgb, None),
@@ -125,11 +125,11 @@ fn corrected_figures_do_not_depend_on_the_light_of_a_held_out_photo() {
     std::fs::copy(sample("dataset/test.txt"), other.join("test.txt")).unwrap();
     for image in &plain.steps[0].images {
         let path = other.join("images").join(&image.name);
-        let photo = Pixels::load(&path).unwrap();
+        let photo = RgbImage::load(&path).unwrap();
         let taken =
             |[r, g, b]: &[u8; 3]| [(0.7, *r), (0.8, *g), (0.6, *b)].map(|(by, c)| (by * f64::from(c)) as u8);
         let rgb = photo.rgb.iter().map(taken).collect();
-        Pixels { rgb, ..photo }.save_png(&path).unwrap();
+        RgbImage { rgb, ..photo }.save_png(&path).unwrap();
     }
     let other = scored(&other, "other.json");
     let [plain, other] = [&plain, &other].map(|report| report.steps[0].mean);
@@ -146,7 +146,7 @@ fn alike(a: &Path, b: &Path) -> f64 {
     let mut least = f64::INFINITY;
     for entry in std::fs::read_dir(a).unwrap() {
         let name = entry.unwrap().file_name();
-        let [one, other] = [a, b].map(|folder| Pixels::load(&folder.join(&name)).unwrap());
+        let [one, other] = [a, b].map(|folder| RgbImage::load(&folder.join(&name)).unwrap());
         assert!(one.rgb.iter().any(|c| *c != one.rgb[0]), "{name:?} is empty");
         least = least.min(metric::psnr(&one.rgb, &other.rgb, None));
     }
@@ -192,7 +192,7 @@ fn a_sheet_shows_photos_drawings_and_errors() {
     succeed(&common);
     fail(&common, &["--sheet", "sheet.png", "--force"]);
     let (gap, cell) = (6, [160, 120]);
-    let picture = Pixels::load(Path::new(&sheet)).unwrap();
+    let picture = RgbImage::load(Path::new(&sheet)).unwrap();
     assert_eq!(picture.size.to_array(), [3 * (cell[0] + gap) + gap, 5 * (cell[1] + gap) + gap]);
     let cut = |column: u32, row: u32| -> Vec<[u8; 3]> {
         let (left, top) = (gap + column * (cell[0] + gap), gap + row * (cell[1] + gap));
@@ -201,8 +201,8 @@ fn a_sheet_shows_photos_drawings_and_errors() {
     };
     let loaded = Dataset::load(Path::new(&dataset), &DatasetOptions::default()).unwrap();
     for (row, view) in (0..).zip(loaded.test()) {
-        let photo = Pixels::load(&view.photo.path).unwrap();
-        let drawn = Pixels::load(&Path::new(&renders).join(&view.name)).unwrap();
+        let photo = RgbImage::load(&view.photo.path).unwrap();
+        let drawn = RgbImage::load(&Path::new(&renders).join(&view.name)).unwrap();
         let flip = metric::flip_map(photo.size, &photo.rgb, &drawn.rgb);
         let heat = trisplat_view::show::heat(photo.size, &flip);
         assert!(cut(0, row) == photo.rgb && cut(1, row) == drawn.rgb && cut(2, row) == heat.rgb, "{row}");
@@ -241,7 +241,7 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
         succeed(&all);
         let mut names: Vec<PathBuf> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
         names.sort();
-        names.iter().map(|path| Pixels::load(path).unwrap()).collect::<Vec<_>>()
+        names.iter().map(|path| RgbImage::load(path).unwrap()).collect::<Vec<_>>()
     };
     let color = draw("color", &["--dataset", &dataset]);
     assert_eq!(color.len(), 5, "the held-out photos");

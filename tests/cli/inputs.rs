@@ -46,7 +46,7 @@ fn transforms(folder: &Path, frame: serde_json::Value) -> PathBuf {
 
 fn photo(path: &Path) {
     let rgb = vec![[90, 120, 30]; 16 * 12];
-    let pixels = trisplat_scene::image::Pixels { size: UVec2::new(16, 12), rgb, alpha: None };
+    let pixels = trisplat_scene::image::RgbImage { size: UVec2::new(16, 12), rgb, alpha: None };
     pixels.save_png(path).unwrap();
 }
 
@@ -276,7 +276,7 @@ fn a_photo_that_takes_more_than_the_memory_for_photos_is_refused_with_the_remedy
     let folder = tempfile::tempdir().unwrap();
     let data = transforms(&folder.path().join("set"), serde_json::json!({ "file_path": "a.png" }));
     let rgb = vec![[1, 2, 3]; 1024 * 300];
-    let large = trisplat_scene::image::Pixels { size: UVec2::new(1024, 300), rgb, alpha: None };
+    let large = trisplat_scene::image::RgbImage { size: UVec2::new(1024, 300), rgb, alpha: None };
     large.save_png(data.join("a.png")).unwrap();
     let info = [&"info" as Word, &data, &"--photo-memory-mib"];
     fails(folder.path(), &words(&info, &[&"1"]), &["a.png", "takes 2 MiB", "--photo-memory-mib 2"]);

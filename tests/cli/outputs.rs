@@ -134,7 +134,7 @@ fn photos_that_differ_in_their_ending_have_renders_of_their_own() {
     let folder = folder();
     let images = folder.path().join("photos/images");
     let model = folder.path().join("photos/sparse/0/images.txt");
-    let picture = trisplat_scene::image::Pixels::load(&images.join("view_0001.png")).unwrap();
+    let picture = trisplat_scene::image::RgbImage::load(&images.join("view_0001.png")).unwrap();
     picture.save_png(images.join("view_0000.jpg")).unwrap();
     let text = std::fs::read_to_string(&model).unwrap();
     std::fs::write(&model, text.replace("view_0001.png", "view_0000.jpg")).unwrap();
@@ -263,7 +263,7 @@ fn npy(path: &Path) -> (String, Vec<f32>) {
 fn floats_beside_a_picture_round_to_it() {
     let folder = folder();
     let check = |out: &str, name: &str| {
-        let picture = trisplat_scene::image::Pixels::load(&folder.path().join(out).join(name)).unwrap();
+        let picture = trisplat_scene::image::RgbImage::load(&folder.path().join(out).join(name)).unwrap();
         let (shape, floats) = npy(&folder.path().join(out).join(name).with_extension("npy"));
         assert_eq!(shape, format!("{}, {}, 3, ", picture.size.y, picture.size.x));
         let codes = picture.rgb.as_flattened();

@@ -93,7 +93,7 @@ fn png_with_a_profile_of(mebibytes: usize) -> Vec<u8> {
     let again = packed[ends[0]..ends[1]].repeat(mebibytes - 1);
     let profile = [&b"profile\0\0"[..], &packed[..ends[0]], &again].concat();
     let (size, rgb) = (glam::UVec2::new(16, 12), vec![[9; 3]; 16 * 12]);
-    let plain = trisplat_scene::image::Pixels { size, rgb, alpha: None };
+    let plain = trisplat_scene::image::RgbImage { size, rgb, alpha: None };
     let png = plain.to_png().unwrap();
     // Behind the signature and the header.
     let (before, after) = png.split_at(33);

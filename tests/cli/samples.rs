@@ -12,7 +12,7 @@ use trisplat_eval::{
 };
 use trisplat_formats::{self as formats, ReadOptions, ply::write_soup};
 use trisplat_sample::scenes::{SampleScene, provenance, soup};
-use trisplat_scene::{Loaded, Scene};
+use trisplat_scene::{ImportedScene, Scene};
 
 fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
     let mut bytes = Vec::new();
@@ -93,7 +93,7 @@ fn samples() -> PathBuf {
 }
 
 /// PSNR of the smallest file of a scene on the held-out photos, dB.
-fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f64 {
+fn file_psnr(loaded: &ImportedScene, dataset: &Dataset, mut views: Option<Views>) -> f64 {
     let options = BakeOptions::default();
     let asset = Bake::new(&options).photos(views.as_mut()).run([loaded.clone()]).unwrap();
     let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
@@ -105,13 +105,13 @@ fn file_psnr(loaded: &Loaded, dataset: &Dataset, mut views: Option<Views>) -> f6
 }
 
 /// The PSNR of the smallest file of a scene without photos and with them, dB.
-fn without_and_with_photos(loaded: &Loaded) -> (f64, f64) {
+fn without_and_with_photos(loaded: &ImportedScene) -> (f64, f64) {
     let dataset = Dataset::load(samples().join("dataset"), &DatasetOptions::default()).unwrap();
     let views = Views::new(&dataset, &DatasetOptions::default());
     (file_psnr(loaded, &dataset, None), file_psnr(loaded, &dataset, Some(views)))
 }
 
-fn trained() -> Loaded {
+fn trained() -> ImportedScene {
     formats::read(&samples().join("soups/trained.ply"), &ReadOptions::with_degree(0)).unwrap()
 }
 

@@ -2,7 +2,7 @@
 
 use super::{fails, stderr, trisplat};
 use std::path::{Path, PathBuf};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Two Gaussians as a trainer writes them, red before green, in front of a camera at the origin that looks along +z.
 fn scene(folder: &Path) -> PathBuf {
@@ -44,7 +44,7 @@ fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_o
         assert!(done.status.success(), "{}", stderr(&done));
     };
     let pixel = |x: usize| {
-        let picture = Pixels::load(&output.join("photo.png")).unwrap();
+        let picture = RgbImage::load(&output.join("photo.png")).unwrap();
         assert_eq!(picture.size.to_array(), [64, 48]);
         picture.rgb[24 * 64 + x]
     };
@@ -56,7 +56,7 @@ fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_o
     drawn(&["--cameras", list.to_str().unwrap()]);
     assert!(pixel(10)[0] > 240 && pixel(60)[0] == 0, "the principal point moved");
     drawn(&["--orbit", "2", "--width", "32"]);
-    let turned = Pixels::load(&output.join("orbit_0001.png")).unwrap();
+    let turned = RgbImage::load(&output.join("orbit_0001.png")).unwrap();
     assert!(turned.rgb.iter().any(|rgb| rgb[1] > 100), "something is seen");
 }
 

@@ -165,7 +165,7 @@ fn a_photo_folder_that_is_a_link_stays_as_it_is() {
 fn photos_of_one_stem_are_all_taken() {
     let fake = Fake::new();
     let webp = |from: &str, to: &str| {
-        let picture = trisplat_scene::image::Pixels::load(&fake.at(from)).unwrap();
+        let picture = trisplat_scene::image::RgbImage::load(&fake.at(from)).unwrap();
         let mut bytes = Vec::new();
         let (rgb, size): (Vec<u8>, _) = (picture.rgb.concat(), picture.size);
         image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
@@ -180,7 +180,7 @@ fn photos_of_one_stem_are_all_taken() {
     assert!(said.contains("43 photos"), "{said}");
     let images = names(&fake.at("set/images"));
     assert_eq!(images.len(), 43, "{images:?}");
-    let pixels = |name: &str| trisplat_scene::image::Pixels::load(&fake.at(name)).unwrap();
+    let pixels = |name: &str| trisplat_scene::image::RgbImage::load(&fake.at(name)).unwrap();
     for (made, from) in [
         ("view_0001.png", "view_0001.png"),
         ("view_0001.webp.png", "view_0002.png"),

@@ -78,7 +78,7 @@ fn a_test_list_may_be_wrong_in_part_but_not_in_whole() {
 fn photos_of_another_shape_than_their_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     copy_sample(folder.path());
-    let turned = Pixels { size: UVec2::new(120, 160), rgb: vec![[9; 3]; 160 * 120], alpha: None };
+    let turned = RgbImage { size: UVec2::new(120, 160), rgb: vec![[9; 3]; 160 * 120], alpha: None };
     turned.save_png(folder.path().join("images/view_0002.png")).unwrap();
     let error = error_of(folder.path());
     assert!(error.contains("120x160") && error.contains("view_0002.png"), "{error}");

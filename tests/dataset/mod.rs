@@ -19,7 +19,7 @@ use trisplat_dataset::{
 use trisplat_scene::{
     Limits,
     camera::Camera,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
     math::metric,
 };
 
@@ -268,7 +268,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
         let psnr = metric::psnr(&undistorted.rgb, &want.rgb, None);
         // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22 dB.
         assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
-        let bent = Pixels::load(&view.photo.path).unwrap().downscaled(view.camera.size);
+        let bent = RgbImage::load(&view.photo.path).unwrap().downscaled(view.camera.size);
         assert!(psnr > metric::psnr(&bent.rgb, &want.rgb, None) + 6.0);
     }
 }

@@ -8,7 +8,7 @@ use glam::UVec2;
 use std::path::{Path, PathBuf};
 use trisplat::{Dataset, DatasetOptions, Limits};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::{Error, image::Pixels};
+use trisplat_scene::{Error, image::RgbImage};
 use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// A refusal names its file and is one line of a readable length.
@@ -121,9 +121,9 @@ fn mutants_of_a_transforms_file_are_survived() {
     mutate_file(&folder.path().join("points.ply"), 300, || survive_dataset(folder.path()));
 }
 
-fn picture(width: u32, height: u32) -> Pixels {
+fn picture(width: u32, height: u32) -> RgbImage {
     let rgb = (0..width * height).map(|i| [(7 * i) as u8, (13 * i) as u8, i as u8]).collect();
-    Pixels { size: UVec2::new(width, height), rgb, alpha: None }
+    RgbImage { size: UVec2::new(width, height), rgb, alpha: None }
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn mutants_of_photos_and_masks_are_survived() {
     let (bytes, rgb8) = (plain.rgb.as_flattened(), image::ExtendedColorType::Rgb8);
     image::codecs::jpeg::JpegEncoder::new(&mut jpeg).encode(bytes, 32, 24, rgb8).unwrap();
     image::codecs::webp::WebPEncoder::new_lossless(&mut webp).encode(bytes, 32, 24, rgb8).unwrap();
-    let masked = Pixels { alpha: Some((0..32 * 24).map(|i| i as u8).collect()), ..plain.clone() };
+    let masked = RgbImage { alpha: Some((0..32 * 24).map(|i| i as u8).collect()), ..plain.clone() };
     let seeds = [
         ("png", plain.to_png().unwrap()),
         ("masked", masked.to_png().unwrap()),
@@ -148,14 +148,14 @@ fn mutants_of_photos_and_masks_are_survived() {
             // Half of them are seen by more than the check of checksums.
             let bytes = if bytes.len() % 2 == 0 { &png::with_checksums(bytes) } else { bytes };
             std::fs::write(&path, bytes).expect("writable");
-            let size = Pixels::size_of(&path, &Limits::DEFAULT);
-            match (&size, &Pixels::load(&path)) {
+            let size = RgbImage::size_of(&path, &Limits::DEFAULT);
+            match (&size, &RgbImage::load(&path)) {
                 (Ok(size), Ok(pixels)) => {
                     assert_eq!((pixels.size, pixels.rgb.len() as u32), (*size, size.x * size.y), "{name}");
                 }
                 (Err(error), _) | (_, Err(error)) => check_refusal(error, folder.path()),
             }
-            if let Err(error) = Pixels::load_mask(&path, &Limits::DEFAULT) {
+            if let Err(error) = RgbImage::load_mask(&path, &Limits::DEFAULT) {
                 check_refusal(&error, folder.path());
             }
         });

@@ -9,8 +9,8 @@ use std::process::Command;
 use tempfile::TempDir;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{ReadOptions, read};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::{Provenance, Scene, camera::Camera, image::Pixels, math::metric, mesh::Mesh};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{Provenance, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh};
 
 /// The browser, when it and what drives it are there.
 pub(super) fn chromium() -> Option<PathBuf> {
@@ -96,8 +96,8 @@ fn a_page_shows_what_our_renderer_draws() {
         for (i, camera) in cameras.iter().enumerate() {
             let background = [0x20, 0x40, 0x60].map(|code| f32::from(code as u8) / 255.0);
             let options = SolidRasterOptions { background, samples, near: 0.01 };
-            let ours = Solid::new().render(&mesh, camera, &options);
-            let theirs = Pixels::load(&screenshot(samples, i)).unwrap();
+            let ours = SolidRasterizer::new().render(&mesh, camera, &options);
+            let theirs = RgbImage::load(&screenshot(samples, i)).unwrap();
             assert_eq!(theirs.size, size);
             let psnr = metric::psnr(&ours.rgb, &theirs.rgb, None);
             let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
@@ -170,9 +170,9 @@ pub(super) struct Seen {
 
 /// Compares the pictures that `tests/inputs.mjs` saved as `name`.
 pub(super) fn seen(name: &Path) -> Seen {
-    let picture = |when| Pixels::load(&PathBuf::from(format!("{}-{when}.png", name.display()))).unwrap();
+    let picture = |when| RgbImage::load(&PathBuf::from(format!("{}-{when}.png", name.display()))).unwrap();
     let [before, after, again] = ["before", "after", "again"].map(picture);
-    let share = |a: &Pixels, b: &Pixels| {
+    let share = |a: &RgbImage, b: &RgbImage| {
         let far = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| a[c].abs_diff(b[c]) > 2);
         let same_size = a.size == b.size;
         if same_size { a.rgb.iter().zip(&b.rgb).filter(far).count() as f64 / a.rgb.len() as f64 } else { 1.0 }

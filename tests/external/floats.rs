@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Prints type, shape, the PSNR of the array and of the 8-bit picture against the photo, and the largest difference of the two, in codes.
 const SCRIPT: &str = "
@@ -19,7 +19,7 @@ print(floats.dtype, floats.shape, psnr(clipped), psnr(codes), abs(clipped - code
 
 /// The colours of a picture as a file of bytes.
 fn bytes(picture: &Path, out: &Path) {
-    fs::write(out, Pixels::load(picture).unwrap().rgb.as_flattened()).unwrap();
+    fs::write(out, RgbImage::load(picture).unwrap().rgb.as_flattened()).unwrap();
 }
 
 #[test]

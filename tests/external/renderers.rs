@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::math::metric;
 
@@ -39,9 +39,9 @@ impl Job {
     }
 
     /// The coarse pictures of a renderer's fine ones.
-    fn coarse(&self, renderer: &str) -> Vec<Pixels> {
+    fn coarse(&self, renderer: &str) -> Vec<RgbImage> {
         let load = |(i, camera): (usize, &Camera)| {
-            let fine = Pixels::load(&self.picture(renderer, i)).unwrap();
+            let fine = RgbImage::load(&self.picture(renderer, i)).unwrap();
             averaged(&fine, camera.size)
         };
         self.cameras.iter().enumerate().map(load).collect()
@@ -49,7 +49,7 @@ impl Job {
 }
 
 /// A picture of a fourth of the size, averaged in linear light.
-pub(super) fn averaged(fine: &Pixels, size: UVec2) -> Pixels {
+pub(super) fn averaged(fine: &RgbImage, size: UVec2) -> RgbImage {
     assert_eq!(fine.size, size * FINE);
     let linear: Vec<f32> = (0..=255).map(|code| linear_from_srgb(code as f32 / 255.0)).collect();
     let pixel = |at: u32| {
@@ -64,11 +64,11 @@ pub(super) fn averaged(fine: &Pixels, size: UVec2) -> Pixels {
         }
         sum.map(|s| (255.0 * srgb_from_linear(s / (FINE * FINE) as f32)).round() as u8)
     };
-    Pixels { size, rgb: (0..size.x * size.y).map(pixel).collect(), alpha: None }
+    RgbImage { size, rgb: (0..size.x * size.y).map(pixel).collect(), alpha: None }
 }
 
 /// three.js in Chromium, through trisplat's page.
-fn three(job: &Job) -> Option<Vec<Pixels>> {
+fn three(job: &Job) -> Option<Vec<RgbImage>> {
     let chromium = chromium()?;
     let page = job.folder.path().join("scene.html");
     bake(&job.file, &page, &AS_IT_IS);
@@ -85,7 +85,7 @@ fn three(job: &Job) -> Option<Vec<Pixels>> {
 }
 
 /// f3d (VTK), through its Python module. It shows COLOR_0 as it is, so it gets a file with sRGB codes.
-fn f3d(job: &Job) -> Option<Vec<Pixels>> {
+fn f3d(job: &Job) -> Option<Vec<RgbImage>> {
     let mut command = python("f3d")?;
     let file = job.folder.path().join("codes.glb");
     bake(&job.file, &file, &[&AS_IT_IS[..], &["--target", "godot"]].concat());
@@ -117,11 +117,11 @@ fn f3d(job: &Job) -> Option<Vec<Pixels>> {
 const AS_IT_IS: [&str; 4] = ["--preset", "fast", "--set", "solid=none"];
 
 /// The rasteriser that the numbers in docs/benchmarks come from.
-fn ours(job: &Job) -> Vec<Pixels> {
+fn ours(job: &Job) -> Vec<RgbImage> {
     let (mesh, _) = mesh(&job.file);
     let background = BACKGROUND.map(|code| f32::from(code) / 255.0);
     let options = SolidRasterOptions { background, samples: FINE, near: NEAR };
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     job.cameras.iter().map(|camera| solid.render(&mesh, camera, &options)).collect()
 }
 
@@ -142,12 +142,12 @@ fn compare(file: &Path, dataset: &Path, keep: Option<&Path>, square: bool) {
         folder: TempDir::new().unwrap(),
     };
     let truth = ours(&job);
-    let photos: Vec<Pixels> = if square {
+    let photos: Vec<RgbImage> = if square {
         truth.clone()
     } else {
-        views.iter().map(|view| Pixels::load(&view.photo.path).unwrap().over(BACKGROUND)).collect()
+        views.iter().map(|view| RgbImage::load(&view.photo.path).unwrap().over(BACKGROUND)).collect()
     };
-    let mean = |pictures: &[Pixels], wanted: &[Pixels]| {
+    let mean = |pictures: &[RgbImage], wanted: &[RgbImage]| {
         let psnr = pictures.iter().zip(wanted).map(|(a, b)| metric::psnr(&a.rgb, &b.rgb, None).min(99.0));
         psnr.sum::<f64>() / pictures.len() as f64
     };

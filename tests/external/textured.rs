@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use std::process::Command;
 use tempfile::TempDir;
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::{Scene, camera::Viewpoint, image::Pixels, math::metric};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{Scene, camera::Viewpoint, image::RgbImage, math::metric};
 
 const SIZE: UVec2 = UVec2::new(320, 240);
 /// Least PSNR between pictures of the two renderers, dB: with one sample a pixel, edges of triangles fall on either side of it.
@@ -57,8 +57,8 @@ fn three_filters_textures_as_we_do() {
     assert_eq!(said, json!({ "errors": [] }));
     for (i, place) in places.iter().enumerate() {
         let options = SolidRasterOptions { background: [0.0; 3], samples: 1, near: 0.01 };
-        let ours = Solid::new().render(&mesh, &place.camera(SIZE), &options);
-        let psnr = metric::psnr(&ours.rgb, &Pixels::load(&out(i)).unwrap().rgb, None);
+        let ours = SolidRasterizer::new().render(&mesh, &place.camera(SIZE), &options);
+        let psnr = metric::psnr(&ours.rgb, &RgbImage::load(&out(i)).unwrap().rgb, None);
         println!("three.js, place {i}: {psnr:.1} dB");
         assert!(psnr > AGREE_DB, "place {i}: {psnr} dB");
     }

@@ -4,11 +4,11 @@
 use super::files::{Cell, ENCODINGS, Element, Encoding, mesh, ply, provenance, soup, soup_elements, source};
 use proptest::prelude::*;
 use trisplat_formats::{ReadOptions, Source, obj, off, ply as format};
-use trisplat_scene::{Asset, Error, Loaded, Result};
+use trisplat_scene::{Asset, Error, ImportedScene, Result};
 
 const OPTIONS: ReadOptions = ReadOptions::with_degree(3);
 
-type Read = fn(Source, &ReadOptions) -> Result<Loaded>;
+type Read = fn(Source, &ReadOptions) -> Result<ImportedScene>;
 
 fn soup_bytes(count: usize, degree: u8) -> Vec<u8> {
     let mut bytes = Vec::new();

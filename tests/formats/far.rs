@@ -10,7 +10,7 @@ use trisplat_formats::{
     gltf::{GltfOptions, to_glb_bytes},
     read,
 };
-use trisplat_scene::{Asset, Loaded, Scene, mesh::Mesh};
+use trisplat_scene::{Asset, ImportedScene, Scene, mesh::Mesh};
 
 /// Zone 32 of UTM, in metres.
 const FAR: DVec3 = DVec3::new(691_608.0, 5_334_760.0, 519.0);
@@ -155,7 +155,7 @@ const PLACE: DVec3 = DVec3::new(691_608.372, 5_334_760.618, 519.246);
 const APART: DVec3 = DVec3::new(120.0, 0.0, 0.0);
 
 /// Bakes inputs, Y up as they are.
-fn bake_all(inputs: Vec<Loaded>) -> Asset {
+fn bake_all(inputs: Vec<ImportedScene>) -> Asset {
     let mut options = BakeOptions::default();
     (options.place.up, options.tiles.tiles) = ("y".parse().unwrap(), true);
     Bake::new(&options).run(inputs).unwrap()

@@ -5,7 +5,7 @@ use std::io::{Seek, Write};
 use std::path::PathBuf;
 use trisplat_formats::Source;
 use trisplat_scene::{
-    Loaded, Placement, Provenance, Result, Rng, Scene, Soup, UpAxis,
+    ImportedScene, Placement, Provenance, Result, Rng, Scene, Soup, UpAxis,
     math::color::linear_from_srgb,
     mesh::{Colors, Mesh},
 };
@@ -189,9 +189,9 @@ pub(crate) fn face(mesh: &Mesh, face: usize) -> ([Vec3; 3], [[f32; 3]; 3], f32) 
 }
 
 /// The mesh a reader found, and its warnings.
-pub(crate) fn loaded_mesh(loaded: Result<Loaded>) -> (Mesh, Provenance, Vec<String>) {
+pub(crate) fn loaded_mesh(loaded: Result<ImportedScene>) -> (Mesh, Provenance, Vec<String>) {
     match loaded.expect("a valid file") {
-        Loaded { scene: Scene::Mesh(mesh), provenance, warnings, .. } => (mesh, provenance, warnings),
+        ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, .. } => (mesh, provenance, warnings),
         other => panic!("{other:?}"),
     }
 }

@@ -5,12 +5,12 @@ use crate::common::edits::mutate;
 use std::io::{Seek, Write};
 use trisplat_formats::{ReadOptions, Source, obj, off, ply};
 use trisplat_scene::{
-    Asset, Error, Loaded, Result, Scene, Soup,
+    Asset, Error, ImportedScene, Result, Scene, Soup,
     mesh::{Colors, Mesh},
 };
 
 /// A reader, and a file it reads.
-type Row = (&'static str, Vec<u8>, fn(Source, &ReadOptions) -> Result<Loaded>);
+type Row = (&'static str, Vec<u8>, fn(Source, &ReadOptions) -> Result<ImportedScene>);
 
 /// One row for each path a reader may take.
 fn table() -> Vec<Row> {
@@ -127,7 +127,7 @@ fn written_obj() -> Vec<u8> {
     bytes
 }
 
-fn read_bytes(row: &Row, bytes: &[u8], sh_degree: u8) -> Result<Loaded> {
+fn read_bytes(row: &Row, bytes: &[u8], sh_degree: u8) -> Result<ImportedScene> {
     let mut file = tempfile::tempfile().expect("a temporary file");
     file.write_all(bytes).and_then(|()| file.rewind()).expect("writable");
     let source = Source { path: "mutant".into(), file: file.into(), len: bytes.len() as u64 };
@@ -138,7 +138,7 @@ fn read_bytes(row: &Row, bytes: &[u8], sh_degree: u8) -> Result<Loaded> {
 fn survive(row: &Row, bytes: &[u8], sh_degree: u8) {
     let name = row.0;
     match read_bytes(row, bytes, sh_degree) {
-        Ok(Loaded { scene, .. }) => {
+        Ok(ImportedScene { scene, .. }) => {
             let proof = match &scene {
                 Scene::Soup(soup) => soup.validate(),
                 Scene::Mesh(mesh) => mesh.validate(),

@@ -6,7 +6,7 @@ use trisplat_formats::{
     ReadOptions, Source,
     ply::{read, write_soup},
 };
-use trisplat_scene::{Loaded, Provenance, Scene, Soup, camera::Camera};
+use trisplat_scene::{ImportedScene, Provenance, Scene, Soup, camera::Camera};
 
 fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -16,7 +16,7 @@ fn written(soup: &Soup, provenance: &Provenance) -> Vec<u8> {
 
 fn read_soup(source: Source, sh_degree: u8) -> Soup {
     match read(source, &ReadOptions::with_degree(sh_degree)).expect("a valid file") {
-        Loaded { scene: Scene::Soup(soup), warnings, .. } if warnings.is_empty() => soup,
+        ImportedScene { scene: Scene::Soup(soup), warnings, .. } if warnings.is_empty() => soup,
         other => panic!("{other:?}"),
     }
 }

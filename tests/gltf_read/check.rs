@@ -17,7 +17,7 @@ use trisplat_formats::{
 use trisplat_sample::scenes::{SampleScene, soup};
 use trisplat_scene::{
     Asset, FaceTexture, Provenance, Texture,
-    image::Pixels,
+    image::RgbImage,
     mesh::{Colors, Mesh},
 };
 
@@ -321,7 +321,7 @@ fn info_is_printed_as_text_and_as_json() {
 fn a_texture_is_described_and_one_that_is_missing_is_named() {
     let folder = Folder::new();
     let mut textured = asset(4);
-    let picture = Pixels { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
+    let picture = RgbImage { size: glam::UVec2::new(48, 32), rgb: vec![[200, 90, 10]; 48 * 32], alpha: None };
     let uvs = vec![[glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y]; 4];
     textured.mesh.texture = Some(FaceTexture::new(uvs, std::sync::Arc::new(Texture::new(picture))));
     let bytes = written(&textured, &GltfOptions::default());

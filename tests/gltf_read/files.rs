@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat_formats::{ReadOptions, Source, gltf};
-use trisplat_scene::{Loaded, Result, Scene, mesh::Mesh};
+use trisplat_scene::{ImportedScene, Result, Scene, mesh::Mesh};
 
 pub(crate) const BYTE: u32 = 5120;
 pub(crate) const UNSIGNED_BYTE: u32 = 5121;
@@ -99,7 +99,7 @@ impl Builder {
         glb(&serde_json::to_vec(&self.json).expect("JSON"), &self.bin)
     }
 
-    pub(crate) fn read(&self) -> Result<Loaded> {
+    pub(crate) fn read(&self) -> Result<ImportedScene> {
         read_bytes(&self.glb())
     }
 
@@ -129,12 +129,12 @@ pub(crate) fn glb(json: &[u8], bin: &[u8]) -> Vec<u8> {
     file
 }
 
-pub(crate) fn read(path: &Path) -> Result<Loaded> {
+pub(crate) fn read(path: &Path) -> Result<ImportedScene> {
     gltf::read(Source::open(path, &trisplat::Limits::DEFAULT)?, &ReadOptions::with_degree(0))
 }
 
 /// Reads bytes through an unnamed file, which is cheaper to make ten thousand times.
-pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
+pub(crate) fn read_bytes(bytes: &[u8]) -> Result<ImportedScene> {
     let mut file = tempfile::tempfile().expect("a temporary file");
     std::io::Write::write_all(&mut file, bytes).expect("written");
     std::io::Seek::rewind(&mut file).expect("seekable");
@@ -142,7 +142,7 @@ pub(crate) fn read_bytes(bytes: &[u8]) -> Result<Loaded> {
     gltf::read(source, &ReadOptions::with_degree(0))
 }
 
-pub(crate) fn mesh(loaded: Loaded) -> Mesh {
+pub(crate) fn mesh(loaded: ImportedScene) -> Mesh {
     match loaded.scene {
         Scene::Mesh(mesh) => mesh,
         Scene::Soup(_) => panic!("expected a mesh"),

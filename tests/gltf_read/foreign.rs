@@ -421,7 +421,7 @@ fn another_reader_sees_the_same() {
 /// A PNG picture of one colour.
 fn png(rgb: [u8; 3]) -> Vec<u8> {
     let size = glam::UVec2::splat(2);
-    trisplat_scene::image::Pixels { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
+    trisplat_scene::image::RgbImage { size, rgb: vec![rgb; 4], alpha: None }.to_png().expect("a picture")
 }
 
 /// A triangle with a texture of that colour, its corners at `uvs`; returns its mesh.

@@ -4,17 +4,17 @@
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::metric;
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-fn picture(name: &str) -> Pixels {
+fn picture(name: &str) -> RgbImage {
     let own = here("tests/metric").join(name);
     let path = if own.exists() { own } else { here("samples/dataset/images").join(name) };
-    Pixels::load(&path).unwrap_or_else(|error| panic!("{error}"))
+    RgbImage::load(&path).unwrap_or_else(|error| panic!("{error}"))
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn metrics_equal_the_values_of_torch_on_pictures_that_are_not_ours() {
     assert!(pairs.len() >= 6);
     for (pair, want) in &pairs {
         let (a, b) = pair.split_once('|').unwrap();
-        let [a, b] = [a, b].map(|stem| Pixels::load(&folder.join(format!("ref/{stem}.png"))).unwrap());
+        let [a, b] = [a, b].map(|stem| RgbImage::load(&folder.join(format!("ref/{stem}.png"))).unwrap());
         let want = |key: &str| want[key].as_f64().unwrap();
         let psnr = metric::psnr(&a.rgb, &b.rgb, None);
         let ssim = metric::ssim(a.size, &a.rgb, &b.rgb, None);

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_formats::{ReadOptions, Source, pt};
-use trisplat_scene::{Loaded, Result, Scene, Soup, mesh::Mesh};
+use trisplat_scene::{ImportedScene, Result, Scene, Soup, mesh::Mesh};
 
 /// One entry of a stored zip: name, bytes, the compression method and size its headers claim.
 pub(crate) struct Entry {
@@ -236,22 +236,22 @@ impl Folder {
     }
 }
 
-pub(crate) fn read(path: &Path, sh_degree: u8) -> Result<Loaded> {
+pub(crate) fn read(path: &Path, sh_degree: u8) -> Result<ImportedScene> {
     pt::read(Source::open(path, &trisplat::Limits::DEFAULT)?, &ReadOptions::with_degree(sh_degree))
 }
 
-pub(crate) fn read_bytes(bytes: &[u8], sh_degree: u8) -> Result<Loaded> {
+pub(crate) fn read_bytes(bytes: &[u8], sh_degree: u8) -> Result<ImportedScene> {
     read(&Folder::new().write(bytes), sh_degree)
 }
 
-pub(crate) fn soup(loaded: Loaded) -> Soup {
+pub(crate) fn soup(loaded: ImportedScene) -> Soup {
     match loaded.scene {
         Scene::Soup(soup) => soup,
         Scene::Mesh(_) => panic!("expected a soup"),
     }
 }
 
-pub(crate) fn mesh(loaded: &Loaded) -> &Mesh {
+pub(crate) fn mesh(loaded: &ImportedScene) -> &Mesh {
     match &loaded.scene {
         Scene::Mesh(mesh) => mesh,
         Scene::Soup(_) => panic!("expected a mesh"),

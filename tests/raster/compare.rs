@@ -3,7 +3,7 @@
 use crate::common::dual::Dual;
 use crate::common::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
 use trisplat_raster::soft::{
-    Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
+    Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, Sort, SoupGrad, SoupRef, Window,
 };
 use trisplat_scene::{Rng, Soup, camera::Camera, math::real::Real};
 
@@ -83,7 +83,7 @@ pub(crate) const NAMES: [&str; 10] = ["r", "g", "b", "T", "depth", "median", "nx
 /// Compares a frame with the oracle; returns the largest error, relative to the value or to 1, and the share of pixels
 /// left out.
 pub(crate) fn compare(soup: &Soup, camera: &Camera, options: &SoftOptions, tolerance: f64) -> (f64, f64) {
-    let mut soft = Soft::new();
+    let mut soft = SoftRasterizer::new();
     let frame = soft.render(&SoupRef::from(soup), camera, options).clone();
     let picture = oracle::render(&plain(soup), &oracle_camera(camera), &rules(options));
     let (mut worst, mut left_out) = (0.0f64, 0);
@@ -102,7 +102,7 @@ pub(crate) fn compare(soup: &Soup, camera: &Camera, options: &SoftOptions, toler
     (worst, f64::from(left_out) / picture.len() as f64)
 }
 
-pub(crate) fn compare_importance(soup: &Soup, soft: &Soft, picture: &[Pixel<f64>]) {
+pub(crate) fn compare_importance(soup: &Soup, soft: &SoftRasterizer, picture: &[Pixel<f64>]) {
     let mut importance = Importance::new(soup.len());
     soft.accumulate_importance(&mut importance);
     for t in 0..soup.len() {
@@ -186,7 +186,7 @@ pub(crate) fn compare_grads(
 ) -> f64 {
     let picture = oracle::render(&plain(soup), &oracle_camera(camera), &rules(options));
     let d = random_grad(seed, &picture, options.geometry);
-    let mut soft = Soft::new();
+    let mut soft = SoftRasterizer::new();
     let mut grad = SoupGrad::default();
     soft.render(&SoupRef::from(soup), camera, options);
     soft.backward(&SoupRef::from(soup), camera, options, &d, &mut grad);

@@ -2,7 +2,7 @@
 
 use super::compare::soup_grad;
 use super::scenes::{camera, draw, engine, options, random_soup};
-use trisplat_raster::soft::{FrameGrad, Soft, SoftOptions, Sort, SoupGrad, SoupRef};
+use trisplat_raster::soft::{FrameGrad, SoftOptions, SoftRasterizer, Sort, SoupGrad, SoupRef};
 
 #[test]
 fn the_same_bits_for_any_number_of_threads() {
@@ -22,13 +22,13 @@ fn reused_scratch_memory_changes_nothing() {
     let (a, b) = (random_soup(22, 300, 1), random_soup(23, 200, 1));
     let (wide, tall) = (camera([60, 40]), camera([20, 70]));
     let o = options();
-    let mut soft = Soft::new();
+    let mut soft = SoftRasterizer::new();
     let mut grad = SoupGrad::default();
     for (soup, camera) in [(&a, &wide), (&b, &tall), (&a, &tall), (&a, &wide)] {
         let reused = soft.render(&SoupRef::from(soup), camera, &o).clone();
         let d = FrameGrad { d_rgb: vec![[1.0, 0.5, -0.5]; reused.rgb.len()], ..FrameGrad::default() };
         soft.backward(&SoupRef::from(soup), camera, &o, &d, &mut grad);
-        let (mut fresh, mut fresh_grad) = (Soft::new(), SoupGrad::default());
+        let (mut fresh, mut fresh_grad) = (SoftRasterizer::new(), SoupGrad::default());
         assert!(reused == *fresh.render(&SoupRef::from(soup), camera, &o));
         fresh.backward(&SoupRef::from(soup), camera, &o, &d, &mut fresh_grad);
         assert!(grad == fresh_grad);

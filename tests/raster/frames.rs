@@ -2,7 +2,7 @@
 
 use super::compare::{compare, compare_grads};
 use super::scenes::{camera, engine, options, random_soup};
-use trisplat_raster::soft::{Soft, SoftOptions, Sort, SoupRef, Window};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Sort, SoupRef, Window};
 
 /// Largest error of a frame blended in the order of the tile.
 const FRAME_BY_TILE: f64 = 2.5e-5;
@@ -51,7 +51,7 @@ fn triangles_across_the_near_plane_are_clipped() {
     let (worst, left_out) = compare(&soup, &camera([37, 29]), &options(), CLIPPED_FRAME);
     eprintln!("largest error {worst:.1e}, {:.1}% near a jump", left_out * 100.0);
     assert!(left_out < LEFT_OUT);
-    let frame = Soft::new().render(&SoupRef::from(&soup), &camera([37, 29]), &options()).clone();
+    let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &camera([37, 29]), &options()).clone();
     assert!(frame.transmittance.iter().filter(|t| **t < 0.9).count() > 200);
 }
 
@@ -94,8 +94,8 @@ fn coverage_approaches_the_share_of_samples() {
     let fine = small.resized(small.size * 16);
     let o = SoftOptions { linear: false, importance: false, ..engine(1.0, Sort::Pixel, 1.0) };
     let points = SoftOptions { window: Window::Soft, fade_px: 0.0, ..o };
-    let covered = Soft::new().render(&SoupRef::from(&soup), &small, &o).clone();
-    let sampled = Soft::new().render(&SoupRef::from(&soup), &fine, &points).clone();
+    let covered = SoftRasterizer::new().render(&SoupRef::from(&soup), &small, &o).clone();
+    let sampled = SoftRasterizer::new().render(&SoupRef::from(&soup), &fine, &points).clone();
     let mut square = 0.0;
     for (i, got) in covered.rgb.iter().enumerate() {
         let (x, y) = (i % 40 * 16, i / 40 * 16);

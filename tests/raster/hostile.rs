@@ -2,7 +2,7 @@
 
 use super::scenes::{Outputs, camera, draw, options, random_soup};
 use glam::{Mat3, Vec3};
-use trisplat_raster::soft::{Soft, SoftOptions, Sort, SoupRef};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Sort, SoupRef};
 use trisplat_scene::{Soup, camera::Camera};
 
 /// Changes one triangle: its number, corners, opacity and σ.
@@ -97,7 +97,7 @@ fn equal_depths_are_drawn_by_index() {
         };
         let straight = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, ..camera([21, 21]) };
         let o = SoftOptions { alpha_cap: 1.0, background: [0.0; 3], sort, ..options() };
-        let frame = Soft::new().render(&SoupRef::from(&soup), &straight, &o).clone();
+        let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &straight, &o).clone();
         assert!(frame.rgb[10 * 21 + 10][0] > 0.99, "{sort:?}");
     }
 }
@@ -122,7 +122,7 @@ fn tiny_triangles_fade_and_do_not_vanish() {
             sh_degree: 0,
             ..Soup::default()
         };
-        let frame = Soft::new().render(&SoupRef::from(&soup), &camera, &options()).clone();
+        let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &camera, &options()).clone();
         let alpha = 1.0 - frame.transmittance[10 * 21 + 10];
         assert!(alpha <= last + 1e-4 && last - alpha < 0.2, "at {r} px: {last} to {alpha}");
         last = alpha;
@@ -135,13 +135,13 @@ fn a_scaled_scene_looks_the_same() {
     let soup = random_soup(41, 200, 2);
     let camera = camera([64, 48]);
     let o = SoftOptions { geometry: false, ..options() };
-    let frame = Soft::new().render(&SoupRef::from(&soup), &camera, &o).clone();
+    let frame = SoftRasterizer::new().render(&SoupRef::from(&soup), &camera, &o).clone();
     for scale in [1e-4f32, 1e4, 1.0 / 1024.0, 1e-25, 1e25] {
         let mut moved = soup.clone();
         moved.vertices.iter_mut().for_each(|v| *v = v.map(|p| p * scale));
         let camera = Camera { translation: camera.translation * scale, ..camera };
         let o = SoftOptions { near: o.near * scale, ..o };
-        let other = Soft::new().render(&SoupRef::from(&moved), &camera, &o).clone();
+        let other = SoftRasterizer::new().render(&SoupRef::from(&moved), &camera, &o).clone();
         let differs = |a: &[f32; 3], b: &[f32; 3]| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-4);
         let count = frame.rgb.iter().zip(&other.rgb).filter(|(a, b)| differs(a, b)).count();
         // A faint rim pixel may fall to either side of the cutoff.

@@ -2,7 +2,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_raster::soft::{
-    Frame, FrameGrad, Importance, Soft, SoftOptions, Sort, SoupGrad, SoupRef, Window,
+    Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, Sort, SoupGrad, SoupRef, Window,
 };
 use trisplat_scene::{Rng, Soup, camera::Camera};
 
@@ -74,7 +74,7 @@ pub(crate) struct Outputs {
 pub(crate) fn draw(soup: &Soup, camera: &Camera, options: &SoftOptions, threads: usize) -> Outputs {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
     pool.install(|| {
-        let mut soft = Soft::new();
+        let mut soft = SoftRasterizer::new();
         let frame = soft.render(&SoupRef::from(soup), camera, options).clone();
         let count = frame.rgb.len();
         let d = FrameGrad {

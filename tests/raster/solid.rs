@@ -3,7 +3,7 @@
 
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
 use trisplat_bench::stress::ray_caster::{FaceAt, RayFace, ray};
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions, Visibility};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
 use trisplat_scene::{
     Rng,
     camera::Camera,
@@ -30,7 +30,7 @@ fn mesh(corners: Vec<[Vec3; 3]>) -> Mesh {
 
 /// Compares a frame with the ray caster; returns the share of samples on which the two differ.
 fn compare(name: &str, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> f64 {
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let drawn = solid.visibility(mesh, camera, options).clone();
     assert_eq!(drawn.size, camera.size * options.samples);
     let near = f64::from(options.near);
@@ -191,7 +191,7 @@ fn neighbours_neither_gap_nor_overlap() {
     for (mesh, focal) in scenes {
         let camera = Camera { focal, center: Vec2::new(43.25, 38.25), ..camera(UVec2::new(96, 64)) };
         let options = SolidRasterOptions { near: 1e-5, samples: 2, ..SolidRasterOptions::default() };
-        let mut solid = Solid::new();
+        let mut solid = SolidRasterizer::new();
         let mut covers = vec![0; 4 * 96 * 64];
         for face in 0..mesh.face_count() {
             let mut one = mesh.clone();
@@ -212,7 +212,7 @@ fn samples_on_an_edge_belong_to_the_triangle_on_their_lower_right() {
         let [a, b, c, d] = [at(2.0, 2.0), at(6.0, 2.0), at(6.0, 6.0), at(2.0, 6.0)].map(|v| v * scale);
         vec![[a, b, c], [a, d, c]]
     };
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let drawn = solid.visibility(&mesh(square(1.0)), &camera, &SolidRasterOptions::default()).clone();
     for y in 0..10 {
         for x in 0..10 {
@@ -239,7 +239,7 @@ fn the_picture_is_the_mean_of_its_samples_in_linear_light() {
         for samples in [1, 2, 4] {
             let camera = camera(UVec2::new(75, 37));
             let options = SolidRasterOptions { background, samples, near: 0.1 };
-            let mut solid = Solid::new();
+            let mut solid = SolidRasterizer::new();
             let picture = solid.render(&mesh, &camera, &options);
             assert_eq!((picture.size, picture.alpha.as_ref()), (camera.size, None));
             let drawn = solid.visibility(&mesh, &camera, &options).clone();
@@ -293,7 +293,7 @@ fn the_picture_does_not_depend_on_the_number_of_threads() {
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut solid = Solid::new();
+            let mut solid = SolidRasterizer::new();
             (solid.render(&mesh, &camera, &options), solid.visibility(&mesh, &camera, &options).clone())
         })
     };
@@ -306,11 +306,11 @@ fn the_picture_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn reused_scratch_memory_changes_nothing() {
     let options = SolidRasterOptions { near: 0.05, ..SolidRasterOptions::default() };
-    let mut used = Solid::new();
+    let mut used = SolidRasterizer::new();
     for (name, corners) in scenes() {
         for size in [UVec2::new(40, 90), UVec2::new(130, 20), UVec2::ONE] {
             let (mesh, camera) = (mesh(corners.clone()), camera(size));
-            let fresh = Solid::new().render(&mesh, &camera, &options);
+            let fresh = SolidRasterizer::new().render(&mesh, &camera, &options);
             assert!(used.render(&mesh, &camera, &options) == fresh, "{name}");
         }
     }

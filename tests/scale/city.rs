@@ -330,7 +330,7 @@ fn what_is_not_as_it_was_planned_is_refused() {
     std::fs::write(&manifest, &text).unwrap();
 
     for photo in ending(&folder.path().join("photos/images"), ".png") {
-        let mut pixels = trisplat_scene::image::Pixels::load(&photo).unwrap();
+        let mut pixels = trisplat_scene::image::RgbImage::load(&photo).unwrap();
         pixels.rgb[0][0] ^= 1;
         pixels.save_png(&photo).unwrap();
     }

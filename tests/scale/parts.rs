@@ -3,9 +3,9 @@
 use glam::{UVec2, Vec3};
 use std::ops::ControlFlow;
 use std::path::Path;
-use trisplat::{Dataset, DatasetOptions, Loaded, Soup, TrainOptions, train};
+use trisplat::{Dataset, DatasetOptions, ImportedScene, Soup, TrainOptions, train};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::Space;
+use trisplat_scene::SceneNormalization;
 use trisplat_train::{Core, Part, RunOptions, TrainPreset, TrainRun, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
@@ -14,10 +14,10 @@ fn photos(folder: &Path) -> Dataset {
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 
-fn space(dataset: &Dataset) -> Space {
+fn space(dataset: &Dataset) -> SceneNormalization {
     let cameras: Vec<_> = dataset.train().map(|view| view.camera).collect();
     let points: Vec<Vec3> = dataset.points.iter().map(|point| point.position).collect();
-    Space::new(&cameras, &points)
+    SceneNormalization::new(&cameras, &points)
 }
 
 fn options(preset: TrainPreset) -> TrainOptions {
@@ -25,14 +25,14 @@ fn options(preset: TrainPreset) -> TrainOptions {
 }
 
 /// A soft scene, without a shell.
-fn soft(dataset: &Dataset) -> Loaded {
+fn soft(dataset: &Dataset) -> ImportedScene {
     let mut options =
         TrainOptions { steps: 60, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Outdoor) };
     options.init.shell_subdivisions = 0;
     train(dataset, &options, |_| ControlFlow::Continue(())).unwrap().into()
 }
 
-fn soup(loaded: &Loaded) -> &Soup {
+fn soup(loaded: &ImportedScene) -> &Soup {
     match &loaded.scene {
         trisplat::Scene::Soup(soup) => soup,
         trisplat::Scene::Mesh(_) => panic!("a mesh"),
@@ -122,7 +122,8 @@ fn a_run_that_goes_on_begins_with_what_it_was_given() {
     let dataset = photos(folder.path());
     let options = TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
     let whole = TrainRun::new(&dataset, &options);
-    let first: Loaded = TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut ()).unwrap().into();
+    let first: ImportedScene =
+        TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut ()).unwrap().into();
     assert!(soup(&first).sigma.iter().all(|sigma| *sigma < 0.5), "its anneal has come some way");
     let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
     let rest = TrainRun { from: Some(first.clone()), part, until_step: Some(241), ..whole };

@@ -3,7 +3,7 @@
 use super::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
 use glam::Vec3;
 use trisplat_scene::{
-    Limits, Loaded, Scene,
+    ImportedScene, Limits, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
     report::StageProgress,
@@ -12,7 +12,7 @@ use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// The surface that `cameras` see of `scene`.
 pub(crate) fn made(
-    scene: &Loaded,
+    scene: &ImportedScene,
     cameras: &[Camera],
     options: &SurfaceOptions,
 ) -> (Option<Mesh>, SurfaceDetails) {
@@ -128,7 +128,7 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
     shell.vertices.iter_mut().flatten().for_each(|p| *p *= 1.5);
     shell.set_shell(0..shell.len());
     soup.append(shell);
-    let loaded = Loaded::from(soup);
+    let loaded = ImportedScene::from(soup);
     for (with_shell, radius) in [(false, RADIUS), (true, 1.5 * RADIUS)] {
         let options = SurfaceOptions { shell: with_shell, ..OPTIONS };
         let (mesh, details) = made(&loaded, &around(24, 5.0, 240), &options);
@@ -141,7 +141,7 @@ fn a_soup_has_the_surface_of_its_triangles_without_its_shell() {
 
 #[test]
 fn the_same_bits_for_any_number_of_threads() {
-    let scene: Loaded = cube().into();
+    let scene: ImportedScene = cube().into();
     let cameras = around(12, 5.0, 96);
     let options = SurfaceOptions { max_triangles: Some(3000), ..OPTIONS };
     let with = |threads: usize| {
@@ -157,7 +157,7 @@ fn the_same_bits_for_any_number_of_threads() {
 
 #[test]
 fn hostile_scenes_make_no_surface_and_no_panic() {
-    let nothing = Loaded::from(Mesh::default());
+    let nothing = ImportedScene::from(Mesh::default());
     assert_eq!(made(&nothing, &around(4, 3.0, 32), &OPTIONS).0, None);
     assert_eq!(made(&nothing, &[], &OPTIONS).0, None);
     let away = around(4, 3.0, 32).into_iter().map(|c| c.looking(c.position(), c.position() * 2.0, Vec3::Y));

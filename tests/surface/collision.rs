@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use trisplat_bake::{Bake, BakeOptions, CollisionDetails, CollisionOptions, collision};
 use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, write};
 use trisplat_scene::{
-    Asset, Loaded, Scene,
+    Asset, ImportedScene, Scene,
     mesh::Mesh,
     report::{Outcome, Report, StageProgress},
 };
@@ -15,11 +15,11 @@ use trisplat_scene::{
 const COLLISION: CollisionOptions = CollisionOptions { collision: true, collision_triangles: 1000 };
 
 /// A ball off the origin, with cameras around it.
-fn scene() -> Loaded {
-    Loaded { cameras: around(24, 4.0, 128), ..Loaded::from(ball(Vec3::ZERO)) }
+fn scene() -> ImportedScene {
+    ImportedScene { cameras: around(24, 4.0, 128), ..ImportedScene::from(ball(Vec3::ZERO)) }
 }
 
-fn run(found: &mut Option<Mesh>, scene: &Loaded, options: &CollisionOptions) -> Outcome<()> {
+fn run(found: &mut Option<Mesh>, scene: &ImportedScene, options: &CollisionOptions) -> Outcome<()> {
     let (mut details, mut nobody) = (CollisionDetails::default(), ());
     collision(found, scene, &[], options, &mut details, &mut StageProgress::new(&mut nobody)).unwrap()
 }
@@ -37,7 +37,10 @@ fn it_is_made_once_and_when_it_is_asked_for() {
     assert!(unneeded(run(&mut found, &scene(), &COLLISION), "already"));
     assert_eq!(found, kept);
     let mut none = None;
-    assert!(unneeded(run(&mut none, &Loaded::from(Mesh::default()), &COLLISION), "no connected surface"));
+    assert!(unneeded(
+        run(&mut none, &ImportedScene::from(Mesh::default()), &COLLISION),
+        "no connected surface"
+    ));
     assert!(CollisionOptions { collision_triangles: 0, ..COLLISION }.validate().is_err());
 }
 

@@ -1,7 +1,7 @@
 //! Colours that left their range return to it.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_scene::{camera::Camera, image::Pixels, rgb_from_sh0, sh0_from_rgb};
+use trisplat_scene::{camera::Camera, image::RgbImage, rgb_from_sh0, sh0_from_rgb};
 use trisplat_train::{
     CpuBackend, EngineShading, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset,
     TrainState,
@@ -34,7 +34,7 @@ fn trained_on_grey(start: [f32; 3], linear: bool) -> [f32; 3] {
         center: SIZE.as_vec2() / 2.0,
         size: SIZE,
     };
-    let pixels = Pixels { size: SIZE, rgb: vec![[128; 3]; SIZE.element_product() as usize], alpha: None };
+    let pixels = RgbImage { size: SIZE, rgb: vec![[128; 3]; SIZE.element_product() as usize], alpha: None };
     for step in 0..1500 {
         let mut rates = schedule.rates(step);
         if linear {

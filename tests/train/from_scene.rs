@@ -4,7 +4,7 @@ use super::StopAfter;
 use glam::{DVec3, Vec3};
 use std::ops::ControlFlow;
 use std::path::Path;
-use trisplat::{BakeOptions, Dataset, DatasetOptions, Loaded, Scene, Soup, train};
+use trisplat::{BakeOptions, Dataset, DatasetOptions, ImportedScene, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, Trained};
 use trisplat_bake::{Bake, TeacherOptions};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
@@ -40,7 +40,7 @@ fn assert_solid(soup: &Soup) {
     assert!(soup.sigma.iter().all(|&s| s <= trisplat_bake::SOLID_SIGMA));
 }
 
-fn taught(scene: &Loaded, options: &TrainOptions) -> Dataset {
+fn taught(scene: &ImportedScene, options: &TrainOptions) -> Dataset {
     let drawing = options.drawing([0.0; 3]);
     teacher::dataset(Path::new("soft.ply"), scene, &drawing, PHOTO_BYTES, &mut |_, _| {}).unwrap()
 }
@@ -69,7 +69,10 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     assert_solid(&hardened.soup);
     assert_eq!(hardened.cameras, soft.cameras);
     // The plain bake, as a solid soup in the data set's world.
-    let baked = Loaded { provenance: plain.provenance.clone(), ..Loaded::from(Scene::Mesh(plain.mesh)) };
+    let baked = ImportedScene {
+        provenance: plain.provenance.clone(),
+        ..ImportedScene::from(Scene::Mesh(plain.mesh))
+    };
     let run = TrainRun { from: Some(baked), ..TrainRun::new(&dataset, &hardening(1)) };
     let plain = run.run(&mut ()).unwrap().quality().unwrap().psnr;
     let hardened = hardened.quality().unwrap().psnr;
@@ -80,7 +83,7 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
 #[test]
 fn a_soft_scene_teaches_itself_without_photos() {
     let folder = tempfile::tempdir().unwrap();
-    let soft: Loaded = soft_scene(&photos(folder.path())).into();
+    let soft: ImportedScene = soft_scene(&photos(folder.path())).into();
     let options = hardening(400);
     let pictures = taught(&soft, &options);
     assert!(pictures.views.len() > soft.cameras.len() && pictures.test().count() > 2);
@@ -101,7 +104,7 @@ fn a_soft_scene_teaches_itself_without_photos() {
 #[test]
 fn a_resumed_hardening_is_the_straight_one_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let soft: Loaded = soft_scene(&photos(folder.path())).into();
+    let soft: ImportedScene = soft_scene(&photos(folder.path())).into();
     let options = hardening(120);
     let run = |dataset| TrainRun { from: Some(soft.clone()), ..TrainRun::new(dataset, &options) };
     let pictures = taught(&soft, &options);
@@ -124,12 +127,12 @@ fn a_scene_placed_anew_starts_where_it_was() {
     let dataset = photos(folder.path());
     let soft = soft_scene(&dataset);
     let placement = Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 4.0, center: [1.0, -2.0, 0.5] };
-    let mut moved: Loaded = soft.clone().into();
+    let mut moved: ImportedScene = soft.clone().into();
     moved.provenance.placement = placement;
     moved.cameras = soft.cameras.iter().map(|c| placed::to_file(c, &placement, DVec3::ZERO)).collect();
     let Scene::Soup(soup) = &mut moved.scene else { panic!("a soup") };
     soup.vertices.iter_mut().flatten().for_each(|v: &mut Vec3| *v = placement.to_file(*v));
-    let psnr = |from: Loaded| {
+    let psnr = |from: ImportedScene| {
         let options = TrainOptions { steps: 1, ..TrainOptions::from_scene(TrainPreset::Outdoor) };
         let run = TrainRun { from: Some(from), ..TrainRun::new(&dataset, &options) };
         run.run(&mut ()).unwrap().quality().unwrap().psnr
@@ -169,7 +172,7 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
 fn soft_pictures_beside_photos_lie_between_them_and_show_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());
-    let scene: Loaded = soft_scene(&dataset).into();
+    let scene: ImportedScene = soft_scene(&dataset).into();
     let drawing = hardening(1).drawing([0.0; 3]);
     let beside = |share, max_bytes| {
         teacher::beside(&dataset, std::slice::from_ref(&scene), &drawing, share, max_bytes, &mut |_, _| {})

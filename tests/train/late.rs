@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use std::collections::VecDeque;
 use trisplat_scene::{Error, Result};
 use trisplat_train::{
-    BackendVisibility, CpuBackend, Params, Rates, Refined, RunOptions, StepPhoto, StepStats, TrainBackend,
-    TrainObserver, TrainRun, TrainSample, TrainState, checkpoint,
+    BackendVisibility, CpuBackend, Params, Refined, RunOptions, StepParams, StepPhoto, StepStats,
+    TrainBackend, TrainObserver, TrainRun, TrainSample, TrainState, checkpoint,
 };
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
@@ -37,7 +37,7 @@ impl TrainBackend for Late {
         self.cpu.load(state)
     }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
         self.check()?;
         self.steps_left -= 1;
         self.cpu.step(photo, rates)

@@ -288,7 +288,7 @@ fn move_files(from: &Path, to: &Path, shift: f64) {
 fn repaint(folder: &Path, rgb: [u8; 3]) {
     for file in std::fs::read_dir(folder.join("images")).unwrap() {
         let path = file.unwrap().path();
-        let mut picture = trisplat_scene::image::Pixels::load(&path).unwrap();
+        let mut picture = trisplat_scene::image::RgbImage::load(&path).unwrap();
         picture.rgb.fill(rgb);
         picture.save_png(&path).unwrap();
     }

@@ -5,7 +5,7 @@ use glam::UVec2;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, TrainOptions, TrainPreset};
 use trisplat_dataset::synthetic::SyntheticOptions;
-use trisplat_scene::{Soup, image::Pixels};
+use trisplat_scene::{Soup, image::RgbImage};
 
 /// So few photos that much of the background is seen by one or two.
 fn few() -> SyntheticOptions {
@@ -65,6 +65,6 @@ fn mask_photos(folder: &Path, dataset: &Dataset) {
         let size: UVec2 = view.photo.size;
         let counts = |i: u32| if i % size.x < 5 && i / size.x < 5 { [0; 3] } else { [255; 3] };
         let rgb = (0..size.x * size.y).map(counts).collect();
-        Pixels { size, rgb, alpha: None }.save_png(folder.join("masks").join(&view.name)).unwrap();
+        RgbImage { size, rgb, alpha: None }.save_png(folder.join("masks").join(&view.name)).unwrap();
     }
 }

@@ -4,10 +4,10 @@
 use super::{card, scene, small_card};
 use glam::{Mat3, Vec3};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{camera::Camera, image::Pixels};
+use trisplat_scene::{camera::Camera, image::RgbImage};
 use trisplat_train::{
-    BackendVisibility, GpuBackend, GpuLimits, PhotoId, Rates, Schedule, StepPhoto, StepStats, TrainBackend,
-    TrainOptions, TrainPreset, TrainState,
+    BackendVisibility, GpuBackend, GpuLimits, PhotoId, Schedule, StepParams, StepPhoto, StepStats,
+    TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
 const STEPS: usize = 9;
@@ -23,7 +23,7 @@ fn cameras() -> Vec<Camera> {
     (0..STEPS).map(camera).collect()
 }
 
-fn photos() -> Vec<Pixels> {
+fn photos() -> Vec<RgbImage> {
     let photo = |shift: usize| {
         let mut photo = scene::photo(shift == 1);
         photo.rgb.rotate_left(17 * shift);
@@ -39,11 +39,11 @@ const BINDING_BYTES: u64 = 160 << 10;
 struct Way {
     name: &'static str,
     options: SoftOptions,
-    rates: Rates,
+    rates: StepParams,
 }
 
 fn ways() -> [Way; 3] {
-    let way = |name, change: fn(&mut TrainOptions), rates: fn(&mut Rates)| {
+    let way = |name, change: fn(&mut TrainOptions), rates: fn(&mut StepParams)| {
         let mut options = TrainOptions::preset(TrainPreset::Outdoor);
         change(&mut options);
         let mut found = Schedule::new(&options).rates(1000);

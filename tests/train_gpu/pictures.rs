@@ -3,10 +3,10 @@
 use super::{card, scene, small_card};
 use glam::{UVec2, Vec3};
 use trisplat_gpu::Gpu;
-use trisplat_raster::soft::{Frame, Soft, SoftOptions, Sort, SoupRef, Window};
+use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, Sort, SoupRef, Window};
 use trisplat_scene::{Soup, camera::Camera};
 use trisplat_train::{
-    Anneal, CardScene, GpuBackend, GpuLimits, Rates, Schedule, StepPhoto, TrainBackend, TrainOptions,
+    Anneal, CardScene, GpuBackend, GpuLimits, Schedule, StepParams, StepPhoto, TrainBackend, TrainOptions,
     TrainPreset, TrainState,
 };
 
@@ -61,7 +61,7 @@ fn pictures_are_those_of_the_cpu() {
             for size in [scene::SIZE, UVec2::new(33, 130)] {
                 let camera = scene::camera().resized(size);
                 let drawn = scene_on_card.frame(&camera, &options).unwrap();
-                let mut soft = Soft::new();
+                let mut soft = SoftRasterizer::new();
                 let wants = soft.render(&SoupRef::from(&soup), &camera, &options);
                 assert_close(&drawn, wants, &format!("{name}, degree {sh_degree}, {size}"));
                 assert_eq!(drawn, scene_on_card.frame(&camera, &options).unwrap(), "{name}, twice");
@@ -75,7 +75,11 @@ fn a_scene_of_several_bindings_and_one_without_triangles_are_drawn() {
     let Some(small) = small_card(160 << 10) else { return };
     let (large, options) = (soup(1100, 3), SoftOptions::default());
     let drawn = CardScene::new(small, &large).unwrap().frame(&scene::camera(), &options).unwrap();
-    assert_close(&drawn, Soft::new().render(&SoupRef::from(&large), &scene::camera(), &options), "parts");
+    assert_close(
+        &drawn,
+        SoftRasterizer::new().render(&SoupRef::from(&large), &scene::camera(), &options),
+        "parts",
+    );
     let nothing = Soup { sh_degree: 0, ..Soup::default() };
     let mut empty = CardScene::new(card().unwrap(), &nothing).unwrap();
     let options = SoftOptions { background: [0.25, 0.5, 0.75], ..options };
@@ -85,12 +89,12 @@ fn a_scene_of_several_bindings_and_one_without_triangles_are_drawn() {
 }
 
 /// A step as far as a run of `preset` is after a part of its steps.
-fn rates(preset: TrainPreset, progress: f64) -> Rates {
+fn rates(preset: TrainPreset, progress: f64) -> StepParams {
     let options = TrainOptions::preset(preset);
     Schedule::new(&options).rates((progress * options.steps as f64) as u64)
 }
 
-fn step(backend: &mut GpuBackend, camera: &Camera, rates: &Rates) {
+fn step(backend: &mut GpuBackend, camera: &Camera, rates: &StepParams) {
     let pixels = scene::photo(false);
     let photo = StepPhoto { camera, pixels: &pixels, first: true, id: None };
     backend.step(&photo, rates).unwrap();
@@ -114,7 +118,7 @@ fn a_scene_that_trains_is_drawn_as_it_is_and_trains_on_as_if_nobody_had_looked()
                     // Steps are under way while it is asked for.
                     let frame = backend.picture(&closer, &drawing, &rates).unwrap();
                     let soup = backend.params().unwrap().to_soup(&rates.anneal, rates.sh_degree);
-                    let mut soft = Soft::new();
+                    let mut soft = SoftRasterizer::new();
                     let wants = soft.render(&SoupRef::from(&soup), &closer, &drawing);
                     assert_close(&frame, wants, &format!("{preset:?}"));
                 }

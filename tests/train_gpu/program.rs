@@ -4,7 +4,7 @@ use super::card;
 use std::path::Path;
 use std::process::{Command, Output};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// A folder with a small data set in `photos`.
 fn folder_of_photos() -> tempfile::TempDir {
@@ -72,7 +72,7 @@ fn soft_pictures_of_render_and_eval_are_drawn_on_the_card_that_is_asked_for() {
     assert!(!said.contains("drawing soft pictures"), "{said}");
     let pictures = std::fs::read_dir(folder.path().join("card")).unwrap();
     for name in pictures.map(|entry| entry.unwrap().file_name()) {
-        let picture = |side: &str| Pixels::load(&folder.path().join(side).join(&name)).unwrap();
+        let picture = |side: &str| RgbImage::load(&folder.path().join(side).join(&name)).unwrap();
         let (card, cpu) = (picture("card"), picture("cpu"));
         let apart = card.rgb.as_flattened().iter().zip(cpu.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
         assert!(apart.max().unwrap() <= 1, "{name:?}");

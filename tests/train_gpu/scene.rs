@@ -1,7 +1,7 @@
 //! Random scenes and photos for single steps.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_scene::{Rng, camera::Camera, image::Pixels};
+use trisplat_scene::{Rng, camera::Camera, image::RgbImage};
 use trisplat_train::{Params, TrainState};
 
 /// Not a multiple of a tile, and several tiles each way.
@@ -62,7 +62,7 @@ pub(super) fn pile(count: usize) -> TrainState {
 }
 
 /// A picture, smooth and different in every channel, and with a mask if asked for.
-pub(super) fn photo(masked: bool) -> Pixels {
+pub(super) fn photo(masked: bool) -> RgbImage {
     let at = |i: u32| (i % SIZE.x, i / SIZE.x);
     let color = |i| {
         let (x, y) = at(i);
@@ -70,5 +70,9 @@ pub(super) fn photo(masked: bool) -> Pixels {
     };
     let weight = |i| if at(i).0 < 20 { 0 } else { (i % 7) as u8 * 36 };
     let all = || 0..SIZE.element_product();
-    Pixels { size: SIZE, rgb: all().map(color).collect(), alpha: masked.then(|| all().map(weight).collect()) }
+    RgbImage {
+        size: SIZE,
+        rgb: all().map(color).collect(),
+        alpha: masked.then(|| all().map(weight).collect()),
+    }
 }

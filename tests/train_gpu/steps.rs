@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::Rng;
 use trisplat_train::{
-    Anneal, BackendVisibility, CpuBackend, EngineShading, GpuBackend, GpuLimits, Params, Rates, Schedule,
-    StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
+    Anneal, BackendVisibility, CpuBackend, EngineShading, GpuBackend, GpuLimits, Params, Schedule,
+    StepParams, StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
 /// One way to train.
@@ -15,7 +15,7 @@ struct Case {
     name: &'static str,
     preset: TrainPreset,
     change: fn(&mut TrainOptions),
-    rates: fn(&mut Rates),
+    rates: fn(&mut StepParams),
     sh_degree: u8,
     pinned: usize,
     frozen: usize,
@@ -113,11 +113,16 @@ const CASES: &[Case] = &[
 
 type Outcome = (TrainState, StepStats, BackendVisibility);
 
-fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates) -> Outcome {
+fn step(backend: &mut dyn TrainBackend, case: &Case, rates: &StepParams) -> Outcome {
     step_from(backend, case, rates, scene::state(300, case.sh_degree))
 }
 
-fn step_from(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates, mut state: TrainState) -> Outcome {
+fn step_from(
+    backend: &mut dyn TrainBackend,
+    case: &Case,
+    rates: &StepParams,
+    mut state: TrainState,
+) -> Outcome {
     (state.pinned, state.frozen) = (case.pinned, case.frozen);
     backend.load(state).unwrap();
     let (camera, pixels) = (scene::camera(), scene::photo(case.masked));
@@ -128,7 +133,7 @@ fn step_from(backend: &mut dyn TrainBackend, case: &Case, rates: &Rates, mut sta
     (backend.store().unwrap(), stats, visibility)
 }
 
-fn drawing(case: &Case) -> (SoftOptions, Rates) {
+fn drawing(case: &Case) -> (SoftOptions, StepParams) {
     let mut options = TrainOptions::preset(case.preset);
     (case.change)(&mut options);
     let mut rates = Schedule::new(&options).rates((case.progress * options.steps as f64) as u64);
@@ -270,7 +275,12 @@ fn jumped(a: &[f32], b: &[f32]) -> BTreeSet<usize> {
 
 /// Triangles whose largest weight jumps on the CPU as well when corners move by a rounding error: in a pixel where two layers are as deep
 /// the order of both, and so their weights, may be either.
-fn undecided(case: &Case, options: SoftOptions, rates: &Rates, seen: &BackendVisibility) -> BTreeSet<usize> {
+fn undecided(
+    case: &Case,
+    options: SoftOptions,
+    rates: &StepParams,
+    seen: &BackendVisibility,
+) -> BTreeSet<usize> {
     let mut found = BTreeSet::new();
     for draw in 0..32 {
         let (mut state, rng) = (scene::state(300, case.sh_degree), Rng::new(1, "rounding", draw));

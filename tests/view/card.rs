@@ -5,9 +5,9 @@ use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use trisplat_bake::{BakeOptions, BakePreset, bake};
 use trisplat_gpu::AdapterOptions;
 use trisplat_scene::{
-    Asset, Chunk, Error, Loaded, Rng, Scene,
+    Asset, Chunk, Error, ImportedScene, Rng, Scene,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     math::color::{linear_from_srgb, srgb_from_linear},
     mesh::{Colors, Mesh},
 };
@@ -100,7 +100,7 @@ fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
 }
 
 /// Faces (0 = background) and 8-bit colours of every pixel.
-fn reference(mesh: &Mesh, camera: &Camera) -> (Vec<usize>, Pixels) {
+fn reference(mesh: &Mesh, camera: &Camera) -> (Vec<usize>, RgbImage) {
     let (mut faces, mut rgb) = (Vec::new(), Vec::new());
     for i in 0..camera.size.element_product() {
         let at = Vec2::new((i % camera.size.x) as f32 + 0.5, (i / camera.size.x) as f32 + 0.5);
@@ -110,7 +110,7 @@ fn reference(mesh: &Mesh, camera: &Camera) -> (Vec<usize>, Pixels) {
         let background = BACKGROUND.map(|c| (c * 255.0).round() as u8);
         rgb.push(hit.map_or(background, |(_, color)| color.map(code)));
     }
-    (faces, Pixels { size: camera.size, rgb, alpha: None })
+    (faces, RgbImage { size: camera.size, rgb, alpha: None })
 }
 
 /// Largest difference of a pixel.
@@ -120,7 +120,7 @@ fn off(a: [u8; 3], b: [u8; 3]) -> u8 {
 
 /// Within a face all pixels agree to one code; along edges, where the card rounds corners to 1/256 of a pixel,
 /// few differ.
-fn assert_agrees(name: &str, got: &Pixels, faces: &[usize], wants: &Pixels) {
+fn assert_agrees(name: &str, got: &RgbImage, faces: &[usize], wants: &RgbImage) {
     let width = wants.size.x as usize;
     let inside = |i: usize| {
         let near = [i, i.wrapping_sub(1), i + 1, i.wrapping_sub(width), i + width];
@@ -209,7 +209,7 @@ fn multisampling_comes_nearer_to_the_average() {
         card.render(&model, &camera(), &options).unwrap().0
     };
     let (truth, one, four) = (draw(8, 1), draw(1, 1), draw(1, 4));
-    let error = |p: &Pixels| -> u64 {
+    let error = |p: &RgbImage| -> u64 {
         p.rgb.iter().zip(&truth.rgb).map(|(a, b)| u64::from(off(*a, *b)).pow(2)).sum()
     };
     assert!(error(&four) * 3 < error(&one), "{} is not far below {}", error(&four), error(&one));
@@ -219,7 +219,8 @@ fn multisampling_comes_nearer_to_the_average() {
 fn culling_chunks_does_not_change_the_picture() {
     let Some(mut card) = card() else { return };
     let scene = Scene::Mesh(triangles(4000, 11));
-    let loaded = Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
+    let loaded =
+        ImportedScene { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() };
     let mut baked = BakeOptions::preset(BakePreset::Fast);
     baked.chunk.chunk_triangles = 64;
     let chunked = bake(loaded, &baked).unwrap();

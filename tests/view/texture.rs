@@ -3,11 +3,11 @@
 use super::card::card;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::sync::Arc;
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Asset, Chunk, FaceTexture, Texture,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     math::metric,
     mesh::{Colors, Mesh},
 };
@@ -24,7 +24,7 @@ fn page(hue: f32, size: UVec2) -> Arc<Texture> {
         [ring, stripe, hue].map(|c| (255.0 * c) as u8)
     };
     let rgb = (0..size.element_product()).map(texel).collect();
-    Arc::new(Texture::new(Pixels { size, rgb, alpha: None }))
+    Arc::new(Texture::new(RgbImage { size, rgb, alpha: None }))
 }
 
 /// A bent wall whose squares are on one of two pages, in turn.
@@ -86,12 +86,12 @@ fn textures_are_drawn_as_render_draws_them() {
         let options = HeadlessOptions { samples, near: 0.01, ..HeadlessOptions::default() };
         let (got, _) = card.render(&model, &camera, &options).unwrap();
         let cpu = SolidRasterOptions { samples, near: 0.01, ..SolidRasterOptions::default() };
-        let wants = Solid::new().render(&wall, &camera, &cpu);
+        let wants = SolidRasterizer::new().render(&wall, &camera, &cpu);
         let psnr = metric::psnr(&got.rgb, &wants.rgb, None);
         assert!(psnr > 50.0, "{distance}: {psnr} dB");
         let mut flat = wall.clone();
         flat.texture = None;
-        let flat = Solid::new().render(&flat, &camera, &cpu);
+        let flat = SolidRasterizer::new().render(&flat, &camera, &cpu);
         assert!(
             metric::psnr(&got.rgb, &flat.rgb, None) < psnr - 20.0,
             "it is not the colours that are drawn"
@@ -138,7 +138,7 @@ fn subsets_chunks_and_normals_of_textured_triangles_are_drawn() {
     let mut kept = wall.clone();
     kept.select(&(0..wall.face_count() as u32).filter(|face| keep(*face)).collect::<Vec<_>>());
     let cpu = SolidRasterOptions { samples: 1, near: 0.01, ..SolidRasterOptions::default() };
-    let wants = Solid::new().render(&kept, &camera, &cpu);
+    let wants = SolidRasterizer::new().render(&kept, &camera, &cpu);
     assert!(metric::psnr(&canvas.pixels(&card.gpu).unwrap().rgb, &wants.rgb, None) > 35.0);
     // With indices, corners at one vertex have places of their own.
     let mut indexed = wall.clone();

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 const TRISPLAT: &str = env!("CARGO_BIN_EXE_trisplat");
 /// The size of the sample data set's photos, and of the window.
@@ -104,20 +104,20 @@ impl Desk {
     }
 
     /// What the window shows.
-    fn seen(&self) -> Pixels {
+    fn seen(&self) -> RgbImage {
         let path = self.at("seen.png");
         let id = &self.window.as_ref().unwrap().1;
         let mut import = Command::new("import");
         import.args(["-window", id]).arg(&path).env("DISPLAY", &self.display);
         assert!(import.status().unwrap().success());
-        Pixels::load(&path).unwrap()
+        RgbImage::load(&path).unwrap()
     }
 
     /// Presses F12 and returns the picture of number `number`.
-    fn screenshot(&self, number: u32) -> Pixels {
+    fn screenshot(&self, number: u32) -> RgbImage {
         self.xdotool("key F12");
         let path = self.at(&format!("shots/trisplat-{number:04}.png"));
-        wait_for("a screenshot", || path.exists().then(|| Pixels::load(&path).unwrap()))
+        wait_for("a screenshot", || path.exists().then(|| RgbImage::load(&path).unwrap()))
     }
 
     /// Presses Escape and returns the exit code.
@@ -141,16 +141,16 @@ fn wait_for<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
 }
 
 /// Share of pixels that are more than two codes off.
-fn off(a: &Pixels, b: &Pixels) -> f64 {
+fn off(a: &RgbImage, b: &RgbImage) -> f64 {
     assert_eq!(a.size, b.size);
     let differs = |(p, q): &(&[u8; 3], &[u8; 3])| (0..3).any(|c| p[c].abs_diff(q[c]) > 2);
     a.rgb.iter().zip(&b.rgb).filter(differs).count() as f64 / a.rgb.len() as f64
 }
 
 /// The picture in a folder that the window comes to show.
-fn shown_picture(desk: &Desk, folder: &Path) -> Pixels {
-    let pictures: Vec<Pixels> =
-        std::fs::read_dir(folder).unwrap().map(|e| Pixels::load(&e.unwrap().path()).unwrap()).collect();
+fn shown_picture(desk: &Desk, folder: &Path) -> RgbImage {
+    let pictures: Vec<RgbImage> =
+        std::fs::read_dir(folder).unwrap().map(|e| RgbImage::load(&e.unwrap().path()).unwrap()).collect();
     let shown = || pictures.iter().find(|picture| off(&desk.seen(), picture) < 0.01).cloned();
     wait_for("a photo's view, as the CPU draws it", shown)
 }
@@ -161,7 +161,7 @@ fn write_photos(folder: &Path) {
     let target = Vec3::new(0.0, -0.35, 0.1);
     let frame = |(name, eye): (&str, Vec3)| {
         let size = UVec2::new(200, 150);
-        Pixels { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(folder.join(name)).unwrap();
+        RgbImage { size, rgb: vec![[128; 3]; 30_000], alpha: None }.save_png(folder.join(name)).unwrap();
         // Camera to world: right, up and back in columns.
         let back = (eye - target).normalize();
         let right = back.cross(Vec3::Y).normalize();
@@ -202,7 +202,7 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     // Without the panel the window is the picture of the photo that shows the subject best, as the CPU draws it.
     desk.xdotool("key h");
     let cpu = shown_picture(&desk, &desk.at("cpu"));
-    let same = |desk: &Desk, wants: &Pixels, what: &str| {
+    let same = |desk: &Desk, wants: &RgbImage, what: &str| {
         wait_for(what, || (off(&desk.seen(), wants) < 0.01).then_some(()));
     };
     assert!(off(&desk.screenshot(1), &cpu) < 0.01);
@@ -240,7 +240,7 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
 const PANE: usize = 340;
 
 /// Mean squared difference of neighbours along the rows, right of the panel: less in a picture of fewer pixels that is stretched, as its edges are ramps.
-fn sharpness(picture: &Pixels) -> f64 {
+fn sharpness(picture: &RgbImage) -> f64 {
     let difference =
         |pair: &[[u8; 3]]| (0..3).map(|c| f64::from(pair[0][c].abs_diff(pair[1][c])).powi(2)).sum::<f64>();
     let rows = picture.rgb.chunks(picture.size.x as usize).map(|row| &row[PANE..]);

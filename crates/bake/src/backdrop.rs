@@ -10,7 +10,7 @@
 
 use super::views::Views;
 use glam::Vec3;
-use trisplat_raster::solid::{NO_FACE, Solid};
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::{
     Result,
     math::color::linear_from_srgb,
@@ -164,7 +164,7 @@ struct Holes {
 
 fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     let drawing = views.drawing(mesh, 1);
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let (mut open, mut all, mut color) = (0.0, 0.0, [0.0f64; 3]);
     let mut pixels = 0;
     let chosen = views.evenly_spaced(VIEWS);

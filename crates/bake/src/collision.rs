@@ -4,7 +4,7 @@
 //! other and leave gaps for a ball to fall through.
 
 use trisplat_scene::{
-    Error, Limits, Loaded, Result,
+    Error, ImportedScene, Limits, Result,
     camera::Camera,
     mesh::Mesh,
     ranges::{self, Called},
@@ -61,7 +61,7 @@ impl StageDetails for CollisionDetails {
 /// Errors: too many blocks of the distance field; fewer triangles than a surface can have.
 pub fn collision(
     found: &mut Option<Mesh>,
-    scene: &Loaded,
+    scene: &ImportedScene,
     cameras: &[Camera],
     options: &CollisionOptions,
     details: &mut CollisionDetails,

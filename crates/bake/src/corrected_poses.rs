@@ -1,7 +1,7 @@
 //! Poses that a training took from tracks: the cameras that its scene stores, for the photos of a bake.
 
 use glam::Vec3;
-use trisplat_scene::{Space, camera::Camera};
+use trisplat_scene::{SceneNormalization, camera::Camera};
 
 /// Largest difference of a corrected pose, as a share of the longest side: tracks move points by a fiftieth at most, but
 /// a turn and a motion of more may nearly cancel.
@@ -13,7 +13,7 @@ const LEAST_PX: f32 = 0.01;
 /// and order; drawn pictures may follow them. `None` if poses are the same, or one of them is of another photo.
 pub(super) fn corrected(photos: &[Camera], stored: &[Camera], points: &[Vec3]) -> Option<Vec<Camera>> {
     let stored = stored.get(..photos.len())?;
-    let unit = 1.0 / Space::new(photos, points).scale;
+    let unit = 1.0 / SceneNormalization::new(photos, points).scale;
     let difference = |(photo, stored): (&Camera, &Camera)| {
         let rotation = stored.rotation * photo.rotation.transpose();
         let (turn, roll) = (rotation.z_axis.truncate().length(), rotation.x_axis.y.abs());

@@ -4,7 +4,7 @@
 use super::views::{SAMPLES, Views};
 use std::sync::Arc;
 use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Verdict, compared_size, judge, solve};
-use trisplat_raster::solid::Solid;
+use trisplat_raster::solid::SolidRasterizer;
 use trisplat_scene::{
     Result,
     mesh::Mesh,
@@ -66,7 +66,7 @@ pub(crate) fn exposure(
         return Ok(Outcome::Unneeded("there are too few photos, or they are of an object before nothing"));
     }
     let drawing = views.drawing(mesh, SAMPLES);
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let all: Vec<usize> = (0..views.len()).collect();
     views.prefetch(&all);
     let mut photos = Vec::with_capacity(all.len());

@@ -8,7 +8,7 @@
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Result,
     camera::Camera,
@@ -134,7 +134,7 @@ fn asked(cameras: &[Camera]) -> impl Iterator<Item = &Camera> {
 /// Every face as `cameras` see it, with the faces that hide it drawn too.
 fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
     let mut pixels = vec![[0u32; 2]; mesh.face_count()];
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let drawing = SolidRasterOptions { samples: 1, ..SolidRasterOptions::default() };
     for camera in cameras {
         let camera = camera.within(SIDE);

@@ -6,12 +6,12 @@
 
 use super::one_origin::{rebase, share_origin};
 use super::texture::texture_all;
-use trisplat_scene::{Error, Loaded, Placement, Provenance, Result, Scene, UpDirection, mesh::Mesh};
+use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, mesh::Mesh};
 
 /// One scene out of `inputs`, in their order.
 ///
 /// Errors: no input, soups and meshes together, files with different axes up, too many coloured triangles beside a texture.
-pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
+pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
     share_origin(&mut inputs);
     texture_all(&mut inputs)?;
     let mut inputs = inputs.into_iter();
@@ -55,9 +55,9 @@ pub fn merge(mut inputs: Vec<Loaded>) -> Result<Loaded> {
 /// Takes the soups and baked meshes of `inputs` to one frame: that of the soups, from which the meshes were
 /// placed when they were baked. A soup without an up axis takes that of the meshes; a mesh that was not
 /// turned takes that of the soups.
-pub(super) fn share_world(inputs: &mut [Loaded]) {
+pub(super) fn share_world(inputs: &mut [ImportedScene]) {
     share_origin(inputs);
-    let is_soup = |loaded: &&Loaded| matches!(loaded.scene, Scene::Soup(_));
+    let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
     let of_soups = inputs.iter().filter(is_soup).find_map(|loaded| loaded.provenance.up);
     let soup = inputs.iter().find(is_soup);
     let frame = soup.map_or(Placement::IDENTITY, |soup| soup.provenance.placement);

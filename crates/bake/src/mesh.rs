@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_formats::output::OutputOptions;
 use trisplat_scene::{
-    Asset, Chunk, Error, Limits, Loaded, Placement, Provenance, Result, Scene,
+    Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::Camera,
     mesh::Mesh,
     placed,
@@ -69,7 +69,7 @@ impl MeshOptions {
 ///
 /// Errors: options out of range, nothing to be seen, no surface left.
 pub fn mesh(
-    mut scene: Loaded,
+    mut scene: ImportedScene,
     mut views: Option<&mut Views>,
     options: &MeshOptions,
     limits: &Limits,
@@ -144,16 +144,16 @@ fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
 
 /// The region of the scene that is kept.
 fn cropped(
-    scene: Loaded,
+    scene: ImportedScene,
     cameras: &[Camera],
     options: &MeshOptions,
     report: &mut Report,
     observer: &mut dyn Observer,
-) -> Result<Loaded> {
-    let Loaded { scene, provenance, warnings, cameras: stored } = scene;
+) -> Result<ImportedScene> {
+    let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
     let scene = report
         .stage(observer, scene, count, |scene, details| crop(scene, cameras, &options.crop, details))?;
-    Ok(Loaded { scene, provenance, warnings, cameras: stored })
+    Ok(ImportedScene { scene, provenance, warnings, cameras: stored })
 }
 
 fn nothing() -> Error {
@@ -162,7 +162,7 @@ fn nothing() -> Error {
 }
 
 /// Takes the shell or backdrop, which must look like its photos, out of the scene. Empty when there is none, or when it is the whole scene.
-fn take_behind(scene: &mut Loaded, cameras: &[Camera]) -> Result<Mesh> {
+fn take_behind(scene: &mut ImportedScene, cameras: &[Camera]) -> Result<Mesh> {
     if let Some(backdrop) = scene.take_backdrop() {
         return Ok(backdrop);
     }

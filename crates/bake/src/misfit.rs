@@ -2,8 +2,8 @@
 
 use super::views::Views;
 use std::sync::Arc;
-use trisplat_raster::solid::Solid;
-use trisplat_scene::{Result, image::Pixels, math::metric, mesh::Mesh};
+use trisplat_raster::solid::SolidRasterizer;
+use trisplat_scene::{Result, image::RgbImage, math::metric, mesh::Mesh};
 
 /// Photos looked at.
 const VIEWS: usize = 8;
@@ -18,7 +18,7 @@ pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
         return Ok(None);
     }
     let chosen = views.evenly_spaced(VIEWS);
-    let (drawing, mut solid) = (views.drawing(mesh, 1), Solid::new());
+    let (drawing, mut solid) = (views.drawing(mesh, 1), SolidRasterizer::new());
     let (mut drawn, mut plain) = (0.0, 0.0);
     views.prefetch(&chosen);
     let (mut pictures, mut photos) = (Vec::new(), Vec::new());
@@ -40,7 +40,7 @@ pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
 }
 
 /// How much more drawings correlate with their own photos than with others of the same size.
-fn own_resemblance(pictures: &[Pixels], photos: &[Arc<Pixels>]) -> f64 {
+fn own_resemblance(pictures: &[RgbImage], photos: &[Arc<RgbImage>]) -> f64 {
     let (mut own, mut others) = ((0.0, 0.0), (0.0, 0.0));
     for (i, picture) in pictures.iter().enumerate() {
         for (j, photo) in photos.iter().enumerate().filter(|(_, photo)| photo.size == picture.size) {
@@ -68,7 +68,7 @@ fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
 }
 
 /// PSNR of a picture of the photo's mean colour, dB.
-fn psnr_of_mean_color(photo: &Pixels) -> f64 {
+fn psnr_of_mean_color(photo: &RgbImage) -> f64 {
     let weights = photo.alpha.as_deref();
     let weight = |pixel: usize| weights.map_or(1.0, |alpha| f64::from(alpha[pixel]));
     let (mut sum, mut total) = ([0.0; 3], 0.0);

@@ -4,7 +4,7 @@
 
 use glam::{DVec3, Vec3};
 use trisplat_formats::is_far;
-use trisplat_scene::{Loaded, Placement, Scene, placed};
+use trisplat_scene::{ImportedScene, Placement, Scene, placed};
 
 /// At greater distances between inputs, in units of the world, f32 rounds positions by more than a thousandth
 /// of a unit.
@@ -12,13 +12,13 @@ const APART: f64 = 16_384.0;
 
 /// Moves inputs to the origin of the first one that is far from that of its world, or of the first soup. An
 /// input without a known place in that world keeps its coordinates; a warning names it.
-pub(super) fn share_origin(inputs: &mut [Loaded]) {
+pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
     let placements = || inputs.iter().map(|loaded| loaded.provenance.placement);
     let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first)) else {
         return;
     };
     let far = placements().find(is_georeferenced);
-    let is_soup = |loaded: &&Loaded| matches!(loaded.scene, Scene::Soup(_));
+    let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
     let of_soups = inputs.iter().find(is_soup).map(|soup| soup.provenance.placement);
     let frame = far.or(of_soups).unwrap_or(first);
     for (i, loaded) in inputs.iter_mut().enumerate() {
@@ -61,7 +61,7 @@ fn is_georeferenced(placement: &Placement) -> bool {
 }
 
 /// Whether it is a soup that was only moved: a bake turns what it places, and writes meshes.
-fn is_moved_soup(loaded: &Loaded) -> bool {
+fn is_moved_soup(loaded: &ImportedScene) -> bool {
     let Placement { up, rotate, scale, .. } = loaded.provenance.placement;
     matches!(loaded.scene, Scene::Soup(_))
         && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
@@ -69,7 +69,7 @@ fn is_moved_soup(loaded: &Loaded) -> bool {
 
 /// Whether an input that was never moved is nearer to the origin of a frame than to that of the world. It is
 /// then a single-precision file of the same place.
-fn is_at(loaded: &Loaded, frame: &Placement) -> bool {
+fn is_at(loaded: &ImportedScene, frame: &Placement) -> bool {
     let triangles = loaded.scene.triangle_count();
     let corner = |i: usize| loaded.scene.corners(i)[0];
     let Some(at) = (0..triangles).map(corner).find(|corner| corner.is_finite()) else { return false };
@@ -79,7 +79,7 @@ fn is_at(loaded: &Loaded, frame: &Placement) -> bool {
 }
 
 /// Moves a scene from its own frame into `frame`, through their common world.
-pub(super) fn rebase(loaded: &mut Loaded, frame: &Placement) {
+pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
     let moved = loaded.provenance.placement.inverse().then(frame);
     loaded.provenance.placement = *frame;
     if moved == Placement::IDENTITY {

@@ -26,7 +26,7 @@ use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use std::sync::Arc;
 use trisplat_scene::{
-    Asset, Error, Limits, Loaded, Placement, Provenance, Result, Scene,
+    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::{Camera, Viewpoint},
     mesh::Mesh,
     report::{Observer, Outcome, Report},
@@ -81,8 +81,9 @@ impl<'a> Recipe<'a> {
     }
 
     /// Bakes inputs, merged.
-    pub(super) fn run(mut self, inputs: Vec<Loaded>) -> Result<Asset> {
-        let mut inputs: Vec<Loaded> = inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
+    pub(super) fn run(mut self, inputs: Vec<ImportedScene>) -> Result<Asset> {
+        let mut inputs: Vec<ImportedScene> =
+            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
         // For each input separately: two scenes side by side have no common middle.
         let when = self.options.backdrop.backdrop;
         inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
@@ -99,7 +100,7 @@ impl<'a> Recipe<'a> {
         let traits = self.traits(&loaded);
         let collision = self.collide(&loaded)?;
         self.face(&loaded)?;
-        let Loaded { mut scene, provenance, warnings, mut cameras } = loaded;
+        let ImportedScene { mut scene, provenance, warnings, mut cameras } = loaded;
         self.report.warnings.extend(warnings);
         if let Some(views) = self.views.as_deref() {
             // Pictures may be drawn for some of the cameras only.
@@ -166,7 +167,7 @@ impl<'a> Recipe<'a> {
     }
 
     /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
-    fn untextured(&mut self, mut loaded: Loaded) -> Loaded {
+    fn untextured(&mut self, mut loaded: ImportedScene) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && self.views.is_some()
             && mesh.drop_texture()
@@ -180,8 +181,8 @@ impl<'a> Recipe<'a> {
 
     /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of triangles is for
     /// all together.
-    fn of_one_kind(&mut self, mut inputs: Vec<Loaded>) -> Result<Vec<Loaded>> {
-        let is_soup = |loaded: &Loaded| matches!(loaded.scene, Scene::Soup(_));
+    fn of_one_kind(&mut self, mut inputs: Vec<ImportedScene>) -> Result<Vec<ImportedScene>> {
+        let is_soup = |loaded: &ImportedScene| matches!(loaded.scene, Scene::Soup(_));
         let soups = inputs.iter().filter(|loaded| is_soup(loaded)).count();
         if soups == 0 || soups == inputs.len() {
             return Ok(inputs);
@@ -194,10 +195,10 @@ impl<'a> Recipe<'a> {
         let mut unread = Report::default();
         let mut nobody = ();
         let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
-        let mut solidified = |mut loaded: Loaded| match &mut loaded.scene {
+        let mut solidified = |mut loaded: ImportedScene| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
-                Ok(Loaded { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded })
+                Ok(ImportedScene { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded })
             }
             Scene::Mesh(_) => Ok(loaded),
         };
@@ -205,8 +206,8 @@ impl<'a> Recipe<'a> {
     }
 
     /// First of all: a budget of triangles is for the region, and removed parts must not hide it in pictures.
-    fn crop(&mut self, loaded: Loaded) -> Result<Loaded> {
-        let Loaded { scene, provenance, warnings, cameras } = loaded;
+    fn crop(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+        let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
         let mut scene = self
@@ -217,23 +218,23 @@ impl<'a> Recipe<'a> {
         {
             *texture = texture.excerpt(0, self.options.texture.texture_size);
         }
-        Ok(Loaded { scene, provenance, warnings, cameras })
+        Ok(ImportedScene { scene, provenance, warnings, cameras })
     }
 
     /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the triangles in
     /// their original order.
-    fn arrange(&mut self, loaded: Loaded) -> Result<Loaded> {
-        let Loaded { scene, provenance, warnings, cameras } = loaded;
+    fn arrange(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+        let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let is_drawn = self.views.is_some() || self.taught.is_some() || !cameras.is_empty();
         let order = self.options.order.order;
         let scene = self.report.stage(self.observer, scene, count, |scene, details| {
             Ok(arrange(scene, is_drawn, order, details))
         })?;
-        Ok(Loaded { scene, provenance, warnings, cameras })
+        Ok(ImportedScene { scene, provenance, warnings, cameras })
     }
 
     /// On the scene as it was trained: all other stages try to keep this look.
-    fn teach(&mut self, loaded: &Loaded) -> Result<()> {
+    fn teach(&mut self, loaded: &ImportedScene) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
         let measure = |_: &Option<Views>| count(&loaded.scene);
         self.taught = self.report.stage(self.observer, None, measure, |views, details| {
@@ -243,7 +244,7 @@ impl<'a> Recipe<'a> {
     }
 
     /// On the scene as it was trained, because all its triangles give better depths than fewer would.
-    fn collide(&mut self, loaded: &Loaded) -> Result<Option<Mesh>> {
+    fn collide(&mut self, loaded: &ImportedScene) -> Result<Option<Mesh>> {
         let (options, observer) = (&self.options.collision, &mut *self.observer);
         let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
         let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
@@ -253,7 +254,7 @@ impl<'a> Recipe<'a> {
     }
 
     /// The surface for smooth normals, from the scene as it was trained.
-    fn face(&mut self, loaded: &Loaded) -> Result<()> {
+    fn face(&mut self, loaded: &ImportedScene) -> Result<()> {
         if self.options.lit.lit != Lit::Smooth {
             return Ok(());
         }
@@ -360,7 +361,7 @@ impl<'a> Recipe<'a> {
     }
 
     /// Inputs of the fitting; not computed when it is off.
-    fn traits(&self, loaded: &Loaded) -> SceneTraits {
+    fn traits(&self, loaded: &ImportedScene) -> SceneTraits {
         let asks = self.options.reshape.reshape == ReshapeWhen::Auto;
         let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         SceneTraits {

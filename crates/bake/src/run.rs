@@ -4,7 +4,7 @@ use super::options::BakeOptions;
 use super::recipe::Recipe;
 use super::views::Views;
 use trisplat_scene::{
-    Asset, Loaded, Result,
+    Asset, ImportedScene, Result,
     report::{Observer, Report},
 };
 
@@ -30,7 +30,7 @@ use trisplat_scene::{
 /// assert_eq!(asset.mesh.face_count(), 1);
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
-pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Asset> {
+pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Asset> {
     Bake::new(options).run([scene])
 }
 
@@ -91,7 +91,7 @@ impl<'a> Bake<'a> {
     ///
     /// Errors: options out of range, inputs that do not merge, nothing left to draw, photos that cannot be read or do
     /// not show the scene.
-    pub fn run<S: Into<Loaded>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
+    pub fn run<S: Into<ImportedScene>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
         let (mut own_report, mut no_observer) = (Report::default(), ());
         let observer = match self.observer {

@@ -10,9 +10,9 @@ use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use glam::UVec2;
 use trisplat_formats::info::Softness;
-use trisplat_raster::{soft::SoftOptions, solid::Solid};
+use trisplat_raster::{soft::SoftOptions, solid::SolidRasterizer};
 use trisplat_scene::{
-    Loaded, Result, Scene, Soup,
+    ImportedScene, Result, Scene, Soup,
     camera::Camera,
     math::metric,
     mesh::Mesh,
@@ -105,7 +105,7 @@ impl StageDetails for TeacherDetails {
 /// Errors: an option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
     views: &mut Option<Views>,
-    scene: &Loaded,
+    scene: &ImportedScene,
     photos: bool,
     options: &TeacherOptions,
     solidly: &SolidOptions,
@@ -143,7 +143,7 @@ pub fn teacher(
 }
 
 /// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
-fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
+fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
     let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
     if viewpoints.kind != ViewpointKind::Stored {
         viewpoints.cameras.truncate(CHOSEN_PICTURES);
@@ -153,12 +153,12 @@ fn viewpoints(scene: &Loaded) -> Option<Viewpoints> {
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
 /// are too many.
-pub fn pictures(scene: &Loaded, cameras: Vec<Camera>) -> Views {
+pub fn pictures(scene: &ImportedScene, cameras: Vec<Camera>) -> Views {
     at_most(None, scene, cameras)
 }
 
 /// The same, limited in number.
-fn at_most(most: Option<u32>, scene: &Loaded, cameras: Vec<Camera>) -> Views {
+fn at_most(most: Option<u32>, scene: &ImportedScene, cameras: Vec<Camera>) -> Views {
     let cameras = within_budget(cameras);
     let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
@@ -214,7 +214,7 @@ pub fn is_solid(soup: &Soup) -> bool {
 /// solid, or cannot be seen.
 ///
 /// Errors: options out of range.
-pub fn softness(scene: &Loaded, solidly: &SolidOptions) -> Result<Option<Softness>> {
+pub fn softness(scene: &ImportedScene, solidly: &SolidOptions) -> Result<Option<Softness>> {
     let Scene::Soup(soup) = &scene.scene else { return Ok(None) };
     if is_solid(soup) {
         return Ok(None);
@@ -231,7 +231,7 @@ fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Res
     }
     let Some(mesh) = solid_mesh(soup, solidly)? else { return Ok(None) };
     let mut teacher = Teacher::new(soup.clone(), cameras, &SoftOptions::default());
-    let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), Solid::new());
+    let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), SolidRasterizer::new());
     let count = SOFTNESS_VIEWS.min(cameras.len());
     let psnr = |i: usize| {
         let camera = small(&cameras[i * cameras.len() / count]);

@@ -33,7 +33,7 @@ use std::sync::Arc;
 use texels::{Adding, Texels};
 use trisplat_scene::{
     Error, FaceTexture, Result, Texture,
-    image::Pixels,
+    image::RgbImage,
     mesh::Mesh,
     report::{Outcome, StageDetails, StageProgress},
 };
@@ -200,13 +200,13 @@ fn paint(
 }
 
 /// The texture of faces, with the pages of a picture that has them one below the other.
-fn pages(layout: &impl Layout, picture: Pixels) -> FaceTexture {
+fn pages(layout: &impl Layout, picture: RgbImage) -> FaceTexture {
     let (uvs, count) = (layout.uvs(), layout.pages() as usize);
     if count == 1 {
         return FaceTexture::new(uvs, Arc::new(Texture::new(picture)));
     }
     let size = picture.size / UVec2::new(1, count as u32);
-    let page = |rgb: &[[u8; 3]]| Arc::new(Texture::new(Pixels { size, rgb: rgb.to_vec(), alpha: None }));
+    let page = |rgb: &[[u8; 3]]| Arc::new(Texture::new(RgbImage { size, rgb: rgb.to_vec(), alpha: None }));
     let pages = picture.rgb.chunks_exact(size.element_product() as usize).map(page).collect();
     let middle = |uvs: &[Vec2; 3]| (uvs[0].y + uvs[1].y + uvs[2].y) / 3.0;
     let page_of: Vec<u16> =

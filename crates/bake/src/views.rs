@@ -5,9 +5,10 @@ use super::corrected_poses::corrected;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos, exposure::Exposures};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    Placement, Result, camera::Camera, image::Pixels, math::median::median, math::metric, mesh::Mesh, placed,
+    Placement, Result, camera::Camera, image::RgbImage, math::median::median, math::metric, mesh::Mesh,
+    placed,
 };
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
@@ -70,7 +71,7 @@ impl Views {
 
     /// Pictures drawn for `cameras` in the frame of the scene, over black; their alpha is the covered share
     /// of each pixel.
-    pub fn drawn(cameras: Vec<Camera>, pictures: Vec<Pixels>) -> Self {
+    pub fn drawn(cameras: Vec<Camera>, pictures: Vec<RgbImage>) -> Self {
         let (mut covered, mut all) = (0, 0);
         for picture in &pictures {
             all += 255 * picture.rgb.len() as u64;
@@ -197,7 +198,7 @@ impl Views {
 
     /// A photo. Its alpha is the weight of each pixel or, for a photo that is cut, the share covered by the
     /// object. Fails when its file cannot be decoded.
-    pub fn photo(&mut self, view: usize) -> Result<Arc<Pixels>> {
+    pub fn photo(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.taken(view)?;
         Ok(match self.is_cut(view) && photo.alpha.is_some() {
             true => Arc::new(photo.undimmed()),
@@ -206,7 +207,7 @@ impl Views {
     }
 
     /// A photo, corrected.
-    fn taken(&mut self, view: usize) -> Result<Arc<Pixels>> {
+    fn taken(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.photos.take(view)?;
         Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
     }
@@ -252,16 +253,16 @@ impl Views {
         &mut self,
         mesh: &Mesh,
         chosen: &[usize],
-        measure: impl Fn(&Pixels, &Pixels) -> [f64; N],
+        measure: impl Fn(&RgbImage, &RgbImage) -> [f64; N],
     ) -> Result<[f64; N]> {
         let options = self.drawing(mesh, SAMPLES);
-        let mut solid = Solid::new();
+        let mut solid = SolidRasterizer::new();
         let mut sums = [0.0; N];
         self.prefetch(chosen);
         for &view in chosen {
             let photo = self.taken(view)?;
             let cut = self.is_cut(view) && photo.alpha.is_some();
-            let mut scores = |photo: &Pixels, background: [f32; 3]| {
+            let mut scores = |photo: &RgbImage, background: [f32; 3]| {
                 let options = SolidRasterOptions { background, ..options };
                 measure(photo, &solid.render(mesh, self.camera(view), &options))
             };

@@ -1,7 +1,7 @@
 //! Visible area of each face.
 
 use super::views::{self, Views};
-use trisplat_raster::solid::{NO_FACE, Solid};
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::{Result, camera::Camera, mesh::Mesh, report::StageProgress};
 
 /// The visible area of each face in all cameras together, px. `[F]`
@@ -14,7 +14,7 @@ pub fn visible_px(
     mut progress: StageProgress<'_>,
 ) -> Vec<f32> {
     let options = views::drawing(cameras, mesh, samples_along);
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let mut samples = vec![0u64; mesh.face_count()];
     for (done, camera) in cameras.iter().enumerate() {
         progress.set(done, cameras.len());
@@ -38,7 +38,7 @@ pub(crate) fn counted_share(
     progress: &mut StageProgress<'_>,
 ) -> Result<Vec<Option<f32>>> {
     let options = views::drawing(views.cameras(), mesh, samples_along);
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     // Samples, and the weights of their pixels.
     let mut seen_of = vec![(0u64, 0u64); mesh.face_count()];
     views.prefetch(&(0..views.len()).collect::<Vec<_>>());

@@ -15,10 +15,11 @@ use trisplat_gpu::{AdapterOptions, Gpu, copy_bandwidth};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_sample::scenes::{self, SampleScene};
 use trisplat_scene::{
-    Error, Result, Scene, Soup, Space, camera::Camera, image::Pixels, placed, process::cpu_secs,
+    Error, Result, Scene, SceneNormalization, Soup, camera::Camera, image::RgbImage, placed,
+    process::cpu_secs,
 };
 use trisplat_train::{
-    CpuBackend, GpuBackend, Params, PhotoId, Rates, Schedule, StepPhoto, StepTimes, TrainBackend,
+    CpuBackend, GpuBackend, Params, PhotoId, Schedule, StepParams, StepPhoto, StepTimes, TrainBackend,
     TrainOptions, TrainPreset, TrainState,
 };
 use trisplat_view::orbit;
@@ -113,7 +114,7 @@ pub struct StageRow {
 /// A scene, and photos of it.
 struct Workload {
     state: TrainState,
-    photos: Vec<(Camera, Pixels)>,
+    photos: Vec<(Camera, RgbImage)>,
 }
 
 /// Photos of the sample scene.
@@ -141,7 +142,7 @@ pub fn run(args: &CardArgs, mut on_row: impl FnMut(&CardRow)) -> Result<Vec<Card
 }
 
 /// The options of a run, and the rates of the steps that are timed: with all coefficients in use and photos of full size.
-fn steps_of(preset: TrainPreset, sh_degree: u8) -> (SoftOptions, Rates) {
+fn steps_of(preset: TrainPreset, sh_degree: u8) -> (SoftOptions, StepParams) {
     let options = TrainOptions { sh_degree, ..TrainOptions::preset(preset) };
     let last = options.steps.saturating_sub(1);
     let step = if options.ends_solid() { last } else { options.steps / 2 };
@@ -190,12 +191,12 @@ fn from_file(args: &CardArgs) -> Result<Workload> {
 
 impl Workload {
     /// In training space.
-    fn new(mut soup: Soup, photos: Vec<(Camera, Pixels)>, sh_degree: u8) -> Result<Self> {
+    fn new(mut soup: Soup, photos: Vec<(Camera, RgbImage)>, sh_degree: u8) -> Result<Self> {
         if soup.is_empty() || photos.is_empty() {
             return Err(Error::invalid("FILE", "empty", "triangles to train, and photos"));
         }
         let cameras: Vec<Camera> = photos.iter().map(|(camera, _)| *camera).collect();
-        let space = Space::new(&cameras, &[]);
+        let space = SceneNormalization::new(&cameras, &[]);
         space.soup_to_training(&mut soup);
         let photos = photos.into_iter().map(|(camera, pixels)| (space.camera_to_training(&camera), pixels));
         Ok(Self { photos: photos.collect(), state: TrainState::new(Params::from_soup(&soup, sh_degree)) })
@@ -210,9 +211,9 @@ impl Workload {
 }
 
 /// A picture without meaning.
-fn pattern(size: UVec2) -> Pixels {
+fn pattern(size: UVec2) -> RgbImage {
     let color = |i: u32| [3 * (i % size.x), 2 * (i / size.x), i].map(|c| (c % 256) as u8);
-    Pixels { size, rgb: (0..size.element_product()).map(color).collect(), alpha: None }
+    RgbImage { size, rgb: (0..size.element_product()).map(color).collect(), alpha: None }
 }
 
 /// What a step costs.
@@ -224,7 +225,7 @@ struct StepCost {
 fn cost(
     backend: &mut dyn TrainBackend,
     work: &Workload,
-    rates: &Rates,
+    rates: &StepParams,
     warmup: u32,
     steps: u32,
 ) -> Result<StepCost> {
@@ -275,7 +276,12 @@ fn card_row(
 }
 
 /// CPU milliseconds of a step on the CPU, if it is asked for.
-fn cpu_cost(args: &CardArgs, drawing: SoftOptions, work: &Workload, rates: &Rates) -> Result<Option<f64>> {
+fn cpu_cost(
+    args: &CardArgs,
+    drawing: SoftOptions,
+    work: &Workload,
+    rates: &StepParams,
+) -> Result<Option<f64>> {
     if args.cpu_steps == 0 {
         return Ok(None);
     }

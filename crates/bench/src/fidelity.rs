@@ -19,7 +19,7 @@ use trisplat_eval::{
     steps::{EvalStep, no_soup, reread},
 };
 use trisplat_formats::{self as formats, OutputTarget, ReadOptions, TargetEncoding, output::OutputOptions};
-use trisplat_scene::{Asset, Error, Loaded, Result, Scene};
+use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene};
 use trisplat_train::{TrainObserver, TrainPreset};
 
 /// What to measure.
@@ -267,7 +267,7 @@ impl FidelityBench<'_> {
     /// Bakes a case once, writes it for its targets and measures the files; returns what was baked.
     fn case(
         &self,
-        loaded: &Loaded,
+        loaded: &ImportedScene,
         case: &FidelityCase,
         seen: u64,
         rows: &mut Vec<FidelityRow>,
@@ -296,7 +296,7 @@ impl FidelityBench<'_> {
     }
 
     /// The asset of a case, and the options of its file. `seen` is the number of triangles that photos see.
-    fn bake(&self, loaded: &Loaded, case: &FidelityCase, seen: u64) -> Result<(Asset, OutputOptions)> {
+    fn bake(&self, loaded: &ImportedScene, case: &FidelityCase, seen: u64) -> Result<(Asset, OutputOptions)> {
         let mut options = BakeOptions::preset(case.preset);
         options.refit.refit = case.refit;
         // A scene of few steps may be farther from its own photos than no scene is.

@@ -16,7 +16,7 @@ use trisplat_eval::BakedScene;
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_gpu::AdapterOptions;
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::{Asset, Chunk, Error, Loaded, Result, Rng, Scene, camera::Camera};
+use trisplat_scene::{Asset, Chunk, Error, ImportedScene, Result, Rng, Scene, camera::Camera};
 use trisplat_view::{ChunkOrder, Headless, Model, VertexLayout, orbit};
 
 /// What to measure.
@@ -175,7 +175,12 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
             let scene = Scene::Soup(soup);
             (
                 "studio".into(),
-                Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() },
+                ImportedScene {
+                    scene,
+                    provenance: Default::default(),
+                    warnings: Vec::new(),
+                    cameras: Vec::new(),
+                },
             )
         }
     };

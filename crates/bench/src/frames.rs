@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use trisplat_gpu::Timer;
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
-use trisplat_scene::{Error, Result, camera::Camera, image::Pixels, mesh::Mesh, process};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{Error, Result, camera::Camera, image::RgbImage, mesh::Mesh, process};
 use trisplat_view::{Canvas, ChunkOrder, DisplayMode, DrawStats, FrameParams, Headless, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
@@ -145,7 +145,7 @@ pub(super) fn picture(
     model: &Model,
     camera: &Camera,
     order: ChunkOrder,
-) -> Result<Pixels> {
+) -> Result<RgbImage> {
     let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
     let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
     card.draw(&mut encoder, &canvas, model, &params(camera, order), None)?;
@@ -163,10 +163,10 @@ pub struct Agreement {
 }
 
 /// Compares a frame with the CPU's. Errors: they are not the same picture.
-pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
+pub(super) fn check(name: &str, frame: &RgbImage, mesh: &Mesh, camera: &Camera) -> Result<Agreement> {
     let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
     options.validate(camera.size)?;
-    let wants = Solid::new().render(mesh, camera, &options);
+    let wants = SolidRasterizer::new().render(mesh, camera, &options);
     let agreement = agreement(frame, &wants);
     if !(agreement.psnr >= LEAST_PSNR) {
         let what =
@@ -179,7 +179,7 @@ pub(super) fn check(name: &str, frame: &Pixels, mesh: &Mesh, camera: &Camera) ->
     Ok(agreement)
 }
 
-fn agreement(a: &Pixels, b: &Pixels) -> Agreement {
+fn agreement(a: &RgbImage, b: &RgbImage) -> Agreement {
     let pairs = || a.rgb.iter().zip(&b.rgb);
     let squares: u64 = pairs().flat_map(|(p, q)| (0..3).map(|c| u64::from(p[c].abs_diff(q[c])).pow(2))).sum();
     let off = pairs().filter(|(p, q)| (0..3).any(|c| p[c].abs_diff(q[c]) > 1)).count();
@@ -214,8 +214,8 @@ mod tests {
     #[test]
     fn an_empty_screen_does_not_agree() {
         let size = UVec2::new(4, 2);
-        let full = Pixels { size, rgb: (0..8).map(|i| [30 * i, 9, 200 - i]).collect(), alpha: None };
-        let empty = Pixels { size, rgb: vec![[255, 0, 255]; 8], alpha: None };
+        let full = RgbImage { size, rgb: (0..8).map(|i| [30 * i, 9, 200 - i]).collect(), alpha: None };
+        let empty = RgbImage { size, rgb: vec![[255, 0, 255]; 8], alpha: None };
         assert!(agreement(&empty, &full).psnr < 15.0);
         assert_eq!(agreement(&full, &full), Agreement { psnr: 99.0, off: 0.0 });
         let mut near = full.clone();

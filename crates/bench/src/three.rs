@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use trisplat_bake::BakeOptions;
 use trisplat_formats::output::{self, Output};
-use trisplat_scene::{Asset, Error, Result, camera::Camera, image::Pixels, report::Report};
+use trisplat_scene::{Asset, Error, Result, camera::Camera, image::RgbImage, report::Report};
 
 /// What the script gets on standard input.
 #[derive(Debug, Serialize)]
@@ -40,7 +40,7 @@ struct PageOutput {
 #[derive(Debug)]
 pub(super) struct ThreeResult {
     pub(super) cost: FrameCost,
-    pub(super) picture: Pixels,
+    pub(super) picture: RgbImage,
     pub(super) adapter: String,
 }
 
@@ -85,7 +85,7 @@ pub(super) fn time(
         drawn: output.drawn,
         draws: output.draws,
     };
-    Ok(ThreeResult { cost, picture: Pixels::load(&picture)?, adapter: output.adapter })
+    Ok(ThreeResult { cost, picture: RgbImage::load(&picture)?, adapter: output.adapter })
 }
 
 fn run_script(script: &Path, input: &PageInput<'_>) -> Result<PageOutput> {

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
-use trisplat_scene::{Error, Limits, Result, image::Pixels, input, report::StageDetails};
+use trisplat_scene::{Error, Limits, Result, image::RgbImage, input, report::StageDetails};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// JPEG quality of re-encoded photos: the loss is smaller than that of a phone's own encoder.
@@ -165,7 +165,7 @@ fn in_chunks<A: Sync, B: Send>(
 /// Reads a photo's size and EXIF.
 fn open(source: &SourcePhoto) -> Result<Opened> {
     let limits = &Limits::DEFAULT;
-    let size = Pixels::size_of(&source.path, limits)?;
+    let size = RgbImage::size_of(&source.path, limits)?;
     let bytes = input::read(&source.path, limits)?;
     let notes = PhotoNotes::of(&bytes);
     let change = match (notes.orientation, is_plain(&bytes)) {
@@ -222,7 +222,7 @@ impl Opened {
         match self.change {
             Change::Copied => input::copy(from, &to)?,
             Change::Turned | Change::Converted => {
-                let picture = Pixels::load(from)?.turned(self.notes.orientation);
+                let picture = RgbImage::load(from)?.turned(self.notes.orientation);
                 let bytes = match self.change == Change::Turned && self.is_jpeg {
                     true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
                     false => picture.to_png()?,

@@ -106,11 +106,11 @@ pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::image::Pixels;
+    use trisplat_scene::image::RgbImage;
 
     #[test]
     fn notes_come_back_from_a_jpeg_and_upright_ones_differ_in_orientation_alone() {
-        let picture = Pixels { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
+        let picture = RgbImage { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
         let plain = picture.to_jpeg(90).unwrap();
         assert_eq!(PhotoNotes::of(&plain), PhotoNotes { orientation: 1, ..PhotoNotes::default() });
         let noted = with_notes(&plain, &sample_notes(6, 50, 26));

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use trisplat_dataset::{TrackedPhoto, Tracks};
-use trisplat_scene::{Limits, Result, image::Pixels, report::StageDetails};
+use trisplat_scene::{Limits, Result, image::RgbImage, report::StageDetails};
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
@@ -181,10 +181,10 @@ fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
 /// Measures one photo; `tracked` is its index and its entry in the model.
 fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> {
     let limits = &Limits::DEFAULT;
-    let full = Pixels::size_of(path, limits)?;
+    let full = RgbImage::size_of(path, limits)?;
     let ratio = (f64::from(LOOKED_AT) / f64::from(full.max_element())).min(1.0);
     let least = (full.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
-    let small = Pixels::load_reduced(path, least, limits)?.0.downscaled(least);
+    let small = RgbImage::load_reduced(path, least, limits)?.0.downscaled(least);
     let luma = |[r, g, b]: [u8; 3]| (u32::from(r) * 54 + u32::from(g) * 183 + u32::from(b) * 19) >> 8;
     let codes: Vec<u8> = small.rgb.iter().map(|p| luma(*p).min(255) as u8).collect();
     let grey = Grey { size: small.size, codes };

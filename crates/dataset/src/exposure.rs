@@ -18,7 +18,7 @@ pub use solve::{Cells, Solved, solve};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 
 /// Whether photos are corrected.
@@ -70,7 +70,7 @@ impl Exposures {
     }
 
     /// The corrected photo `index`; `None` if it needs no correction. Saturated pixels hardly count.
-    pub fn correct(&self, index: usize, photo: &Pixels) -> Option<Pixels> {
+    pub fn correct(&self, index: usize, photo: &RgbImage) -> Option<RgbImage> {
         if self.is_plain(index) {
             return None;
         }
@@ -157,7 +157,7 @@ mod tests {
                 (255.0 * srgb_from_linear(light)).round() as u8
             })
         };
-        let photo = Pixels { size, rgb: (0..64 * 48).map(taken).collect(), alpha: None };
+        let photo = RgbImage { size, rgb: (0..64 * 48).map(taken).collect(), alpha: None };
         let exposures = Exposures { gains: vec![[0.0; 3], gains], falloff: vec![0.0, falloff] };
         assert!(exposures.correct(0, &photo).is_none());
         let corrected = exposures.correct(1, &photo).unwrap();
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn saturated_pixels_hardly_count_where_they_become_darker() {
-        let photo = Pixels { size: UVec2::new(2, 1), rgb: vec![[255; 3], [100; 3]], alpha: None };
+        let photo = RgbImage { size: UVec2::new(2, 1), rgb: vec![[255; 3], [100; 3]], alpha: None };
         let of =
             |gain: f32| Exposures { gains: vec![[gain; 3]], falloff: vec![0.0] }.correct(0, &photo).unwrap();
         assert_eq!(of(0.5).alpha, Some(vec![SATURATED_WEIGHT, 255]));

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 use trisplat_formats::far_origin;
-use trisplat_scene::{Error, Limits, Result, camera::Camera, image::Pixels, math::median::median};
+use trisplat_scene::{Error, Limits, Result, camera::Camera, image::RgbImage, math::median::median};
 
 impl Dataset {
     /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.
@@ -193,7 +193,7 @@ fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Res
 
 /// One view, and a warning when its photo has another size than its camera.
 fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
-    let stored = Pixels::size_of(&found.path, &options.limits)?;
+    let stored = RgbImage::size_of(&found.path, &options.limits)?;
     check_memory(&found.path, stored, options)?;
     let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
     let claimed = found.lens.resolve(stored).map_err(at_fault)?;
@@ -216,7 +216,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
     let cut = match (&found.mask, options.masks) {
         (Some(_), masks) => masks == Masks::Cut,
         (None, Masks::Off) => false,
-        (None, _) => Pixels::has_alpha(&found.path, &options.limits)?,
+        (None, _) => RgbImage::has_alpha(&found.path, &options.limits)?,
     };
     let photo = Photo {
         path: found.path.clone(),
@@ -230,7 +230,7 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         drawn: None,
         cut,
         crop: None,
-        decoding: Pixels::decoding_bytes(&found.path, stored, &options.limits)?,
+        decoding: RgbImage::decoding_bytes(&found.path, stored, &options.limits)?,
     };
     if options.skip_broken {
         photo.decode()?;

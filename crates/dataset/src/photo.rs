@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::{
     Error, Limits, Result,
-    image::{Pixels, exif_light},
+    image::{RgbImage, exif_light},
 };
 
 /// A photo that is decoded on request, or a picture in memory.
@@ -49,7 +49,7 @@ pub(super) struct Crop {
 #[derive(Debug, Clone)]
 pub(super) enum Drawn {
     /// In memory.
-    Held(Arc<Pixels>),
+    Held(Arc<RgbImage>),
     /// In a temporary file.
     Stored(Arc<PictureFile>, StoredPicture),
 }
@@ -66,12 +66,12 @@ impl PartialEq for Drawn {
 
 impl Photo {
     /// A picture in memory, like a decoded photo.
-    pub fn drawn(pixels: Pixels) -> Self {
+    pub fn drawn(pixels: RgbImage) -> Self {
         Self::of(pixels.size, Drawn::Held(Arc::new(pixels)))
     }
 
     /// A picture stored in `file`, like a decoded photo. Fails when the disk is full.
-    pub fn stored(pixels: &Pixels, file: &Arc<PictureFile>) -> Result<Self> {
+    pub fn stored(pixels: &RgbImage, file: &Arc<PictureFile>) -> Result<Self> {
         let place = file.put(pixels).map_err(Error::temporary)?;
         Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
     }
@@ -124,9 +124,9 @@ impl Photo {
     /// The photo for training: blended with the background, masked, undistorted, shrunk. `alpha` is the
     /// weight of each pixel in the loss, `None` when all are 1. In a [cut](Photo::is_cut) photo it is the
     /// share of the pixel that the object covers, and the colours are over black.
-    pub fn decode(&self) -> Result<Pixels> {
+    pub fn decode(&self) -> Result<RgbImage> {
         let whole = match &self.drawn {
-            Some(Drawn::Held(pixels)) => Pixels::clone(pixels),
+            Some(Drawn::Held(pixels)) => RgbImage::clone(pixels),
             Some(Drawn::Stored(file, place)) => file.get(*place).map_err(Error::temporary)?,
             None => self.decode_file()?,
         };
@@ -137,21 +137,21 @@ impl Photo {
     }
 
     /// The whole photo, from its file.
-    fn decode_file(&self) -> Result<Pixels> {
+    fn decode_file(&self) -> Result<RgbImage> {
         let (mut pixels, full) = self.load()?;
         self.check_size(&self.path, full)?;
         if self.mask.is_some() || !self.cut {
             pixels = pixels.over(self.background.0);
         }
         if let Some(mask) = &self.mask {
-            let (size, weights) = Pixels::load_mask(mask, &self.limits)?;
+            let (size, weights) = RgbImage::load_mask(mask, &self.limits)?;
             self.check_size(mask, size)?;
             pixels.alpha = Some(weights);
         }
         if self.cut {
             // Over black, so that shrinking and undistorting mix in no invisible colour.
             let alpha = pixels.alpha.clone();
-            pixels = Pixels { alpha, ..pixels.over([0; 3]) };
+            pixels = RgbImage { alpha, ..pixels.over([0; 3]) };
         }
         if let Some(undistort) = &self.undistort {
             pixels = undistort.apply(&pixels);
@@ -164,7 +164,7 @@ impl Photo {
     }
 
     /// The file's picture, decoded smaller if it is shrunk to less than half; and its full size.
-    fn load(&self) -> Result<(Pixels, UVec2)> {
+    fn load(&self) -> Result<(RgbImage, UVec2)> {
         // A mask is as large as the whole photo.
         if self.mask.is_none() && !self.cut && self.is_shrunk() {
             let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
@@ -172,15 +172,15 @@ impl Photo {
             let ratio = size.as_dvec2() / whole.as_dvec2();
             // Averages of at least two by two pixels are those of the whole photo: 41 dB from them at worst, mostly 50.
             let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
-            return Pixels::load_reduced(&self.path, least, &self.limits);
+            return RgbImage::load_reduced(&self.path, least, &self.limits);
         }
-        let pixels = Pixels::load_within(&self.path, &self.limits)?;
+        let pixels = RgbImage::load_within(&self.path, &self.limits)?;
         let size = pixels.size;
         Ok((pixels, size))
     }
 
     /// The picture, if it is in memory.
-    pub(super) fn held(&self) -> Option<Arc<Pixels>> {
+    pub(super) fn held(&self) -> Option<Arc<RgbImage>> {
         match &self.drawn {
             Some(Drawn::Held(pixels)) if self.crop.is_none() => Some(Arc::clone(pixels)),
             _ => None,

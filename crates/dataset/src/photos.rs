@@ -9,7 +9,7 @@ use super::picture_file::{PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use trisplat_scene::{Error, Result, guard::guarded, image::Pixels};
+use trisplat_scene::{Error, Result, guard::guarded, image::RgbImage};
 
 /// Number of decoding threads. So many of the next photos stay in memory even beyond the budget, so that training does not
 /// wait for the disk.
@@ -52,7 +52,7 @@ struct LoaderState {
 
 #[derive(Debug, Default)]
 struct PhotoSlot {
-    pixels: Option<Result<Arc<Pixels>>>,
+    pixels: Option<Result<Arc<RgbImage>>>,
     cached: Option<StoredPicture>,
     loading: bool,
     /// Of what was decoded.
@@ -99,7 +99,7 @@ impl Photos {
     }
 
     /// The photo at index `i`; waits until it is decoded. Fails when its file cannot be decoded.
-    pub fn take(&mut self, i: usize) -> Result<Arc<Pixels>> {
+    pub fn take(&mut self, i: usize) -> Result<Arc<RgbImage>> {
         if i >= self.len() {
             return Err(Error::invalid("photo", i, format!("an index below {}", self.len())));
         }
@@ -181,13 +181,13 @@ impl Loader {
         // A panic must not leave others waiting for the photo.
         let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
         // Once, and outside the lock: it reads every byte.
-        let digest = digest.or_else(|| pixels.as_ref().ok().map(Pixels::digest));
+        let digest = digest.or_else(|| pixels.as_ref().ok().map(RgbImage::digest));
         let mut state = self.lock();
         state.decode_count += u64::from(decodes);
         state.slots[i].digest = digest;
         let slot = &mut state.slots[i];
         slot.loading = false;
-        let bytes = pixels.as_ref().map_or(0, Pixels::bytes);
+        let bytes = pixels.as_ref().map_or(0, RgbImage::bytes);
         slot.pixels = Some(pixels.map(Arc::new));
         state.resident_bytes += bytes;
         self.evict(&mut state, i);
@@ -266,9 +266,9 @@ mod tests {
 
     const SIZE: UVec2 = UVec2::new(16, 12);
 
-    fn pixels(i: usize) -> Pixels {
+    fn pixels(i: usize) -> RgbImage {
         let rgb = (0..SIZE.x * SIZE.y).map(|k| [i as u8, k as u8, 77]).collect();
-        Pixels { size: SIZE, rgb, alpha: None }
+        RgbImage { size: SIZE, rgb, alpha: None }
     }
 
     fn photos(folder: &Path, count: usize) -> Vec<Photo> {

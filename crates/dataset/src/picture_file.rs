@@ -4,7 +4,7 @@ use glam::UVec2;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::{Mutex, PoisonError};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// A temporary file without a name, made for the first picture.
 #[derive(Debug, Default)]
@@ -28,7 +28,7 @@ pub struct StoredPicture {
 
 impl PictureFile {
     /// Adds a picture. Fails when the disk is full.
-    pub fn put(&self, pixels: &Pixels) -> io::Result<StoredPicture> {
+    pub fn put(&self, pixels: &RgbImage) -> io::Result<StoredPicture> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let at = state.end;
         let file = match &mut state.file {
@@ -43,7 +43,7 @@ impl PictureFile {
     }
 
     /// A picture of this file.
-    pub fn get(&self, place: StoredPicture) -> io::Result<Pixels> {
+    pub fn get(&self, place: StoredPicture) -> io::Result<RgbImage> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let file = state.file.as_mut().ok_or(io::ErrorKind::NotFound)?;
         let count = place.size.x as usize * place.size.y as usize;
@@ -54,7 +54,7 @@ impl PictureFile {
         if let Some(alpha) = &mut alpha {
             file.read_exact(alpha)?;
         }
-        Ok(Pixels { size: place.size, rgb, alpha })
+        Ok(RgbImage { size: place.size, rgb, alpha })
     }
 }
 
@@ -67,7 +67,7 @@ mod tests {
         let picture = |seed: u8, size: UVec2, alpha: bool| {
             let count = (size.x * size.y) as usize;
             let rgb = (0..count).map(|i| [seed, i as u8, (i / 3) as u8]).collect();
-            Pixels { size, rgb, alpha: alpha.then(|| (0..count).map(|i| (7 * i) as u8).collect()) }
+            RgbImage { size, rgb, alpha: alpha.then(|| (0..count).map(|i| (7 * i) as u8).collect()) }
         };
         let (a, b) = (picture(1, UVec2::new(5, 3), false), picture(2, UVec2::new(2, 9), true));
         let file = PictureFile::default();

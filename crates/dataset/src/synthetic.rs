@@ -15,7 +15,7 @@ use std::path::Path;
 use trisplat_scene::{
     Error, Result, Rng,
     camera::Camera,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
 };
 
 /// What to make.
@@ -143,7 +143,7 @@ pub fn render(camera: &Camera) -> Image {
 
 /// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour is the
 /// mean of these rays.
-pub fn render_things(camera: &Camera) -> Pixels {
+pub fn render_things(camera: &Camera) -> RgbImage {
     let (rays, width) = (RayCamera::new(camera), camera.size.x);
     let pixel = |i: u32| {
         let at = |k: u32| DVec2::new(f64::from(k % 8) + 0.5, f64::from(k / 8) + 0.5) / 8.0;
@@ -155,7 +155,7 @@ pub fn render_things(camera: &Camera) -> Pixels {
     };
     let pixels: Vec<([u8; 3], u8)> = (0..camera.size.element_product()).into_par_iter().map(pixel).collect();
     let (rgb, alpha) = pixels.into_iter().unzip();
-    Pixels { size: camera.size, rgb, alpha: Some(alpha) }
+    RgbImage { size: camera.size, rgb, alpha: Some(alpha) }
 }
 
 /// What a pixel's rays saw.

@@ -5,7 +5,7 @@
 
 use super::lens::{Distortion, Lens};
 use glam::{DVec2, UVec2};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// The resampling for photos of one lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +41,7 @@ impl Undistort {
 
     /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller by the
     /// same factor.
-    pub(crate) fn apply(&self, photo: &Pixels) -> Pixels {
+    pub(crate) fn apply(&self, photo: &RgbImage) -> RgbImage {
         let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
         let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
         let step = self.pinhole.size.as_dvec2() / size.as_dvec2();
@@ -52,11 +52,11 @@ impl Undistort {
             Bilinear::at(self.lens.project(direction) * ratio, photo.size)
         });
         match &photo.alpha {
-            None => Pixels { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None },
+            None => RgbImage { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None },
             Some(alpha) => {
                 let alpha: &[[u8; 1]] = bytemuck::cast_slice(alpha);
                 let (rgb, alpha) = sources.map(|s| (s.blend(&photo.rgb), s.blend(alpha)[0])).unzip();
-                Pixels { size, rgb, alpha: Some(alpha) }
+                RgbImage { size, rgb, alpha: Some(alpha) }
             }
         }
     }
@@ -138,7 +138,7 @@ mod tests {
             let lens = lens(radial);
             let pixel = |i: u32| DVec2::new(f64::from(i % 200) + 0.5, f64::from(i / 200) + 0.5);
             let rgb = (0..200 * 150).map(|i| colour(lens.direction(pixel(i)).unwrap())).collect();
-            let photo = Pixels { size: lens.size, rgb, alpha: Some(vec![255; 200 * 150]) };
+            let photo = RgbImage { size: lens.size, rgb, alpha: Some(vec![255; 200 * 150]) };
             let plan = Undistort::new(&lens).unwrap();
             let straight = plan.apply(&photo);
             let pinhole = plan.pinhole();
@@ -182,7 +182,7 @@ mod tests {
         let plan = Undistort::new(&lens).unwrap();
         assert_eq!(plan.pinhole(), lens);
         let rgb = (0..200 * 150).map(|i| [(i % 251) as u8, (i % 13) as u8, 9]).collect();
-        let photo = Pixels { size: lens.size, rgb, alpha: None };
+        let photo = RgbImage { size: lens.size, rgb, alpha: None };
         assert_eq!(plan.apply(&photo), photo);
     }
 
@@ -191,7 +191,7 @@ mod tests {
         let lens = lens([-0.1, 0.3, 0.0, 0.0]);
         let pixel = |i: u32| DVec2::new(f64::from(i % 200) + 0.5, f64::from(i / 200) + 0.5);
         let rgb = (0..200 * 150).map(|i| colour(lens.direction(pixel(i)).unwrap())).collect();
-        let photo = Pixels { size: lens.size, rgb, alpha: None };
+        let photo = RgbImage { size: lens.size, rgb, alpha: None };
         let plan = Undistort::new(&lens).unwrap();
         let small = plan.apply(&photo.downscaled(lens.size / 2));
         let whole = plan.apply(&photo).downscaled(small.size);

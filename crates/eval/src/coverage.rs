@@ -111,10 +111,10 @@ mod tests {
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
     use trisplat_dataset::{Photo, View};
     use trisplat_dataset::{Ray, trace, visible};
-    use trisplat_scene::image::Pixels;
+    use trisplat_scene::image::RgbImage;
 
     fn view(name: &str, camera: Camera) -> View {
-        let photo = Photo::drawn(Pixels { size: camera.size, rgb: Vec::new(), alpha: None });
+        let photo = Photo::drawn(RgbImage { size: camera.size, rgb: Vec::new(), alpha: None });
         View { name: name.to_owned(), camera, photo, test: false }
     }
 

@@ -9,7 +9,7 @@ use std::time::Instant;
 use trisplat_dataset::{Photos, ShrunkSize, View};
 use trisplat_scene::{
     Result,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
     math::color_fit::ColorMap,
     math::metric,
     report::generator,
@@ -110,7 +110,7 @@ pub struct ScoredPicture {
     /// Name of the step.
     pub step: &'static str,
     /// The drawing.
-    pub picture: Pixels,
+    pub picture: RgbImage,
     /// The same before it was rounded, sRGB-encoded, where that is wanted.
     pub image: Option<Image>,
     /// FLIP error of every pixel. `[H * W]`
@@ -128,7 +128,7 @@ pub fn evaluate(
     photo_bytes: u64,
     covered: &[Vec<bool>],
     floats: bool,
-    mut on_view: impl FnMut(&View, &Pixels, &[ScoredPicture]) -> Result<()>,
+    mut on_view: impl FnMut(&View, &RgbImage, &[ScoredPicture]) -> Result<()>,
 ) -> Result<Vec<StepScore>> {
     for step in &*steps {
         views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
@@ -169,7 +169,7 @@ pub fn evaluate(
     Ok(scores)
 }
 
-fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> ScoredPicture {
+fn measure(step: &'static str, name: &str, photo: &RgbImage, picture: RgbImage) -> ScoredPicture {
     let weights = photo.alpha.as_deref();
     let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
     measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
@@ -179,12 +179,12 @@ fn measure(step: &'static str, name: &str, photo: &Pixels, picture: Pixels) -> S
 fn measure_with(
     step: &'static str,
     name: &str,
-    photo: &Pixels,
-    picture: Pixels,
-    corrected: impl FnOnce(&Pixels) -> Vec<[u8; 3]>,
+    photo: &RgbImage,
+    picture: RgbImage,
+    corrected: impl FnOnce(&RgbImage) -> Vec<[u8; 3]>,
 ) -> ScoredPicture {
     let Quality { psnr, ssim } = Quality::of(&picture, photo);
-    let corrected = Pixels { size: picture.size, rgb: corrected(&picture), alpha: None };
+    let corrected = RgbImage { size: picture.size, rgb: corrected(&picture), alpha: None };
     let Quality { psnr: psnr_corrected, ssim: ssim_corrected } = Quality::of(&corrected, photo);
     let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
     let mean = metric::mean_error(&flip, photo.alpha.as_deref());
@@ -199,14 +199,14 @@ fn measure_with(
 fn measure_cut(
     step: &'static str,
     name: &str,
-    photo: &Pixels,
-    mut draw: impl FnMut([f32; 3]) -> Pixels,
+    photo: &RgbImage,
+    mut draw: impl FnMut([f32; 3]) -> RgbImage,
 ) -> ScoredPicture {
     let [black, white] = [0, 255].map(|code: u8| draw([f32::from(code) / 255.0; 3]));
     let straight = straight(&black, &white);
     let map = ColorMap::fit(&straight.rgb, &photo.undimmed().rgb, photo.alpha.as_deref());
-    let corrected = Pixels { rgb: map.of(&straight.rgb), ..straight };
-    let over = |code: u8, picture: Pixels| {
+    let corrected = RgbImage { rgb: map.of(&straight.rgb), ..straight };
+    let over = |code: u8, picture: RgbImage| {
         let photo = photo.over_instead_of_black([code; 3]);
         measure_with(step, name, &photo, picture, |_| corrected.clone().over([code; 3]).rgb)
     };
@@ -217,18 +217,18 @@ fn measure_cut(
 }
 
 /// Colours and opacity, from drawings over black and over white.
-fn straight(black: &Pixels, white: &Pixels) -> Pixels {
+fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     let opacity = |(black, white): (&[u8; 3], &[u8; 3])| {
         let through: u32 = (0..3).map(|c| u32::from(white[c].saturating_sub(black[c]))).sum();
         255 - ((through + 1) / 3) as u8
     };
     let alpha = black.rgb.iter().zip(&white.rgb).map(opacity).collect();
-    Pixels { alpha: Some(alpha), ..black.clone() }.undimmed()
+    RgbImage { alpha: Some(alpha), ..black.clone() }.undimmed()
 }
 
 impl ScoredPicture {
     /// Adds the scores of the covered pixels; the photo's alpha is the weight of each pixel.
-    fn measure_covered(&mut self, photo: &Pixels, covered: &[bool]) {
+    fn measure_covered(&mut self, photo: &RgbImage, covered: &[bool]) {
         let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
         let weights: Vec<u8> =
             covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();

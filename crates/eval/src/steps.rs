@@ -12,7 +12,7 @@ use trisplat_formats::{
     self as formats, OutputTarget, ReadOptions,
     output::{self, Output, OutputOptions},
 };
-use trisplat_scene::{Asset, Error, Loaded, Provenance, Result, Scene, Soup, report::Report};
+use trisplat_scene::{Asset, Error, ImportedScene, Provenance, Result, Scene, Soup, report::Report};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
@@ -31,15 +31,18 @@ pub struct EvalStep {
 /// three.
 pub fn steps(
     path: &Path,
-    loaded: Loaded,
+    loaded: ImportedScene,
     options: &RenderOptions,
     dataset: &Dataset,
     background: [f32; 3],
 ) -> Result<Vec<EvalStep>> {
-    let Loaded { scene, provenance, cameras, .. } = loaded;
+    let ImportedScene { scene, provenance, cameras, .. } = loaded;
     let factory = StepFactory { dataset, background, samples: options.ssaa };
-    let whole =
-        |soup: Soup| Loaded { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() };
+    let whole = |soup: Soup| ImportedScene {
+        provenance: provenance.clone(),
+        cameras: cameras.clone(),
+        ..soup.into()
+    };
     match (scene, options.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
         (Scene::Mesh(mesh), _) => {
@@ -70,7 +73,7 @@ pub fn no_soup(path: &Path) -> Error {
 }
 
 /// A soup baked with default options.
-pub fn baked(loaded: Loaded) -> Result<Asset> {
+pub fn baked(loaded: ImportedScene) -> Result<Asset> {
     bake(loaded, &BakeOptions::DEFAULT)
 }
 
@@ -84,7 +87,7 @@ pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let output = Output::plan(&path, None, options, false)?;
     let mut report = Report::default();
     output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
-    let Loaded { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
+    let ImportedScene { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))

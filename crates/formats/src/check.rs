@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tileset::CheckedTile;
-use trisplat_scene::{Error, Limits, Loaded, Result, Scene, mesh::Mesh};
+use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, mesh::Mesh};
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -107,7 +107,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
 }
 
 /// Lowest and highest corner of a scene without its backdrop.
-fn bounds(loaded: &Loaded) -> Option<[Vec3; 2]> {
+fn bounds(loaded: &ImportedScene) -> Option<[Vec3; 2]> {
     let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
     let corners = (0..count).flat_map(|i| loaded.scene.corners(i)).map(|corner| [corner, corner]);
     corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
@@ -116,7 +116,7 @@ fn bounds(loaded: &Loaded) -> Option<[Vec3; 2]> {
 fn check_loaded(
     path: &Path,
     format: Format,
-    loaded: &Loaded,
+    loaded: &ImportedScene,
     limits: &Limits,
     findings: &mut Findings,
 ) -> Result<()> {

@@ -5,15 +5,15 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::splats;
 use std::path::Path;
-use trisplat_scene::{Loaded, LoadedSplats, Result};
+use trisplat_scene::{ImportedScene, ImportedSplats, Result};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Content {
     /// Triangles.
-    Scene(Loaded),
+    Scene(ImportedScene),
     /// Gaussians.
-    Splats(LoadedSplats),
+    Splats(ImportedSplats),
 }
 
 /// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians.

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use std::fmt::Display;
-use trisplat_scene::{Limits, Loaded, Placement, Provenance, Result, math::median::median};
+use trisplat_scene::{ImportedScene, Limits, Placement, Provenance, Result, math::median::median};
 
 /// Below this distance along every axis positions are read unchanged.
 const NEAR: f64 = 4096.0;
@@ -93,7 +93,7 @@ impl FarPositions {
 }
 
 /// Records the origin subtracted from a scene's positions.
-pub(super) fn note_origin(loaded: &mut Loaded, origin: DVec3) {
+pub(super) fn note_origin(loaded: &mut ImportedScene, origin: DVec3) {
     note_in(&mut loaded.provenance, &mut loaded.warnings, origin);
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use trisplat_scene::{
-    Error, Loaded, Result, Scene, Soup,
+    Error, ImportedScene, Result, Scene, Soup,
     mesh::{Colors, Mesh},
 };
 
@@ -10,8 +10,8 @@ use trisplat_scene::{
 ///
 /// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or colours are
 /// out of range, when a corner names a missing vertex, or when no triangle is left.
-pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
-    let Loaded { mut scene, mut provenance, mut warnings, cameras } = loaded;
+pub fn finish(path: &Path, loaded: ImportedScene) -> Result<ImportedScene> {
+    let ImportedScene { mut scene, mut provenance, mut warnings, cameras } = loaded;
     let total = scene.triangle_count();
     let error = |e: Error| Error::malformed(path, "values", e.to_string());
     let first = match &mut scene {
@@ -36,7 +36,7 @@ pub fn finish(path: &Path, loaded: Loaded) -> Result<Loaded> {
         warnings
             .push(format!("dropped {dropped} triangles with non-finite values (first: triangle {first})"));
     }
-    Ok(Loaded { scene, provenance, warnings, cameras })
+    Ok(ImportedScene { scene, provenance, warnings, cameras })
 }
 
 /// Drops triangles that are not finite and validates the rest; returns the first dropped one.
@@ -73,8 +73,8 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn loaded(scene: Scene) -> Loaded {
-        Loaded { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() }
+    fn loaded(scene: Scene) -> ImportedScene {
+        ImportedScene { scene, provenance: Default::default(), warnings: Vec::new(), cameras: Vec::new() }
     }
 
     fn soup(count: usize) -> Soup {

@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::{
-    FaceTexture, Limits, Loaded, Provenance, Result, Scene, Soup, Splats, StoredPicture,
+    FaceTexture, ImportedScene, Limits, Provenance, Result, Scene, Soup, Splats, StoredPicture,
     math::color::srgb_from_linear,
     math::median::median,
     mesh::{Colors, Mesh},
@@ -221,7 +221,7 @@ pub struct BakeInfo {
 ///
 /// # Errors
 /// Errors of reading; Gaussians, which [`info_of_content`] describes.
-pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, Loaded)> {
+pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, ImportedScene)> {
     info_of_scene(path, Source::open(path, &options.limits)?, options)
 }
 
@@ -248,7 +248,7 @@ pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Cont
     Ok((info, Content::Splats(loaded)))
 }
 
-fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Result<(Info, Loaded)> {
+fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Result<(Info, ImportedScene)> {
     let (format, bytes) = (detect(&mut source)?, source.len);
     let (inner, mut source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);

@@ -19,7 +19,7 @@ use super::source::Source;
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
 use trisplat_scene::{
-    Asset, Error, FaceTexture, Loaded, Result, Scene,
+    Asset, Error, FaceTexture, ImportedScene, Result, Scene,
     math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear},
     math::srgb8::srgb8_from_linear,
     mesh::{Colors, Mesh},
@@ -35,7 +35,7 @@ use std::sync::LazyLock;
 ///
 /// Errors: `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
 /// three corners.
-pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let path = &source.path;
     let mut lines = Lines::new(&source)?;
     let mut draft = ObjDraft::default();
@@ -55,7 +55,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = provenance::from_comments(comments, &mut warnings);
     let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
-    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
     finish(path, loaded)
 }

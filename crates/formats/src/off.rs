@@ -20,7 +20,7 @@ use super::source::Source;
 use glam::DVec3;
 use std::path::Path;
 use trisplat_scene::{
-    Error, Limits, Loaded, Provenance, Result, Scene,
+    Error, ImportedScene, Limits, Provenance, Result, Scene,
     math::color::linear_from_srgb,
     mesh::{Colors, Mesh},
 };
@@ -32,7 +32,7 @@ const SHORTEST: (u64, u64) = (6, 8);
 ///
 /// Errors: `Malformed` with the line for broken text, bad corner numbers and faces of fewer than three corners; `Unsupported` for binary
 /// OFF and the variants with normals, texture or four dimensions.
-pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let mut lines = Lines::new(&source)?;
     let limits = &options.limits;
     let (vertices, faces) = read_counts(&source, &mut lines, limits)?;
@@ -74,7 +74,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<Loaded> {
     }
     mesh.indices = triangles.indices;
     let provenance = Provenance::default();
-    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
     finish(&source.path, loaded)
 }

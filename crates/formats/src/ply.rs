@@ -29,14 +29,14 @@ use glam::DVec3;
 use header::{Element, Header};
 use std::path::Path;
 use transcode::Wanted;
-use trisplat_scene::{Error, Loaded, LoadedSplats, Result, Scene};
+use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene};
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
 /// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.
 ///
 /// Only data that `options` select are kept. Errors: `Malformed` for a broken file, naming the place;
 /// `Unsupported` for Gaussians and point clouds.
-pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let header = header::read(&mut source)?;
     let path = &source.path;
     let faces = faces(path, &header)?;
@@ -61,7 +61,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     } else {
         Scene::Mesh(mesh::read(path, &tables, origin, &options.limits, &mut warnings)?)
     };
-    let mut loaded = Loaded { scene, provenance, warnings, cameras };
+    let mut loaded = ImportedScene { scene, provenance, warnings, cameras };
     note_origin(&mut loaded, origin);
     finish(path, loaded)
 }
@@ -79,7 +79,7 @@ pub(super) fn holds_splats(source: &mut Source) -> Result<bool> {
 /// The Gaussians in a PLY file, plain or compressed.
 ///
 /// Errors: `Malformed` for a broken file, naming the place.
-pub(super) fn read_splats(mut source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+pub(super) fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let header = header::read(&mut source)?;
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);

@@ -37,7 +37,7 @@ use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 use trisplat_scene::{
-    Error, Limits, Loaded, Provenance, Result, Scene, Soup, input,
+    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input,
     math::color::linear_from_srgb,
     mesh::{Colors, Mesh},
     rgb_from_sh0,
@@ -60,7 +60,7 @@ const RESAVE: &str = "load it in PyTorch 1.6 or later and torch.save it again";
 /// # Errors
 /// `Unsupported` for other files than zip checkpoints, or without triangles; `Malformed` for shapes and sizes
 /// that do not match each other or the file.
-pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     check_archive(&mut source)?;
     let file = TorchFile::open(&mut source, options.limits)?;
     let loaded = match file.shape("triangles_points")? {
@@ -76,7 +76,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     finish(&source.path, loaded)
 }
 
-fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded> {
+fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<ImportedScene> {
     file.limits.triangles(file.label.display(), n as u64)?;
     let vertices: Vec<[Vec3; 3]> = file.values("triangles_points", DType::F32, &[&[n, 3, 3]])?;
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
@@ -88,7 +88,7 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Loaded
     let soup = Soup { vertices, opacity, sigma, sh, sh_degree, ..Soup::default() };
     let provenance =
         Provenance { trainer: Some("triangle-splatting (Held et al. 2025)".into()), ..Provenance::default() };
-    Ok(Loaded { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
+    Ok(ImportedScene { scene: Scene::Soup(soup), provenance, warnings: Vec::new(), cameras: Vec::new() })
 }
 
 /// Coefficients of every triangle, degree 0 first, and the degree: the lowest of the requested one, the one
@@ -129,7 +129,7 @@ fn read_sh(file: &TorchFile, n: usize, wanted: u8) -> Result<(Vec<[f32; 3]>, u8)
     Ok((sh, degree))
 }
 
-fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
+fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
     file.limits.vertices(file.label.display(), v as u64)?;
     let positions: Vec<Vec3> = file.values("triangles_points", DType::F32, &[&[v, 3]])?;
     let dc: Vec<[f32; 3]> = file.values("features_dc", DType::F32, &[&[v, 1, 3], &[v, 3]])?;
@@ -157,7 +157,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<Loaded> {
     }
     let provenance =
         Provenance { trainer: Some("triangle-splatting2 or mesh-splatting".into()), ..Provenance::default() };
-    Ok(Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
+    Ok(ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() })
 }
 
 /// Vertex numbers, three per face, each below `v`.

@@ -5,7 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, gltf, html, obj, off, ply, pt};
 use std::path::Path;
-use trisplat_scene::{Error, Loaded, Result, guard::guarded};
+use trisplat_scene::{Error, ImportedScene, Result, guard::guarded};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =
@@ -50,14 +50,14 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
 ///
 /// # Errors
 /// Errors of the format's reader, or an unknown format.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ImportedScene> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
     read_as(format, source, options)
 }
 
 /// The scene in an open file of that format.
-pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let (format, source) = html::inside(format, source)?;
     let path = source.path.clone();
     guarded(&path, || match format {

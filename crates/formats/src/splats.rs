@@ -12,7 +12,7 @@ use super::format::Format;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, ply};
-use trisplat_scene::{LoadedSplats, Result, guard::guarded};
+use trisplat_scene::{ImportedSplats, Result, guard::guarded};
 
 /// The format of an open file when it holds Gaussians that we read.
 pub(super) fn format_of(source: &mut Source) -> Result<Option<Format>> {
@@ -30,7 +30,7 @@ pub(super) fn format_of(source: &mut Source) -> Result<Option<Format>> {
 }
 
 /// The Gaussians in an open file of that format, with the cameras in a list beside it.
-pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = source.path.clone();
     guarded(&path, || {
         let mut loaded = match format {

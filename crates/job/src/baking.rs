@@ -10,7 +10,7 @@ use trisplat_bake::{Bake, BakeOptions, TeacherWhen, Views, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Output, OutputFiles};
-use trisplat_scene::{Asset, Error, Loaded, Result, report::Report};
+use trisplat_scene::{Asset, Error, ImportedScene, Result, report::Report};
 
 /// An input of a bake.
 #[derive(Debug, Clone)]
@@ -18,12 +18,12 @@ pub enum BakeInput {
     /// A file, read when the job runs; "-" is standard input.
     File(PathBuf),
     /// A scene in memory.
-    Scene(Box<Loaded>),
+    Scene(Box<ImportedScene>),
 }
 
 impl BakeInput {
     /// A scene in memory.
-    pub fn scene(scene: impl Into<Loaded>) -> Self {
+    pub fn scene(scene: impl Into<ImportedScene>) -> Self {
         Self::Scene(Box::new(scene.into()))
     }
 }
@@ -65,7 +65,7 @@ pub struct BakeJob {
 
 /// The scene to bake, and the photos or pictures that the bake may use.
 struct Scenes {
-    scenes: Vec<Loaded>,
+    scenes: Vec<ImportedScene>,
     views: Option<Views>,
     /// The scene before hardening, for comparison.
     unhardened: Option<Unhardened>,
@@ -208,7 +208,7 @@ impl BakeJob {
     }
 
     /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
-    fn read(&self) -> Result<Vec<Loaded>> {
+    fn read(&self) -> Result<Vec<ImportedScene>> {
         let is_stream = |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
         if self.inputs.iter().filter(is_stream).count() > 1 {
             return Err(Error::invalid("inputs", "- -", "standard input once"));
@@ -216,7 +216,7 @@ impl BakeJob {
         let options = self.dataset_options.read_options(self.sh_degree());
         let read = |input: &BakeInput| match input {
             BakeInput::File(path) => formats::read(path, &options),
-            BakeInput::Scene(scene) => Ok(Loaded::clone(scene)),
+            BakeInput::Scene(scene) => Ok(ImportedScene::clone(scene)),
         };
         self.inputs.iter().map(read).collect()
     }

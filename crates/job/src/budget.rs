@@ -2,12 +2,12 @@
 
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
 use trisplat_scene::{
-    Budget, Error, Loaded, Result, Spending,
+    Budget, Error, ImportedScene, Result, Spending,
     layered::{Layered, Origin},
 };
 use trisplat_train::{
     TrainOptions,
-    budget::{Enough, Pace, Paced, PlanInput, calibrate, plan},
+    budget::{BudgetController, Paced, PlanInput, StepLimit, calibrate, plan},
 };
 
 /// Refuses options that a budget chooses, whichever layer sets them.
@@ -44,9 +44,9 @@ pub(super) struct Budgeted {
 pub(super) fn budgeted(
     dataset: Dataset,
     options: Layered<TrainOptions>,
-    from: Option<&Loaded>,
+    from: Option<&ImportedScene>,
     budget: Option<Budget>,
-    enough: Enough,
+    enough: StepLimit,
     spending: Spending,
     how: &mut DatasetOptions,
 ) -> Result<Budgeted> {
@@ -66,7 +66,7 @@ pub(super) fn budgeted(
         ..PlanInput::new(&dataset, &options, budget, spending.seconds(), calibration)
     };
     let plan = plan(&input)?;
-    let pace = Pace::new(&input, &plan, spending.seconds());
+    let pace = BudgetController::new(&input, &plan, spending.seconds());
     let options = plan.apply(&options);
     let dataset = match plan.max_size {
         Some(_) => {

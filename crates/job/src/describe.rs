@@ -7,7 +7,7 @@ use trisplat_formats::{
     info::{BakeInfo, Info, info_of_content},
 };
 use trisplat_scene::{
-    Loaded, Result,
+    ImportedScene, Result,
     report::{self, Outcome},
 };
 
@@ -23,7 +23,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
 }
 
 /// Triangles that the default bake would keep; `None` when its first stage fails.
-fn would_bake(loaded: Loaded) -> Option<BakeInfo> {
+fn would_bake(loaded: ImportedScene) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
     let mut details = PruneDetails::default();
     match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {

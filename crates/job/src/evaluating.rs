@@ -8,7 +8,7 @@ use trisplat_eval::{
     steps::{self, EvalStep},
 };
 use trisplat_formats as formats;
-use trisplat_scene::{Result, image::Pixels};
+use trisplat_scene::{Result, image::RgbImage};
 use trisplat_train::BackendOptions;
 
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
@@ -126,7 +126,7 @@ impl<'a> ReadyEval<'a> {
     /// Errors: photos that cannot be decoded; those of `on_view`.
     pub fn run(
         mut self,
-        mut on_view: impl FnMut(&Pixels, &[ScoredPicture]) -> Result<()>,
+        mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
         let covered = match self.steps.first_mut().filter(|_| self.job.coverage) {
@@ -138,7 +138,7 @@ impl<'a> ReadyEval<'a> {
             None => Vec::new(),
         };
         let (steps, views) = (&mut self.steps, &self.views);
-        let on_view = |_: &View, photo: &Pixels, drawn: &[ScoredPicture]| on_view(photo, drawn);
+        let on_view = |_: &View, photo: &RgbImage, drawn: &[ScoredPicture]| on_view(photo, drawn);
         let scores = evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, on_view)?;
         let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
         let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);

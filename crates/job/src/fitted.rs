@@ -6,7 +6,7 @@ use trisplat_bake::{
     refit::RefitColors,
 };
 use trisplat_formats::output::{self, Output};
-use trisplat_scene::{Asset, Loaded, Result, report::Report};
+use trisplat_scene::{Asset, ImportedScene, Result, report::Report};
 
 /// A bake, its options and its report so far.
 pub(super) struct Fitted {
@@ -21,7 +21,7 @@ pub(super) struct Fitted {
 /// Errors: those of a bake and of writing; a limit that not even one triangle meets.
 pub(super) fn fitted(
     limit: u64,
-    scenes: &[Loaded],
+    scenes: &[ImportedScene],
     mut views: Option<&mut Views>,
     options: &BakeOptions,
     output: &Output,
@@ -67,7 +67,7 @@ fn plain(options: &BakeOptions) -> BakeOptions {
 }
 
 /// The scenes without cameras, unless cameras define the crop. Without cameras, triangles are ranked by size.
-fn sightless(scenes: &[Loaded], options: &BakeOptions) -> Vec<Loaded> {
+fn sightless(scenes: &[ImportedScene], options: &BakeOptions) -> Vec<ImportedScene> {
     let mut scenes = scenes.to_vec();
     if options.crop.crop.is_empty() {
         scenes.iter_mut().for_each(|scene| scene.cameras.clear());

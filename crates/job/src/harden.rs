@@ -6,7 +6,7 @@ use std::time::Instant;
 use trisplat_bake::{Views, is_solid, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::{
-    Error, Loaded, Result, Scene,
+    Error, ImportedScene, Result, Scene,
     report::{Counts, StageDetails, StageReport},
 };
 use trisplat_teacher as teacher;
@@ -58,7 +58,7 @@ impl HardenOptions {
 /// A hardened scene.
 pub(super) struct Hardened {
     /// The solid scene.
-    pub(super) scene: Loaded,
+    pub(super) scene: ImportedScene,
     /// Soft pictures of the original scene, when there are no photos.
     pub(super) pictures: Option<Views>,
     /// Report stage of the training.
@@ -67,7 +67,7 @@ pub(super) struct Hardened {
 
 impl Hardened {
     /// `scene` unchanged, and the reason.
-    pub(super) fn needless(scene: Loaded, why: &str) -> Self {
+    pub(super) fn needless(scene: ImportedScene, why: &str) -> Self {
         let triangles = scene.scene.triangle_count() as u64;
         let counts = Counts { triangles, vertices: 3 * triangles };
         let stage = StageReport {
@@ -80,7 +80,7 @@ impl Hardened {
 }
 
 /// Why `scene` need not be hardened, if it is solid.
-pub(crate) fn needless(scene: &Loaded) -> Option<&'static str> {
+pub(crate) fn needless(scene: &ImportedScene) -> Option<&'static str> {
     match &scene.scene {
         Scene::Mesh(_) => Some("the input is a mesh: its triangles are solid"),
         Scene::Soup(soup) => is_solid(soup).then_some("the scene is solid already"),
@@ -91,7 +91,7 @@ pub(crate) fn needless(scene: &Loaded) -> Option<&'static str> {
 ///
 /// Errors: no cameras to draw from, undecodable photos, a stopped run.
 pub(super) fn harden(
-    (path, soft): (&Path, Loaded),
+    (path, soft): (&Path, ImportedScene),
     photos: Option<&Dataset>,
     how: &DatasetOptions,
     options: &TrainOptions,

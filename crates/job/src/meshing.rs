@@ -7,7 +7,7 @@ use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_scene::{
-    Asset, Budget, Error, Loaded, Result, Seconds,
+    Asset, Budget, Error, ImportedScene, Result, Seconds,
     process::cpu_secs,
     report::{Observer, Report},
 };
@@ -21,7 +21,7 @@ const TRAINING: Seconds = Seconds(30.0);
 #[derive(Debug, Clone)]
 pub struct MeshJob {
     /// The scene; without it, one is trained on the photos first.
-    pub scene: Option<Loaded>,
+    pub scene: Option<ImportedScene>,
     /// Photos, whose cameras decide what the surface is, and which textures show.
     pub photos: Option<Dataset>,
     /// Options that they were read with. Their limits bound the memory of the distance field.
@@ -34,7 +34,7 @@ pub struct MeshJob {
 
 impl MeshJob {
     /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
-    pub fn new(scene: Option<Loaded>, photos: Option<Dataset>, options: MeshOptions) -> Self {
+    pub fn new(scene: Option<ImportedScene>, photos: Option<Dataset>, options: MeshOptions) -> Self {
         Self { scene, photos, dataset_options: DatasetOptions::default(), options, budget: TRAINING }
     }
 

@@ -10,14 +10,14 @@ use trisplat_dataset::Dataset;
 use trisplat_eval::{BakedScene, SceneRenderer, evaluate::Scores};
 use trisplat_formats::{self as formats, ReadOptions, WrittenFiles, output::OutputOptions};
 use trisplat_scene::{
-    Asset, Error, Limits, Loaded, Placement, Result, Scene, camera::Camera, image::Pixels, placed,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, camera::Camera, image::RgbImage, placed,
     report::Report,
 };
 
 /// Reads a scene of any format, with all of its colours.
 ///
 /// Errors: a file that is missing, damaged, above the default limits, or of another kind.
-pub fn read(path: impl AsRef<Path>) -> Result<Loaded> {
+pub fn read(path: impl AsRef<Path>) -> Result<ImportedScene> {
     formats::read(path.as_ref(), &ReadOptions::default())
 }
 
@@ -56,7 +56,7 @@ impl Deref for Baked {
 /// Bakes a scene for an engine, without photos; [`BakeJob`] takes photos, files and an observer.
 ///
 /// Errors: options out of range, nothing left to draw.
-pub fn bake(scene: impl Into<Loaded>, options: &BakeOptions) -> Result<Baked> {
+pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Baked> {
     let done = BakeJob::new([BakeInput::scene(scene)], options.clone()).run(&mut ())?;
     let (output, has_tiles) = (options.output.clone(), options.tiles.tiles);
     Ok(Baked { asset: done.asset, report: done.report, output, has_tiles })
@@ -77,7 +77,7 @@ pub enum Draw {
 /// What `camera`, in the coordinates of the scene, sees of it over black. [`RenderJob`](super::RenderJob) draws many pictures.
 ///
 /// Errors: a mesh drawn soft; samples other than 1, 2 or 4; a picture above the default limits; nothing to draw.
-pub fn draw(scene: &Loaded, camera: &Camera, how: Draw) -> Result<Pixels> {
+pub fn draw(scene: &ImportedScene, camera: &Camera, how: Draw) -> Result<RgbImage> {
     let (whole, black) = (&Placement::IDENTITY, [0.0; 3]);
     let (mut renderer, camera) = match (how, &scene.scene) {
         (Draw::Soft, Scene::Soup(soup)) => (SceneRenderer::soft(soup.clone(), whole, None, black), *camera),

@@ -1,7 +1,7 @@
 //! A run that is stopped before its own first step, in a training that its preparation needs. The checkpoint of that training holds
 //! the run too, so `resume` continues there, and the run ends as if it had not been stopped.
 
-use super::watched::{Watched, WatchedTraining};
+use super::watched::{TrialRun, WatchedTraining};
 use serde::{Deserialize, Serialize};
 use trisplat_scene::{Budget, Error, Result, Spending, layered::Layered, report::counted};
 use trisplat_train::{Checkpoint, PreparedRun, RunOptions, TrainOptions, TrainRun, Trained};
@@ -32,7 +32,7 @@ pub(super) enum PreparationPart {
     /// The training of teachers.
     Teachers {
         /// Result of the short trainings, if there were any.
-        watched: Option<Watched>,
+        watched: Option<TrialRun>,
         /// The teacher under way.
         place: TeacherPlace,
     },

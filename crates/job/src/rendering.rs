@@ -7,8 +7,8 @@ use trisplat_eval::{RenderMode, RenderOptions, SceneRenderer, SplatsRenderer, st
 use trisplat_formats::{self as formats, Content, splats::cameras};
 use trisplat_raster::{framing::Surroundings, framing::surroundings::up_of};
 use trisplat_scene::{
-    Error, Loaded, LoadedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
-    image::Pixels, placed,
+    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
+    image::RgbImage, placed,
 };
 use trisplat_train::BackendOptions;
 use trisplat_view::orbit;
@@ -120,14 +120,14 @@ impl RenderJob {
         }
     }
 
-    fn prepare_scene(self, loaded: Loaded, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+    fn prepare_scene(self, loaded: ImportedScene, dataset: Option<&Dataset>) -> Result<ReadyRender> {
         let mut loaded = solid_if_asked(&self, loaded)?;
         let listed = self.listed_cameras(&loaded.provenance.placement)?;
         if !listed.is_empty() {
             loaded.cameras = listed.iter().map(|(_, camera)| *camera).collect();
         }
         let cameras = self.choose_cameras(&loaded, listed, dataset)?;
-        let Loaded { scene, provenance, .. } = loaded;
+        let ImportedScene { scene, provenance, .. } = loaded;
         let renderer = renderer(&self, scene, &provenance.placement, dataset);
         let limits = &self.dataset_options.limits;
         cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
@@ -135,7 +135,7 @@ impl RenderJob {
     }
 
     /// Gaussians are drawn in the frame of their file.
-    fn prepare_splats(self, mut loaded: LoadedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
+    fn prepare_splats(self, mut loaded: ImportedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
         check_splats(&self)?;
         let placement = loaded.provenance.placement;
         if self.cameras.is_some() {
@@ -165,7 +165,7 @@ impl RenderJob {
     /// The cameras of the pictures: in the data set's world, or in the file's frame without one.
     fn choose_cameras(
         &self,
-        loaded: &Loaded,
+        loaded: &ImportedScene,
         listed: Vec<(String, Camera)>,
         dataset: Option<&Dataset>,
     ) -> Result<Vec<(String, Camera)>> {
@@ -224,7 +224,7 @@ impl ReadyRender {
     /// Draws one picture.
     ///
     /// Errors: layer counts of a solid drawing.
-    pub fn draw(&mut self, camera: usize) -> Result<Pixels> {
+    pub fn draw(&mut self, camera: usize) -> Result<RgbImage> {
         let camera = &self.cameras[camera].1;
         let renderer = match &mut self.renderer {
             Renderer::Scene(renderer) => renderer,
@@ -280,12 +280,12 @@ fn random_subset(job: &RenderJob) -> impl Fn(usize) -> bool {
 }
 
 /// Reads the scene; bakes a soup for a solid renderer.
-fn solid_if_asked(job: &RenderJob, loaded: Loaded) -> Result<Loaded> {
+fn solid_if_asked(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScene> {
     match (&loaded.scene, job.render.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(steps::no_soup(&job.file)),
         (Scene::Soup(_), Some(RenderMode::Solid)) => {
             let asset = steps::baked(loaded)?;
-            Ok(Loaded {
+            Ok(ImportedScene {
                 scene: Scene::Mesh(asset.mesh),
                 provenance: asset.provenance,
                 warnings: Vec::new(),
@@ -325,7 +325,7 @@ fn renderer(
 /// A circle of cameras around the subject, in the data set's world, or in the file's frame without one.
 fn orbit_cameras(
     job: &RenderJob,
-    loaded: &Loaded,
+    loaded: &ImportedScene,
     dataset: Option<&Dataset>,
     count: u32,
 ) -> Result<Vec<(String, Camera)>> {

@@ -7,13 +7,13 @@ use super::teacher::{
     ALL_TEACHERS_SHARE, BUDGET_SHARE, MOST_TEACHERS, enough_for_teacher, soft_scene, teacher_budget,
     teacher_files, teacher_options,
 };
-use super::watched::Watched;
+use super::watched::TrialRun;
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::{
-    Budget, Loaded, Result,
+    Budget, ImportedScene, Result,
     layered::Layered,
     report::{StageDetails, StageReport},
 };
@@ -22,7 +22,7 @@ use trisplat_train::{BackendOptions, Checkpoint, OpenRun, TrainOptions, TrainRun
 /// The trained teachers of a run.
 pub(super) struct Teachers {
     /// Their scenes.
-    pub(super) scenes: Vec<Loaded>,
+    pub(super) scenes: Vec<ImportedScene>,
     /// Report stage of their training.
     pub(super) stage: StageReport,
 }
@@ -39,7 +39,7 @@ pub(super) struct TaughtRun<'a> {
     /// Where and how teachers are stored when they are stopped.
     pub(super) storing: Storing,
     /// Result of the short trainings.
-    pub(super) watched: Option<Watched>,
+    pub(super) watched: Option<TrialRun>,
     /// The file that keeps the first finished teacher.
     pub(super) file: Option<&'a Path>,
     /// Whether the teacher was requested.
@@ -62,7 +62,7 @@ struct Remaining {
     /// The next teacher.
     place: TeacherPlace,
     /// Those before it.
-    scenes: Vec<Loaded>,
+    scenes: Vec<ImportedScene>,
 }
 
 impl TaughtRun<'_> {

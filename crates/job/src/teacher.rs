@@ -9,11 +9,11 @@ use std::str::FromStr;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_scene::{
-    Budget, Error, Loaded, Result, Seconds,
+    Budget, Error, ImportedScene, Result, Seconds,
     layered::{Layered, Layers},
 };
 use trisplat_teacher as teacher;
-use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::Enough};
+use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::StepLimit};
 
 /// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;
@@ -135,9 +135,9 @@ fn weight(photos: usize) -> f64 {
 }
 
 /// Limits of a run on `photos` with a teacher of this `weight`; `length` is the teacher's training time as a share of the longest.
-pub(super) fn enough(photos: usize, weight: f64, length: f64) -> Enough {
+pub(super) fn enough(photos: usize, weight: f64, length: f64) -> StepLimit {
     let (steps, triangles_per_step) = worth(STEPS_PER_PHOTO, photos, weight, length);
-    Enough { steps: Some(steps), triangles_per_step, ..Enough::default() }
+    StepLimit { steps: Some(steps), triangles_per_step, ..StepLimit::default() }
 }
 
 /// Most steps and triangles per step: shorter runs keep the number of triangles.
@@ -145,14 +145,14 @@ fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u
     let per_photo = short + length * (long - short);
     // A float that is too large becomes the largest integer.
     let steps = (per_photo * photos as f64 / weight) as u64;
-    (steps, Enough::default().triangles_per_step * long / per_photo)
+    (steps, StepLimit::default().triangles_per_step * long / per_photo)
 }
 
 /// Limits of a teacher.
-pub(super) fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> Enough {
+pub(super) fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> StepLimit {
     let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
-    Enough { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
+    StepLimit { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
 }
 
 /// Default share of the steps on pictures of a teacher of this weight; at least a minimum if `asked` for.
@@ -246,7 +246,7 @@ pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
 /// Errors: no room on the disk.
 pub(super) fn with_pictures(
     photos: &Dataset,
-    scenes: &[Loaded],
+    scenes: &[ImportedScene],
     share: f64,
     options: &TrainOptions,
     how: &DatasetOptions,
@@ -260,7 +260,7 @@ pub(super) fn with_pictures(
 /// The soft scene of a file, and further teachers beside it if a run named it.
 ///
 /// Errors: a file that cannot be read, a scene that is solid.
-pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<Loaded>> {
+pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<ImportedScene>> {
     let mut scenes = vec![soft_scene(path, how)?];
     // Files beside any other name may be unrelated.
     if path.to_string_lossy().ends_with(TEACHER_FILE) {
@@ -274,7 +274,7 @@ pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<Loade
 /// The soft scene of a file.
 ///
 /// Errors: a file that cannot be read, a scene that is solid.
-pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<Loaded> {
+pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<ImportedScene> {
     let scene = formats::read(path, &how.read_options(3))?;
     match harden::needless(&scene) {
         Some(_) => {
@@ -357,12 +357,12 @@ mod tests {
     #[test]
     fn fewer_steps_are_made_with_as_many_triangles() {
         for (enough, steps) in
-            [(enough_for_teacher as fn(_, _, _) -> Enough, [800, 1700]), (enough, [2000, 3600])]
+            [(enough_for_teacher as fn(_, _, _) -> StepLimit, [800, 1700]), (enough, [2000, 3600])]
         {
             let [short, long] = [0.0, 1.0].map(|length| enough(20, 1.0, length));
             assert_eq!([short, long].map(|enough| enough.steps), steps.map(Some));
-            assert_eq!(long.triangles_per_step, Enough::default().triangles_per_step);
-            let triangles = |enough: Enough| enough.triangles_per_step * enough.steps.unwrap() as f64;
+            assert_eq!(long.triangles_per_step, StepLimit::default().triangles_per_step);
+            let triangles = |enough: StepLimit| enough.triangles_per_step * enough.steps.unwrap() as f64;
             assert!((triangles(short) - triangles(long)).abs() < 1e-6);
             assert_eq!(enough(20, 0.5, 1.0).steps, Some(2 * steps[1]));
         }

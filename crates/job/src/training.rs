@@ -6,20 +6,20 @@ use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing, T
 use super::taught::TaughtRun;
 use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
 use super::tracked;
-use super::watched::{self, Watched, WatchedTraining};
+use super::watched::{self, TrialRun, WatchedTraining};
 use super::watching::Watching;
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
 use trisplat_scene::{
-    Budget, Error, Loaded, Result, Spending,
+    Budget, Error, ImportedScene, Result, Spending,
     layered::Layered,
     report::{Report, StageDetails, StageReport},
 };
 use trisplat_train::{
     BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainRun, Trained,
-    budget::{Enough, Paced},
+    budget::{Paced, StepLimit},
 };
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
@@ -53,7 +53,7 @@ pub struct TrainJob {
     /// Training options and the layer of each; a resumed run has the options of its checkpoint.
     pub options: Layered<TrainOptions>,
     /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
-    pub from: Option<Loaded>,
+    pub from: Option<ImportedScene>,
     /// The requested teacher; `None`: the number of photos and short trainings decide.
     pub teacher: Option<TeacherSource>,
     /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: depends on the number of photos.
@@ -65,7 +65,7 @@ pub struct TrainJob {
     /// What became of the photos' poses before the run; `None` before [`TrainJob::follow_tracks`].
     pub poses: Option<StageReport>,
     /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
-    pub watched: Option<Watched>,
+    pub watched: Option<TrialRun>,
     /// Wall-clock time of the short trainings.
     pub watch_secs: f64,
     /// Start of the budget's clock; `None`: the moment the job runs.
@@ -119,7 +119,7 @@ pub struct TrainStart {
     dataset_options: DatasetOptions,
     options: TrainOptions,
     paced: Option<Paced>,
-    from: Option<Loaded>,
+    from: Option<ImportedScene>,
     backend: BackendOptions,
     outputs: RunOptions,
     resume: Option<Checkpoint>,
@@ -316,7 +316,7 @@ impl TrainJob {
     /// The run without the request for or against a teacher.
     fn undecided(&self) -> UndecidedRun {
         let photos = self.dataset.train().count();
-        let gain = |watched: &Watched| {
+        let gain = |watched: &TrialRun| {
             let steps_per_photo = self.steps() / photos.max(1) as f64;
             let (decibels, teacher_weight) =
                 (watched.solid_gain()?, watched.teacher_weight(steps_per_photo)?);
@@ -341,7 +341,7 @@ impl TrainJob {
 
     /// Training time of the teacher, as a share of the longest.
     fn teacher_length(&self) -> f64 {
-        self.watched.as_ref().and_then(Watched::teacher_length).unwrap_or(1.0)
+        self.watched.as_ref().and_then(TrialRun::teacher_length).unwrap_or(1.0)
     }
 
     /// Weight of the teacher: 1 if requested.
@@ -358,7 +358,7 @@ impl TrainJob {
         self.watch(observer)?;
         let (plan, weight, by_default) =
             (self.teacher_plan(), self.teacher_weight(), self.undecided().weight());
-        let mut enough = Enough::default();
+        let mut enough = StepLimit::default();
         let (teacher, stage) = match &plan {
             TeacherPlan::Without(why) => {
                 (None, Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone())))

@@ -3,7 +3,7 @@
 use trisplat_bake::{Bake, BakeOptions, Views, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
 use trisplat_scene::{
-    Asset, Loaded, Placement, Result,
+    Asset, ImportedScene, Placement, Result,
     report::{Report, StageDetails, StageReport},
 };
 use trisplat_teacher::{Viewpoints, between};
@@ -14,7 +14,7 @@ const JUDGED: usize = 16;
 
 /// A scene before hardening, and views that hardening does not train on.
 pub(super) struct Unhardened {
-    scene: Loaded,
+    scene: ImportedScene,
     views: Views,
     placement: Placement,
     /// The size that photos were shrunk to, if the views are photos.
@@ -23,7 +23,7 @@ pub(super) struct Unhardened {
 
 impl Unhardened {
     /// Of `scene`: with the held-out photos of `photos`, or with its soft pictures from places between those that hardening looks from.
-    pub(super) fn new(scene: &Loaded, photos: Option<&Dataset>, how: &DatasetOptions) -> Self {
+    pub(super) fn new(scene: &ImportedScene, photos: Option<&Dataset>, how: &DatasetOptions) -> Self {
         let placement = scene.provenance.placement;
         let views = match photos.filter(|photos| photos.views.iter().any(|view| view.test)) {
             Some(photos) => {

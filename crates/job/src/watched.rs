@@ -50,7 +50,7 @@ const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
 
 /// What short trainings say of photos that they left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Watched {
+pub struct TrialRun {
     /// The photos that were left out.
     pub photos: Vec<String>,
     /// How close two solid trainings came to them; null where it was clear that there is a teacher.
@@ -68,7 +68,7 @@ pub struct WatchedTraining {
     pub psnr: f64,
 }
 
-impl StageDetails for Watched {
+impl StageDetails for TrialRun {
     const STAGE: &str = "watched";
 }
 
@@ -82,7 +82,7 @@ fn rise(gain: f64, [little, much]: [f64; 2]) -> f64 {
     ((gain - little) / (much - little)).clamp(0.0, 1.0)
 }
 
-impl Watched {
+impl TrialRun {
     /// Gain of more steps in solid scenes, dB; `None` if not measured.
     pub fn solid_gain(&self) -> Option<f64> {
         gain(self.solid)
@@ -181,11 +181,12 @@ mod tests {
 
     #[test]
     fn a_teacher_counts_where_more_steps_gain_little() {
-        let within = |gain, steps| Watched { solid: pair(gain), ..Watched::default() }.teacher_weight(steps);
+        let within =
+            |gain, steps| TrialRun { solid: pair(gain), ..TrialRun::default() }.teacher_weight(steps);
         let weight = |gain| within(gain, 200.0);
         assert_eq!([-1.0, 0.5, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
         assert!(weight(0.85).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
-        assert_eq!((weight(f64::NAN), Watched::default().teacher_weight(200.0)), (None, None));
+        assert_eq!((weight(f64::NAN), TrialRun::default().teacher_weight(200.0)), (None, None));
         // It counts less the fewer steps there are, and only where more of them lose.
         assert_eq!([40.0, 80.0, 150.0].map(|steps| within(0.2, steps)), [0.0, 0.0, 1.0].map(Some));
         assert_eq!(within(-0.5, 40.0), Some(1.0));
@@ -193,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_teacher_trains_longer_where_more_steps_gain_more() {
-        let length = |gain| Watched { soft: pair(gain), ..Watched::default() }.teacher_length();
+        let length = |gain| TrialRun { soft: pair(gain), ..TrialRun::default() }.teacher_length();
         assert_eq!([-1.0, 0.7, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
         assert!(length(0.3).is_some_and(|length| (length - 0.5).abs() < 1e-9));
     }
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn the_summary_says_what_was_measured() {
         let photos = ["a", "b", "c"].map(String::from).to_vec();
-        let watched = Watched { photos, solid: pair(-0.25), soft: pair(1.0) };
+        let watched = TrialRun { photos, solid: pair(-0.25), soft: pair(1.0) };
         let said = "on 3 photos left out of training, more steps change a solid scene by -0.25 dB (40 → 120 steps), \
                     a soft scene by +1.00 dB (40 → 120 steps)";
         assert_eq!(watched.summary(), said);

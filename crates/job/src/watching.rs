@@ -2,7 +2,9 @@
 
 use super::observer::TrainJobObserver;
 use super::preparation::{PreparationPart, Storing, stopped};
-use super::watched::{LONGEST_PX, SOFT_STEPS, SOLID_STEPS, TRIANGLES, Watched, WatchedTraining, is_left_out};
+use super::watched::{
+    LONGEST_PX, SOFT_STEPS, SOLID_STEPS, TRIANGLES, TrialRun, WatchedTraining, is_left_out,
+};
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_scene::Result;
@@ -51,9 +53,9 @@ impl<'a> Watching<'a> {
     }
 
     /// A result without trainings.
-    pub(super) fn nothing_yet(&self) -> Watched {
+    pub(super) fn nothing_yet(&self) -> TrialRun {
         let photos = self.photos.test().map(|view| view.name.clone()).collect();
-        Watched { photos, solid: None, soft: None }
+        TrialRun { photos, solid: None, soft: None }
     }
 
     /// Seconds since this began.

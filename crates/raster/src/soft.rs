@@ -50,7 +50,7 @@ use trisplat_scene::camera::Camera;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug)]
-pub struct Soft {
+pub struct SoftRasterizer {
     projection: Projection,
     tiles: Tiles,
     pixels: Vec<TilePixels>,
@@ -62,7 +62,7 @@ pub struct Soft {
     pairs_per_slab: u64,
 }
 
-impl Default for Soft {
+impl Default for SoftRasterizer {
     fn default() -> Self {
         Self {
             projection: Projection::default(),
@@ -96,7 +96,7 @@ impl Clock {
     }
 }
 
-impl Soft {
+impl SoftRasterizer {
     /// A rasteriser without scratch memory.
     pub fn new() -> Self {
         Self::default()

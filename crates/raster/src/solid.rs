@@ -49,13 +49,13 @@ use std::time::Instant;
 use timing::PartTimes;
 use trisplat_scene::{
     camera::Camera,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
     mesh::Mesh,
 };
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug)]
-pub struct Solid {
+pub struct SolidRasterizer {
     batches: Vec<Batch>,
     visibility: Visibility,
     timings: Vec<(&'static str, f64)>,
@@ -63,7 +63,7 @@ pub struct Solid {
     pairs_per_round: usize,
 }
 
-impl Default for Solid {
+impl Default for SolidRasterizer {
     fn default() -> Self {
         Self {
             batches: Vec::new(),
@@ -74,7 +74,7 @@ impl Default for Solid {
     }
 }
 
-impl Solid {
+impl SolidRasterizer {
     /// A rasteriser without scratch memory.
     pub fn new() -> Self {
         Self::default()
@@ -83,9 +83,9 @@ impl Solid {
     /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
-    pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Pixels {
+    pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> RgbImage {
         let (size, rgb) = self.shaded(mesh, camera, options);
-        Pixels { size, rgb, alpha: None }
+        RgbImage { size, rgb, alpha: None }
     }
 
     /// The same picture before its colours are rounded to 8 bits, sRGB-encoded.
@@ -188,11 +188,11 @@ mod tests {
         let (mesh, camera) = (deep(6000), camera());
         for samples in [1, 2] {
             let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
-            let mut whole = Solid { pairs_per_round: usize::MAX, ..Solid::default() };
+            let mut whole = SolidRasterizer { pairs_per_round: usize::MAX, ..SolidRasterizer::default() };
             let picture = whole.render(&mesh, &camera, &options);
             whole.visibility(&mesh, &camera, &options);
             for pairs_per_round in [1, 5000, 40_000] {
-                let mut rounds = Solid { pairs_per_round, ..Solid::default() };
+                let mut rounds = SolidRasterizer { pairs_per_round, ..SolidRasterizer::default() };
                 assert!(rounds.render(&mesh, &camera, &options) == picture, "{pairs_per_round}");
                 assert!(*rounds.visibility(&mesh, &camera, &options) == whole.visibility);
             }
@@ -204,7 +204,7 @@ mod tests {
         let flat = |z: f32| [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)];
         let positions = (0..20_000).flat_map(|i| flat(2.0 + 1e-4 * (i * 7919 % 20_000) as f32)).collect();
         let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 20_000]), ..Mesh::default() };
-        let mut solid = Solid { pairs_per_round: 2000, ..Solid::default() };
+        let mut solid = SolidRasterizer { pairs_per_round: 2000, ..SolidRasterizer::default() };
         let seen = solid.visibility(&mesh, &camera(), &SolidRasterOptions::default());
         assert!(seen.face.iter().all(|face| *face == 0));
         let held: usize = solid.batches.iter().flat_map(|b| &b.bins).map(|bin| bin.large.capacity()).sum();

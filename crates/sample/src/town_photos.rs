@@ -8,7 +8,7 @@ use serde_json::json;
 use std::io::Write;
 use std::path::Path;
 use trisplat_formats::ply;
-use trisplat_raster::solid::{NO_FACE, Solid, SolidRasterOptions};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Asset, Error, Provenance, Result, Rng, UpAxis,
     atomic::AtomicFile,
@@ -58,7 +58,7 @@ pub fn write(folder: &Path, options: &TownOptions) -> Result<()> {
     let mesh = town(options.lots, options.seed);
     let cameras: Vec<Camera> = (0..options.views).map(|i| camera(options, i)).collect();
     let drawing = SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: 0.05 };
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     for (i, camera) in cameras.iter().enumerate() {
         solid.render(&mesh, camera, &drawing).save_png(images.join(photo_name(i)))?;
     }
@@ -159,7 +159,7 @@ fn frame(index: usize, camera: &Camera) -> serde_json::Value {
 /// The cloud: surface points at some pixels of some photos, as PLY text.
 fn points(mesh: &Mesh, cameras: &[Camera], options: &TownOptions) -> String {
     let drawing = SolidRasterOptions { samples: 1, near: 0.05, ..SolidRasterOptions::default() };
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let mut rows = Vec::new();
     for (i, camera) in cameras.iter().enumerate() {
         let from = options.points as usize * i / cameras.len();

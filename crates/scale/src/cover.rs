@@ -6,8 +6,8 @@ use super::region::{Region, middle};
 use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use trisplat_raster::soft::{Importance, Soft, SoftOptions, SoupRef};
-use trisplat_scene::{Soup, Space, camera::Camera, sh0_from_rgb};
+use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_scene::{SceneNormalization, Soup, camera::Camera, sh0_from_rgb};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;
@@ -27,14 +27,14 @@ pub(super) struct Coverage<'a> {
     middles: &'a [Vec3],
     /// The block that owns each triangle.
     owners: &'a [u32],
-    space: Space,
+    space: SceneNormalization,
     options: SoftOptions,
 }
 
 /// What a thread draws with: the triangles that one camera may see.
 #[derive(Default)]
 pub(super) struct Brush {
-    soft: Soft,
+    soft: SoftRasterizer,
     soup: Soup,
     /// Their numbers in the scene.
     numbers: Vec<u32>,
@@ -60,7 +60,7 @@ impl<'a> Coverage<'a> {
         soup: &Soup,
         middles: &'a [Vec3],
         owners: &'a [u32],
-        space: Space,
+        space: SceneNormalization,
         options: &SoftOptions,
     ) -> Self {
         let mut cells = Cells::new(soup, middles, |soup| {
@@ -258,9 +258,10 @@ mod tests {
         let middles = middles(&soup);
         let regions: Vec<Region> = Region::EVERYWHERE.cut(0, 200.0).into();
         let owners = owners(&middles, &regions);
-        let space = Space { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
+        let space = SceneNormalization { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
         let coverage = Coverage::new(&soup, &middles, &owners, space, &SoftOptions::default());
-        let (mut brush, mut soft, mut whole) = (Brush::default(), Soft::new(), Importance::default());
+        let (mut brush, mut soft, mut whole) =
+            (Brush::default(), SoftRasterizer::new(), Importance::default());
         for camera in cameras() {
             let small = coverage.draw(&mut brush, &camera);
             let options = SoftOptions { importance: true, ..coverage.options };

@@ -9,7 +9,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::DatasetOptions;
 use trisplat_scene::{
-    Error, Limits, Result, Space,
+    Error, Limits, Result, SceneNormalization,
     atomic::{AtomicFile, folder_of, sweep_folder},
     input,
 };
@@ -164,8 +164,8 @@ impl Manifest {
     }
 
     /// Training space.
-    pub fn space(&self) -> Space {
-        Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
+    pub fn space(&self) -> SceneNormalization {
+        SceneNormalization { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
 
     /// How block `index` is trained.
@@ -308,7 +308,7 @@ fn is_of_a_plan(name: &str) -> bool {
 
 impl Block {
     /// The core, in training space, with its budget.
-    pub(super) fn training_core(&self, space: &Space) -> Core {
+    pub(super) fn training_core(&self, space: &SceneNormalization) -> Core {
         let axes = [0, 1, 2];
         let to = |side: Option<f32>, a: usize| Some((side? - space.center[a]) * space.scale);
         let Region { low, high } = self.core;

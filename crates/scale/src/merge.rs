@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use trisplat_dataset::ShrunkSize;
 use trisplat_formats::{self as formats, ReadOptions, ply::SoupWriter};
 use trisplat_scene::{
-    Error, Limits, Loaded, Provenance, Result, Scene, Soup, atomic::AtomicFile, camera::Camera,
+    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, atomic::AtomicFile, camera::Camera,
 };
 
 /// What a merge measured at the borders of blocks.
@@ -114,7 +114,7 @@ impl Blocks {
     pub fn read(&self, index: usize) -> Result<(OwnedBlock, BlockSeams)> {
         let path = self.path(index);
         let options = ReadOptions { sh_degree: 3, limits: self.limits, ..ReadOptions::default() };
-        let Loaded { scene, provenance, cameras, .. } = formats::read(&path, &options)?;
+        let ImportedScene { scene, provenance, cameras, .. } = formats::read(&path, &options)?;
         let Scene::Soup(mut soup) = scene else {
             return Err(Error::unsupported(
                 &path,

@@ -13,7 +13,9 @@ use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_scene::{Error, Limits, Loaded, Result, Scene, Soup, Space, atomic::AtomicFile, camera::Camera};
+use trisplat_scene::{
+    Error, ImportedScene, Limits, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
+};
 use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, TrainPreset, Trained};
 
 /// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
@@ -121,7 +123,7 @@ impl Planner<'_> {
         &self,
         file: &mut AtomicFile,
         photos: Vec<PlannedPhoto>,
-        coarse: Option<(&Path, &Loaded)>,
+        coarse: Option<(&Path, &ImportedScene)>,
         max_bytes: Option<u64>,
     ) -> Result<Manifest> {
         let options = self.whole;
@@ -242,9 +244,9 @@ fn check_memory(what: &str, expected: Expected, max_bytes: Option<u64>) -> Resul
 /// Cuts a coarse scene.
 struct Cutter<'a> {
     planner: &'a Planner<'a>,
-    scene: &'a Loaded,
+    scene: &'a ImportedScene,
     soup: &'a Soup,
-    space: Space,
+    space: SceneNormalization,
     views: &'a [&'a View],
     cameras: &'a [Camera],
     middles: Vec<Vec3>,
@@ -253,7 +255,7 @@ struct Cutter<'a> {
 impl<'a> Cutter<'a> {
     fn new(
         planner: &'a Planner<'a>,
-        scene: &'a Loaded,
+        scene: &'a ImportedScene,
         views: &'a [&'a View],
         cameras: &'a [Camera],
     ) -> Result<Self> {
@@ -263,8 +265,8 @@ impl<'a> Cutter<'a> {
         let middles = middles(soup);
         let points = &planner.dataset.points;
         let space = match points.is_empty() {
-            true => Space::new(cameras, &middles),
-            false => Space::of(cameras, points.len(), |i| points[i].position),
+            true => SceneNormalization::new(cameras, &middles),
+            false => SceneNormalization::of(cameras, points.len(), |i| points[i].position),
         };
         Ok(Self { planner, scene, soup, space, views, cameras, middles })
     }

@@ -8,10 +8,12 @@ use trisplat_bake::is_solid;
 use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, View};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_raster::{
-    soft::{Soft, SoftOptions, SoupRef, Window},
-    solid::Solid,
+    soft::{SoftOptions, SoftRasterizer, SoupRef, Window},
+    solid::SolidRasterizer,
 };
-use trisplat_scene::{Error, Loaded, Result, Scene, Soup, Space, camera::Camera, math::metric};
+use trisplat_scene::{
+    Error, ImportedScene, Result, Scene, SceneNormalization, Soup, camera::Camera, math::metric,
+};
 use trisplat_train::EvalScene;
 
 /// Compares each of `scenes`, a name for the report and a file, with the held-out photos of the plan. A pixel is at a seam when it shows, by the coarse scene, what two blocks
@@ -28,7 +30,7 @@ pub fn compare(blocks: &Blocks, scenes: &[(&Path, &Path)], how: &DatasetOptions)
     }
     let cameras: Vec<Camera> = dataset.train().map(|view| view.camera).collect();
     let points: Vec<Vec3> = dataset.points.iter().map(|point| point.position).collect();
-    let space = if plan.coarse.is_some() { plan.space() } else { Space::new(&cameras, &points) };
+    let space = if plan.coarse.is_some() { plan.space() } else { SceneNormalization::new(&cameras, &points) };
     let drawing = plan.options.drawing(plan.dataset_options.background.to_f32());
     let mut photos = Photos::new(views.iter().map(|view| view.photo.clone()).collect(), how.photo_bytes());
     let masks = masks(blocks, &views, space, &drawing)?;
@@ -40,7 +42,8 @@ pub fn compare(blocks: &Blocks, scenes: &[(&Path, &Path)], how: &DatasetOptions)
         let mut sums = Sums::default();
         for (i, view) in views.iter().enumerate() {
             let camera = space.camera_to_training(&view.camera);
-            let picture = drawn.draw(&camera, &drawing, &mut Soft::new(), &mut Solid::new());
+            let picture =
+                drawn.draw(&camera, &drawing, &mut SoftRasterizer::new(), &mut SolidRasterizer::new());
             sums.add(&picture.rgb, &photos.take(i)?.rgb, &masks[i]);
         }
         Ok(sums.quality(scene, &views))
@@ -48,7 +51,7 @@ pub fn compare(blocks: &Blocks, scenes: &[(&Path, &Path)], how: &DatasetOptions)
     scenes.iter().map(compared).collect()
 }
 
-fn soup_of(path: &Path, loaded: Loaded) -> Result<Soup> {
+fn soup_of(path: &Path, loaded: ImportedScene) -> Result<Soup> {
     match loaded.scene {
         Scene::Soup(soup) => Ok(soup),
         Scene::Mesh(_) => Err(Error::unsupported(path, "is a mesh; give the soup that it was baked from")),
@@ -56,7 +59,12 @@ fn soup_of(path: &Path, loaded: Loaded) -> Result<Soup> {
 }
 
 /// Which pixels of each view are at a seam. `[views][H * W]`
-fn masks(blocks: &Blocks, views: &[&View], space: Space, drawing: &SoftOptions) -> Result<Vec<Vec<bool>>> {
+fn masks(
+    blocks: &Blocks,
+    views: &[&View],
+    space: SceneNormalization,
+    drawing: &SoftOptions,
+) -> Result<Vec<Vec<bool>>> {
     let plan = &blocks.manifest;
     let Some(coarse) = &plan.coarse else {
         return Ok(views
@@ -69,7 +77,7 @@ fn masks(blocks: &Blocks, views: &[&View], space: Space, drawing: &SoftOptions) 
     soup.truncate_sh(0);
     space.soup_to_training(&mut soup);
     let options = SoftOptions { geometry: true, ..*drawing };
-    let mut soft = Soft::new();
+    let mut soft = SoftRasterizer::new();
     let mask = |view: &&View| {
         let camera = space.camera_to_training(&view.camera);
         let depths = &soft.render(&SoupRef::from(&soup), &camera, &options).median_depth;

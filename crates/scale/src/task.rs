@@ -11,7 +11,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::{Error, Limits, Loaded, Provenance, Result, Scene, camera::Camera};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera};
 use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 
 /// Default number of checkpoints that a task writes.
@@ -126,7 +126,7 @@ impl Task {
     /// What it starts from; `None` for a plain run.
     ///
     /// Errors: a file that is not as it was planned.
-    pub fn start(&self) -> Result<Option<Loaded>> {
+    pub fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
         let mut loaded = read_source(&self.folder, start, &self.manifest.dataset_options.limits)?;
         if let Scene::Soup(soup) = &mut loaded.scene {
@@ -205,7 +205,7 @@ pub fn unnamed(trained: Trained) -> Trained {
 }
 
 /// A soup of the plan, which must be as it was written.
-pub(super) fn read_source(folder: &Path, source: &Source, limits: &Limits) -> Result<Loaded> {
+pub(super) fn read_source(folder: &Path, source: &Source, limits: &Limits) -> Result<ImportedScene> {
     let path = folder.join(&source.file);
     if hash::of_file(&path, limits)? != source.hash {
         return Err(Error::unsupported(&path, "has changed since it was planned; plan again"));

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use trisplat_bake::{Bake, BakeOptions, BakePreset, PlaceOptions, TeacherOptions, enlarge, rank_by_size};
 use trisplat_formats::{TilesetTile, TilesetWriter, bounds, output::WriteDetails};
 use trisplat_scene::{
-    Asset, Loaded, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis, mesh::Mesh, placed,
+    Asset, ImportedScene, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis, mesh::Mesh, placed,
 };
 
 /// What was written.
@@ -61,7 +61,7 @@ fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Place
         Some(coarse) => read_source(blocks.folder(), coarse, &plan.dataset_options.limits)?,
         None => {
             let OwnedBlock { rest, provenance, cameras, .. } = blocks.read(0)?.0;
-            Loaded { provenance, cameras, ..Loaded::from(rest) }
+            ImportedScene { provenance, cameras, ..ImportedScene::from(rest) }
         }
     };
     let source = std::mem::take(&mut scene.provenance.placement);
@@ -127,7 +127,7 @@ impl City<'_> {
         }
         let to_file = |camera| placed::to_file(camera, &self.placement, DVec3::ZERO);
         let cameras = cameras.iter().map(to_file).collect();
-        let scene = Loaded { cameras, ..self.placed(rest) };
+        let scene = ImportedScene { cameras, ..self.placed(rest) };
         // It is placed already, like all others.
         let options = BakeOptions { place: PlaceOptions::DEFAULT, ..self.options.clone() };
         let asset = Bake::new(&options).run([scene])?;
@@ -139,11 +139,11 @@ impl City<'_> {
     }
 
     /// A soup in the frame of the file.
-    fn placed(&self, mut soup: Soup) -> Loaded {
+    fn placed(&self, mut soup: Soup) -> ImportedScene {
         soup.truncate_sh(0);
         let transform = self.placement.transform();
         soup.vertices.iter_mut().flatten().for_each(|corner| *corner = transform(*corner));
-        Loaded { provenance: self.provenance(), ..Loaded::from(Scene::Soup(soup)) }
+        ImportedScene { provenance: self.provenance(), ..ImportedScene::from(Scene::Soup(soup)) }
     }
 
     fn provenance(&self) -> Provenance {

@@ -39,11 +39,11 @@ impl Image {
     }
 
     /// The picture in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0.
-    pub fn to_pixels(&self) -> Pixels {
-        Pixels::from_rgb(self.size, &self.pixels)
+    pub fn to_pixels(&self) -> RgbImage {
+        RgbImage::from_rgb(self.size, &self.pixels)
     }
 
-    /// Writes an 8-bit PNG; see [`Pixels::save_png`].
+    /// Writes an 8-bit PNG; see [`RgbImage::save_png`].
     pub fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
         self.to_pixels().save_png(path)
     }
@@ -51,7 +51,7 @@ impl Image {
 
 /// An RGB picture of 8 bits per channel, sRGB-encoded, perhaps with a weight per pixel.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pixels {
+pub struct RgbImage {
     /// Width and height, px.
     pub size: UVec2,
     /// Rows from the top. `[H * W]`
@@ -60,7 +60,7 @@ pub struct Pixels {
     pub alpha: Option<Vec<u8>>,
 }
 
-impl Pixels {
+impl RgbImage {
     /// sRGB-encoded colours in 8 bits: clamped to [0, 1] and rounded to the nearest code; NaN becomes 0. `[H * W]`
     pub fn from_rgb(size: UVec2, rgb: &[[f32; 3]]) -> Self {
         let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
@@ -85,12 +85,12 @@ impl Pixels {
         Self::load_within(path, &Limits::DEFAULT)
     }
 
-    /// [`Pixels::load`] of a picture within `limits`.
+    /// [`RgbImage::load`] of a picture within `limits`.
     pub fn load_within(path: &Path, limits: &Limits) -> Result<Self> {
         Ok(Self::of_decoded(decode(path, limits)?))
     }
 
-    /// [`Pixels::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
+    /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
     /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF or opaque PNG at that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
@@ -266,7 +266,7 @@ impl Pixels {
     }
 
     /// Decodes a picture inside another file; `place` is for messages. Otherwise like
-    /// [`Pixels::load_within`].
+    /// [`RgbImage::load_within`].
     pub fn from_bytes(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
         Ok(Self::of_decoded(decode::decode_bytes(place, bytes, limits)?))
     }
@@ -324,9 +324,9 @@ mod tests {
     use super::*;
 
     /// A picture of many colours.
-    pub(super) fn ramp(size: UVec2) -> Pixels {
+    pub(super) fn ramp(size: UVec2) -> RgbImage {
         let at = |i: usize| [(i * 7 % 251) as u8, (i * 13 % 241) as u8, (i * 29 % 239) as u8];
-        Pixels { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
+        RgbImage { size, rgb: (0..area(size)).map(at).collect(), alpha: None }
     }
 
     #[test]
@@ -334,7 +334,7 @@ mod tests {
         // 1 2 3
         // 4 5 6
         let picture =
-            Pixels { size: UVec2::new(3, 2), rgb: (1..=6).map(|c| [c, 0, 0]).collect(), alpha: None };
+            RgbImage { size: UVec2::new(3, 2), rgb: (1..=6).map(|c| [c, 0, 0]).collect(), alpha: None };
         for (orientation, rows) in [
             (1, [[1, 2, 3], [4, 5, 6]].concat()),
             (2, [[3, 2, 1], [6, 5, 4]].concat()),
@@ -355,7 +355,7 @@ mod tests {
     #[test]
     fn alpha_blends_with_the_background() {
         let picture =
-            Pixels { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
+            RgbImage { size: UVec2::new(3, 1), rgb: vec![[200; 3]; 3], alpha: Some(vec![255, 0, 51]) };
         let flat = picture.over([100, 0, 255]);
         assert_eq!(flat.rgb, [[200, 200, 200], [100, 0, 255], [120, 40, 244]]);
         assert_eq!(flat.alpha, None);
@@ -367,11 +367,11 @@ mod tests {
         let path = folder.path().join("picture.png");
         let mut picture = ramp(UVec2::new(9, 5));
         picture.save_png(&path).unwrap();
-        assert_eq!(Pixels::load(&path).unwrap(), picture);
-        assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), picture.size);
+        assert_eq!(RgbImage::load(&path).unwrap(), picture);
+        assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), picture.size);
         picture.alpha = Some((0..45).collect());
         picture.save_png(&path).unwrap();
-        assert_eq!(Pixels::load(&path).unwrap(), picture);
+        assert_eq!(RgbImage::load(&path).unwrap(), picture);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
     }
 }

@@ -90,7 +90,7 @@ fn nearly_solid(mesh: &Mesh) -> Soup {
 
 /// A scene as read from a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Loaded {
+pub struct ImportedScene {
     /// The triangles.
     pub scene: Scene,
     /// Their provenance and placement.
@@ -101,7 +101,7 @@ pub struct Loaded {
     pub cameras: Vec<Camera>,
 }
 
-impl Loaded {
+impl ImportedScene {
     /// Takes the backdrop out of the mesh, when it has one.
     pub fn take_backdrop(&mut self) -> Option<Mesh> {
         let count = std::mem::take(&mut self.provenance.backdrop) as usize;
@@ -125,20 +125,20 @@ impl Loaded {
     }
 }
 
-impl From<Scene> for Loaded {
+impl From<Scene> for ImportedScene {
     /// A scene from memory instead of a file.
     fn from(scene: Scene) -> Self {
-        Loaded { scene, provenance: Provenance::default(), warnings: Vec::new(), cameras: Vec::new() }
+        ImportedScene { scene, provenance: Provenance::default(), warnings: Vec::new(), cameras: Vec::new() }
     }
 }
 
-impl From<Soup> for Loaded {
+impl From<Soup> for ImportedScene {
     fn from(soup: Soup) -> Self {
         Scene::Soup(soup).into()
     }
 }
 
-impl From<Mesh> for Loaded {
+impl From<Mesh> for ImportedScene {
     fn from(mesh: Mesh) -> Self {
         Scene::Mesh(mesh).into()
     }

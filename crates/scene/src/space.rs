@@ -15,21 +15,21 @@ const SEED: u64 = 0;
 
 /// x_training = (x_world - center) * scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Space {
+pub struct SceneNormalization {
     /// The world point that is the origin of training space.
     pub center: Vec3,
     /// Training units per world unit, > 0.
     pub scale: f32,
 }
 
-impl Space {
+impl SceneNormalization {
     /// The space of these cameras and points. Without a point in front of a camera the unit is the
     /// cameras' spread; without that it is the world's.
     pub fn new(cameras: &[Camera], points: &[Vec3]) -> Self {
         Self::of(cameras, points.len(), |i| points[i])
     }
 
-    /// Like [`Space::new`], for `count` points that are not in a list, because only few are used.
+    /// Like [`SceneNormalization::new`], for `count` points that are not in a list, because only few are used.
     pub fn of(cameras: &[Camera], count: usize, point: impl Fn(usize) -> Vec3) -> Self {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
@@ -111,14 +111,14 @@ mod tests {
         let points: Vec<Vec3> = (0..50)
             .map(|i| Vec3::new((i % 5) as f32 * 0.1, (i % 7) as f32 * 0.1, 3.0 + i as f32 * 0.01))
             .collect();
-        let base = Space::new(&[camera(Vec3::ZERO), camera(Vec3::X)], &points);
+        let base = SceneNormalization::new(&[camera(Vec3::ZERO), camera(Vec3::X)], &points);
         for (shift, scale) in
             [(Vec3::ZERO, 1e4f32), (Vec3::new(100.0, -50.0, 20.0), 1e-4), (Vec3::Y * 7.0, 3.0)]
         {
             let shift = shift * scale;
             let place = |p: Vec3| p * scale + shift;
             let moved: Vec<Vec3> = points.iter().map(|&p| place(p)).collect();
-            let space = Space::new(&[camera(place(Vec3::ZERO)), camera(place(Vec3::X))], &moved);
+            let space = SceneNormalization::new(&[camera(place(Vec3::ZERO)), camera(place(Vec3::X))], &moved);
             for (a, b) in points.iter().zip(&moved) {
                 assert!(base.to_training(*a).distance(space.to_training(*b)) < 2e-4);
             }
@@ -137,7 +137,7 @@ mod tests {
         // One camera in three stands three times as far away: the median is that of the others.
         let cameras: Vec<Camera> =
             (0..90).map(|i| camera(Vec3::Z * if i % 3 == 0 { -2.0 } else { 0.0 })).collect();
-        let space = Space::new(&cameras, &vec![Vec3::Z; 100_000]);
+        let space = SceneNormalization::new(&cameras, &vec![Vec3::Z; 100_000]);
         assert_eq!(space.scale, 1.0);
         assert_eq!(pairs(7, 3).collect::<std::collections::HashSet<_>>().len(), 21);
         assert_eq!(pairs(0, 5).count() + pairs(5, 0).count(), 0);
@@ -145,13 +145,13 @@ mod tests {
 
     #[test]
     fn a_lone_camera_without_points_keeps_the_worlds_unit() {
-        let space = Space::new(&[camera(Vec3::new(5.0, 0.0, 0.0))], &[]);
-        assert_eq!(space, Space { center: Vec3::new(5.0, 0.0, 0.0), scale: 1.0 });
+        let space = SceneNormalization::new(&[camera(Vec3::new(5.0, 0.0, 0.0))], &[]);
+        assert_eq!(space, SceneNormalization { center: Vec3::new(5.0, 0.0, 0.0), scale: 1.0 });
     }
 
     #[test]
     fn leaving_undoes_entering() {
-        let space = Space { center: Vec3::new(1.0, 2.0, 3.0), scale: 0.25 };
+        let space = SceneNormalization { center: Vec3::new(1.0, 2.0, 3.0), scale: 0.25 };
         let corners = [Vec3::X, Vec3::Y, Vec3::new(9.0, -4.0, 2.0)];
         let mut soup = Soup { vertices: vec![corners], ..Soup::default() };
         space.soup_to_training(&mut soup);

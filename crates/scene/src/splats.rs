@@ -4,7 +4,7 @@ use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
-use crate::scene::{Loaded, Scene};
+use crate::scene::{ImportedScene, Scene};
 use crate::soup::{Soup, rgb_from_sh0};
 use glam::{Quat, Vec3};
 
@@ -168,7 +168,7 @@ impl Splats {
 
 /// Gaussians as read from a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LoadedSplats {
+pub struct ImportedSplats {
     /// The Gaussians.
     pub splats: Splats,
     /// Their provenance and placement.
@@ -179,13 +179,13 @@ pub struct LoadedSplats {
     pub cameras: Vec<(String, Camera)>,
 }
 
-impl LoadedSplats {
-    /// Least opacity of a Gaussian in [`LoadedSplats::stand_in`].
+impl ImportedSplats {
+    /// Least opacity of a Gaussian in [`ImportedSplats::stand_in`].
     const STAND_IN_OPACITY: f32 = 0.1;
 
     /// Triangles where the Gaussians are, with the same placement and cameras, for choosing viewpoints.
-    pub fn stand_in(&self) -> Loaded {
-        Loaded {
+    pub fn stand_in(&self) -> ImportedScene {
+        ImportedScene {
             scene: Scene::Soup(self.splats.to_soup(Self::STAND_IN_OPACITY)),
             provenance: self.provenance.clone(),
             warnings: Vec::new(),

@@ -14,7 +14,7 @@ use super::pictures::pictures;
 use super::simplify::simplify;
 use super::smooth::smooth;
 use rayon::prelude::*;
-use trisplat_scene::{Limits, Loaded, Result, camera::Camera, mesh::Mesh, report::StageProgress};
+use trisplat_scene::{ImportedScene, Limits, Result, camera::Camera, mesh::Mesh, report::StageProgress};
 use trisplat_teacher::Viewpoints;
 
 /// Rounds of smoothing before a surface is simplified.
@@ -29,7 +29,7 @@ const DRAWING: f64 = 0.5;
 ///
 /// Errors: options out of range; more blocks than `limits` permit in an array; fewer triangles than a surface can have.
 pub fn surface(
-    scene: &Loaded,
+    scene: &ImportedScene,
     cameras: &[Camera],
     options: &SurfaceOptions,
     limits: &Limits,

@@ -4,10 +4,11 @@ use super::picture::{DepthPicture, FREE, UNKNOWN};
 use glam::{UVec2, Vec3};
 use trisplat_raster::{
     soft::SoftOptions,
-    solid::{Barycentrics, NO_FACE, Solid, SolidRasterOptions},
+    solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Scene, Soup, Space, camera::Camera, math::srgb8::srgb8_from_linear, mesh::Mesh, report::StageProgress,
+    Scene, SceneNormalization, Soup, camera::Camera, math::srgb8::srgb8_from_linear, mesh::Mesh,
+    report::StageProgress,
 };
 use trisplat_teacher::Teacher;
 
@@ -76,9 +77,9 @@ fn of_soup(
 /// Depths of the nearest faces.
 fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> Vec<DepthPicture> {
     let centroids: Vec<Vec3> = (0..mesh.face_count()).map(|face| mesh.centroid(face)).collect();
-    let near = NEAR / Space::new(cameras, &centroids).scale;
+    let near = NEAR / SceneNormalization::new(cameras, &centroids).scale;
     let options = SolidRasterOptions { near, ..SolidRasterOptions::default() };
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     let mut one = |(i, camera): (usize, &Camera)| {
         progress.set(i, cameras.len());
         let seen = solid.visibility(mesh, camera, &options);

@@ -6,7 +6,7 @@
 
 use super::survey::{Survey, ViewCoverage, camera};
 use glam::Vec3;
-use trisplat_scene::{Loaded, Soup, camera::Camera};
+use trisplat_scene::{ImportedScene, Soup, camera::Camera};
 
 /// Pictures of a scene.
 const PICTURES: usize = 60;
@@ -60,7 +60,7 @@ pub(super) struct Search {
 
 impl Search {
     /// Prepares to look at `scene`; `None` when it has no extent.
-    pub(super) fn new(scene: &Loaded) -> Option<Self> {
+    pub(super) fn new(scene: &ImportedScene) -> Option<Self> {
         let (unit, soup) = in_units(scene)?;
         let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3() })
@@ -94,7 +94,7 @@ impl Search {
 
 /// The triangles of `scene` in its own unit around its middle, without view-dependent colours; `None` without
 /// extent.
-fn in_units(scene: &Loaded) -> Option<(Unit, Soup)> {
+fn in_units(scene: &ImportedScene) -> Option<(Unit, Soup)> {
     let mut soup = scene.scene.to_soup();
     soup.truncate_sh(0);
     let unit = Unit::of(&soup)?;

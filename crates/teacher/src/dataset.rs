@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetKind, Photo, PictureFile, View};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{Error, Loaded, Result, camera::Camera, image::Pixels, placed};
+use trisplat_scene::{Error, ImportedScene, Result, camera::Camera, image::RgbImage, placed};
 
 /// One picture in this many is held out, to score the solid scene.
 const HELD_OUT: usize = 8;
@@ -21,7 +21,7 @@ const HELD_OUT: usize = 8;
 /// Errors: a scene without visible triangles; a full disk.
 pub fn dataset(
     path: &Path,
-    scene: &Loaded,
+    scene: &ImportedScene,
     options: &SoftOptions,
     max_bytes: u64,
     drawn: &mut dyn FnMut(usize, usize),
@@ -52,7 +52,7 @@ pub fn dataset(
 /// Errors: a full disk.
 pub fn beside(
     photos: &Dataset,
-    scenes: &[Loaded],
+    scenes: &[ImportedScene],
     options: &SoftOptions,
     share: f64,
     max_bytes: u64,
@@ -71,14 +71,14 @@ pub fn beside(
 
 /// A scene that is drawn for cameras of a data set.
 struct Placed<'a> {
-    scene: &'a Loaded,
+    scene: &'a ImportedScene,
     origin: DVec3,
     teacher: Teacher,
 }
 
 impl<'a> Placed<'a> {
     /// Draws `scene` for `cameras` of a data set whose world has its origin at `origin`, and others near them.
-    fn new(scene: &'a Loaded, cameras: &[Camera], origin: DVec3, options: &SoftOptions) -> Self {
+    fn new(scene: &'a ImportedScene, cameras: &[Camera], origin: DVec3, options: &SoftOptions) -> Self {
         let to_file = |camera| placed::to_file(camera, &scene.provenance.placement, origin);
         let near: Vec<Camera> = cameras.iter().map(to_file).collect();
         Self { scene, origin, teacher: Teacher::new(scene.scene.to_soup(), &near, options) }
@@ -91,7 +91,7 @@ impl<'a> Placed<'a> {
 }
 
 /// The mean of the pictures that `camera` takes of several scenes.
-fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> Pixels {
+fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> RgbImage {
     let share = 1.0 / teachers.len() as f32;
     let mut mean = vec![[0.0; 3]; camera.size.element_product() as usize];
     for teacher in teachers {
@@ -99,14 +99,14 @@ fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> Pixels {
             *sum = std::array::from_fn(|c| sum[c] + share * rgb[c].clamp(0.0, 1.0));
         }
     }
-    Pixels::from_rgb(camera.size, &mean)
+    RgbImage::from_rgb(camera.size, &mean)
 }
 
 /// A view of each of `cameras` with its `picture`, none held out.
 fn draw(
     cameras: &[Camera],
     max_bytes: u64,
-    mut picture: impl FnMut(&Camera) -> Pixels,
+    mut picture: impl FnMut(&Camera) -> RgbImage,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<View>> {
     let held = cameras.iter().map(stored::picture_bytes).sum::<u64>() <= max_bytes;

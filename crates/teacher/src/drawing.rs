@@ -1,8 +1,8 @@
 //! Draws a scene as it was trained.
 
 use glam::Vec3;
-use trisplat_raster::soft::{Frame, Soft, SoftOptions, SoupRef};
-use trisplat_scene::{Soup, Space, camera::Camera, image::Pixels};
+use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_scene::{SceneNormalization, Soup, camera::Camera, image::RgbImage};
 
 /// Largest coordinate of a drawn triangle.
 const REACH: f32 = 1e15;
@@ -11,9 +11,9 @@ const REACH: f32 = 1e15;
 #[derive(Debug)]
 pub struct Teacher {
     soup: Soup,
-    space: Space,
+    space: SceneNormalization,
     options: SoftOptions,
-    soft: Soft,
+    soft: SoftRasterizer,
 }
 
 impl Teacher {
@@ -26,10 +26,10 @@ impl Teacher {
             soup.retain(|i| keep[i]);
         }
         let centers: Vec<Vec3> = soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
-        let space = Space::new(cameras, &centers);
+        let space = SceneNormalization::new(cameras, &centers);
         space.soup_to_training(&mut soup);
         let options = options.with_cap_for(&soup.opacity);
-        Self { soup, space, options, soft: Soft::new() }
+        Self { soup, space, options, soft: SoftRasterizer::new() }
     }
 
     /// Units of the soup in a unit of a frame's depths.
@@ -44,16 +44,16 @@ impl Teacher {
     }
 
     /// The picture that `camera` takes.
-    pub fn picture(&mut self, camera: &Camera) -> Pixels {
+    pub fn picture(&mut self, camera: &Camera) -> RgbImage {
         self.frame(camera).to_pixels()
     }
 
     /// The picture of `camera`, with the covered share of each pixel as its weight.
-    pub fn weighted_picture(&mut self, camera: &Camera) -> Pixels {
+    pub fn weighted_picture(&mut self, camera: &Camera) -> RgbImage {
         let frame = self.frame(camera);
         let cover = |t: &f32| ((1.0 - t).clamp(0.0, 1.0) * 255.0).round() as u8;
         let alpha: Vec<u8> = frame.transmittance.iter().map(cover).collect();
         let covered = alpha.iter().all(|a| *a == 255);
-        Pixels { alpha: (!covered).then_some(alpha), ..frame.to_pixels() }
+        RgbImage { alpha: (!covered).then_some(alpha), ..frame.to_pixels() }
     }
 }

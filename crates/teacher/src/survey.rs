@@ -2,7 +2,7 @@
 
 use super::thin::Along;
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_raster::soft::{Soft, SoftOptions, SoupRef};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_scene::{Soup, camera::Camera};
 
 /// Width and height of the survey's pictures, px.
@@ -23,7 +23,7 @@ const NEAR: f32 = 0.01;
 pub(super) struct Survey {
     soup: Soup,
     middles: Vec<Vec3>,
-    soft: Soft,
+    soft: SoftRasterizer,
 }
 
 /// What a camera sees.
@@ -43,7 +43,7 @@ impl Survey {
         Self {
             middles: along.middles(MOST_MIDDLES),
             soup: along.thinned(&soup, MOST_TRIANGLES),
-            soft: Soft::new(),
+            soft: SoftRasterizer::new(),
         }
     }
 

@@ -4,7 +4,7 @@ use super::chosen::Search;
 use super::stored;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Loaded, camera::Camera};
+use trisplat_scene::{ImportedScene, camera::Camera};
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -36,7 +36,7 @@ pub fn between(cameras: &[Camera]) -> Vec<Camera> {
 impl Viewpoints {
     /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
     /// chosen ones. `None` without stored cameras and without visible triangles.
-    pub fn of(scene: &Loaded, max_bytes: u64) -> Option<Self> {
+    pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
         if scene.cameras.is_empty() {
             let chosen = Search::new(scene)?.viewpoints()?;
             let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };

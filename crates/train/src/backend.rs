@@ -5,11 +5,11 @@
 //! loop. Refinement exists once: it takes the state out, changes it and puts it back.
 
 use super::params::{Params, TrainState};
-use super::schedule::Rates;
+use super::schedule::StepParams;
 use glam::UVec2;
 use std::borrow::Cow;
 use trisplat_raster::soft::{Frame, Importance, SoftOptions};
-use trisplat_scene::{Error, Result, camera::Camera, image::Pixels};
+use trisplat_scene::{Error, Result, camera::Camera, image::RgbImage};
 
 /// A photo of one step.
 #[derive(Debug, Clone, Copy)]
@@ -17,7 +17,7 @@ pub struct StepPhoto<'a> {
     /// The camera, in training space, at the photo's size.
     pub camera: &'a Camera,
     /// The pixels; alpha is the weight of each. `[H * W]`
-    pub pixels: &'a Pixels,
+    pub pixels: &'a RgbImage,
     /// The photo is drawn for the first time since the visibility statistics were reset.
     pub first: bool,
     /// Its name, for a backend that keeps photos; `None` for a photo of one step only.
@@ -79,7 +79,7 @@ pub trait TrainBackend {
     fn load(&mut self, state: TrainState) -> Result<()>;
     /// Draws, compares, differentiates and updates the parameters once. A backend may run some steps behind;
     /// it catches up before it returns other data. An error may come from an earlier step.
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()>;
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()>;
     /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
     /// ones.
     fn figures(&mut self, all: bool) -> Result<Vec<StepStats>>;
@@ -103,7 +103,7 @@ pub trait TrainBackend {
     }
     /// The view of `camera`, in training space, drawn with `drawing` at a step of `rates`: colour and
     /// transmittance.
-    fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &Rates) -> Result<Frame> {
+    fn picture(&mut self, _camera: &Camera, _drawing: &SoftOptions, _rates: &StepParams) -> Result<Frame> {
         Err(Error::Gpu("the CPU draws pictures of a soup".into()))
     }
     /// Triangles held.
@@ -121,7 +121,7 @@ macro_rules! forwards {
                 (**self).load(state)
             }
 
-            fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+            fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
                 (**self).step(photo, rates)
             }
 
@@ -153,7 +153,7 @@ macro_rules! forwards {
                 (**self).draws()
             }
 
-            fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &Rates) -> Result<Frame> {
+            fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
                 (**self).picture(camera, drawing, rates)
             }
 

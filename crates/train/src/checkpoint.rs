@@ -8,7 +8,7 @@
 mod checksum;
 mod header;
 
-use super::budget::Pace;
+use super::budget::BudgetController;
 use super::core::Core;
 use super::identity::RunIdentity;
 use super::light::Light;
@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
-use trisplat_scene::{Error, Limits, Result, Space, atomic::AtomicFile, guard::guarded, input};
+use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, guard::guarded, input};
 
 /// Number of the layout; it changes whenever a key or an array does.
 const FORMAT: u32 = 15;
@@ -72,15 +72,15 @@ pub struct CheckpointMeta {
     /// CPU seconds used so far.
     pub cpu_secs: f64,
     /// The known costs of a run with a budget.
-    pub pace: Option<Pace>,
+    pub pace: Option<BudgetController>,
     /// The run that this training prepares, if it is not the run itself.
     pub prepares: Option<PreparedRun>,
 }
 
 impl CheckpointMeta {
     /// Training space.
-    pub fn space(&self) -> Space {
-        Space { center: Vec3::from_array(self.space.0), scale: self.space.1 }
+    pub fn space(&self) -> SceneNormalization {
+        SceneNormalization { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
 
     /// Fails unless a run can have this state.

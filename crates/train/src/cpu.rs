@@ -3,13 +3,13 @@
 use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
 use super::frame_loss::{FrameLoss, Supersampling};
 use super::params::{Params, TrainState};
-use super::schedule::Rates;
+use super::schedule::StepParams;
 use super::update::{Regularisers, update};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use trisplat_raster::{
     kernel::normal::{Maps, MapsGrad, normal_grad},
-    soft::{Frame, FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef},
+    soft::{Frame, FrameGrad, SoftOptions, SoftRasterizer, SoupGrad, SoupRef},
 };
 use trisplat_scene::{Result, camera::Camera};
 
@@ -18,7 +18,7 @@ use trisplat_scene::{Result, camera::Camera};
 pub struct CpuBackend {
     options: SoftOptions,
     state: TrainState,
-    soft: Soft,
+    soft: SoftRasterizer,
     frame_loss: FrameLoss,
     d_maps: MapsGrad<f32>,
     d_frame: FrameGrad,
@@ -62,7 +62,7 @@ impl TrainBackend for CpuBackend {
         Ok(std::mem::take(&mut self.figures))
     }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
         activate(&self.state, rates, &mut self.opacity, &mut self.sigma);
         let params = &self.state.params;
         let soup = SoupRef {
@@ -109,7 +109,7 @@ impl TrainBackend for CpuBackend {
 fn geometry_grad(
     frame: &Frame,
     camera: &Camera,
-    rates: &Rates,
+    rates: &StepParams,
     d_maps: &mut MapsGrad<f32>,
     d: &mut FrameGrad,
 ) -> f64 {
@@ -157,7 +157,7 @@ fn add_errors(d_soup: &SoupGrad, errors: &mut Vec<u64>) {
 pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
-fn activate(state: &TrainState, rates: &Rates, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
+fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
     let (params, anneal, frozen) = (&state.params, rates.anneal, rates.frozen_look());
     let raw = || params.opacity.par_iter().zip(&params.sigma).enumerate().with_min_len(4096);
     raw()

@@ -4,13 +4,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Photos, ShrunkSize, View};
 use trisplat_raster::{
-    soft::{Soft, SoftOptions, SoupRef, Window},
-    solid::{Solid, SolidRasterOptions},
+    soft::{SoftOptions, SoftRasterizer, SoupRef, Window},
+    solid::{SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Result, Soup, Space,
+    Result, SceneNormalization, Soup,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     math::color::linear_from_srgb,
     math::color_fit::ColorMap,
     math::metric,
@@ -32,7 +32,7 @@ pub struct Quality {
 
 impl Quality {
     /// Compares `picture` with `photo`, of the same size; the photo's alpha is the weight of each pixel.
-    pub fn of(picture: &Pixels, photo: &Pixels) -> Self {
+    pub fn of(picture: &RgbImage, photo: &RgbImage) -> Self {
         let weights = photo.alpha.as_deref();
         Self {
             psnr: metric::psnr(&picture.rgb, &photo.rgb, weights),
@@ -42,7 +42,7 @@ impl Quality {
 
     /// The mean score over black and over white, so that neither colour passes for background. `draw` draws
     /// over a background, sRGB-encoded; the photo holds an object's opacity and its colours over black.
-    pub fn over_two(photo: &Pixels, mut draw: impl FnMut([f32; 3]) -> Result<Pixels>) -> Result<Self> {
+    pub fn over_two(photo: &RgbImage, mut draw: impl FnMut([f32; 3]) -> Result<RgbImage>) -> Result<Self> {
         let mut of = |code: u8| {
             let picture = draw([f32::from(code) / 255.0; 3])?;
             Ok(Self::of(&picture, &photo.over_instead_of_black([code; 3])))
@@ -93,8 +93,8 @@ pub(crate) struct Evaluator {
     views: Vec<EvalView>,
     photos: Photos,
     shrunk: Option<ShrunkSize>,
-    soft: Soft,
-    solid: Solid,
+    soft: SoftRasterizer,
+    solid: SolidRasterizer,
 }
 
 #[derive(Debug)]
@@ -114,7 +114,7 @@ impl Evaluator {
         let view = |v: &&View| EvalView { name: v.name.clone(), camera: v.camera, cut: v.photo.is_cut() };
         let shrunk = ShrunkSize::of(views.iter().copied());
         let views = views.iter().map(view).collect();
-        Ok(Self { views, photos, shrunk, soft: Soft::new(), solid: Solid::new() })
+        Ok(Self { views, photos, shrunk, soft: SoftRasterizer::new(), solid: SolidRasterizer::new() })
     }
 
     /// The size that the photos were shrunk to; `None` where they were not.
@@ -131,9 +131,9 @@ impl Evaluator {
     pub(crate) fn first_picture(
         &mut self,
         soup: &Soup,
-        space: &Space,
+        space: &SceneNormalization,
         options: &SoftOptions,
-    ) -> Option<Pixels> {
+    ) -> Option<RgbImage> {
         let camera = space.camera_to_training(&self.views.first()?.camera);
         let scene = EvalScene::new(soup, space, options);
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
@@ -143,7 +143,7 @@ impl Evaluator {
     pub(crate) fn scores(
         &mut self,
         soup: &Soup,
-        space: &Space,
+        space: &SceneNormalization,
         options: &SoftOptions,
     ) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
@@ -161,7 +161,7 @@ impl Evaluator {
     pub(crate) fn scores_of(
         &mut self,
         options: &SoftOptions,
-        mut draw: impl FnMut(&Camera, &SoftOptions) -> Result<Pixels>,
+        mut draw: impl FnMut(&Camera, &SoftOptions) -> Result<RgbImage>,
     ) -> Result<Vec<PhotoScore>> {
         self.photos.prefetch(0..self.views.len());
         let mut scores = Vec::with_capacity(self.views.len());
@@ -196,7 +196,7 @@ pub enum EvalScene {
 
 impl EvalScene {
     /// The scene of `soup` in the training space of `space`: solid if `options` draw with samples, else soft.
-    pub fn new(soup: &Soup, space: &Space, options: &SoftOptions) -> Self {
+    pub fn new(soup: &Soup, space: &SceneNormalization, options: &SoftOptions) -> Self {
         let mut soup = soup.clone();
         space.soup_to_training(&mut soup);
         let Some(samples) = solid_samples(options) else { return Self::Soft(soup) };
@@ -211,7 +211,13 @@ impl EvalScene {
     }
 
     /// The view of `camera`, in training space; solid scenes as an engine draws them.
-    pub fn draw(&self, camera: &Camera, options: &SoftOptions, soft: &mut Soft, solid: &mut Solid) -> Pixels {
+    pub fn draw(
+        &self,
+        camera: &Camera,
+        options: &SoftOptions,
+        soft: &mut SoftRasterizer,
+        solid: &mut SolidRasterizer,
+    ) -> RgbImage {
         match self {
             Self::Soft(soup) => soft.render(&SoupRef::from(soup), camera, options).to_pixels(),
             Self::Solid(mesh, drawing) => {

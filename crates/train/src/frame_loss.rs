@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use trisplat_raster::kernel::loss::{Photometric, Scratch, photometric_grad};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::encode;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
 
@@ -32,7 +32,7 @@ impl FrameLoss {
     /// the mean of its samples in `frame`. `[H * samples * W * samples]`
     pub(super) fn photometric_grad(
         &mut self,
-        photo: &Pixels,
+        photo: &RgbImage,
         dssim: f64,
         sampling: Supersampling,
         frame: &[[f32; 3]],
@@ -90,7 +90,7 @@ struct FloatPhoto {
 }
 
 impl FloatPhoto {
-    fn read(&mut self, pixels: &Pixels) {
+    fn read(&mut self, pixels: &RgbImage) {
         self.rgb.clear();
         self.rgb.extend(pixels.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))));
         self.weight.clear();

@@ -1,17 +1,17 @@
 //! A run that starts from a scene instead of points: a soft soup to be hardened, or any mesh.
 
 use glam::{DVec3, Vec3};
-use trisplat_scene::{Error, Loaded, Placement, Result, Soup, Space};
+use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
 
 /// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
 /// set: `origin` is the world point at (0, 0, 0) of the data set.
 ///
 /// Errors: more triangles than `max_triangles`, none at all.
 pub(super) fn first_soup(
-    scene: &Loaded,
+    scene: &ImportedScene,
     placement: &Placement,
     origin: DVec3,
-    space: &Space,
+    space: &SceneNormalization,
     max_triangles: u64,
 ) -> Result<Soup> {
     let mut soup = scene.scene.to_soup();
@@ -30,7 +30,7 @@ pub(super) fn first_soup(
 }
 
 /// Replaces the points of a data set without points: places of the triangles of `scene`, in its world.
-pub(super) fn centers(scene: &Loaded, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
+pub(super) fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
     let center = |i: usize| {
         let sum: DVec3 = scene.scene.corners(i).iter().map(|corner| placement.to_world_f64(*corner)).sum();
         (sum / 3.0 - origin).as_vec3()

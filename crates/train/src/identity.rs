@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
-use trisplat_scene::{Loaded, camera::Camera};
+use trisplat_scene::{ImportedScene, camera::Camera};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// All inputs, apart from training options, that change the result of a run. Contents are kept as XXH3
@@ -36,7 +36,7 @@ pub struct PhotoIdentity {
 
 impl RunIdentity {
     /// Of a run on `dataset` over `background` that starts from its points or from a scene. No photo is decoded.
-    pub fn of(dataset: &Dataset, background: [f32; 3], from: Option<&Loaded>) -> Self {
+    pub fn of(dataset: &Dataset, background: [f32; 3], from: Option<&ImportedScene>) -> Self {
         let photo = |view: &View| PhotoIdentity {
             name: view.name.clone(),
             size: view.photo.size.to_array(),
@@ -89,7 +89,7 @@ fn camera(camera: &Camera) -> u64 {
 }
 
 /// The hash of a scene's triangles.
-fn scene(loaded: &Loaded) -> u64 {
+fn scene(loaded: &ImportedScene) -> u64 {
     let soup = loaded.scene.to_soup();
     let mut hash = Xxh3Default::new();
     for corner in soup.vertices.iter().flatten() {

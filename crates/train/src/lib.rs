@@ -74,7 +74,7 @@ pub use prepared_run::PreparedRun;
 pub use progress::{TrainObserver, TrainSample};
 pub use refine::Refined;
 pub use run::TrainRun;
-pub use schedule::{EngineShading, Rates, Schedule};
+pub use schedule::{EngineShading, Schedule, StepParams};
 pub use skipped::SkippedWork;
 pub use start::Part;
 pub use trained::{HardenedGain, TrainDetails, Trained};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use trisplat_dataset::View;
 use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Solved, Verdict, judge, solve};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Shares of a run after which exposures are estimated. They are early, before triangles have absorbed the
 /// light of single photos.
@@ -82,7 +82,7 @@ impl Light {
     }
 
     /// A photo as it is trained on, and the number of its correction, from 1; 0 for none.
-    pub(super) fn correct(&self, index: usize, photo: Arc<Pixels>) -> (Arc<Pixels>, u32) {
+    pub(super) fn correct(&self, index: usize, photo: Arc<RgbImage>) -> (Arc<RgbImage>, u32) {
         match self.exposures.correct(index, &photo) {
             Some(corrected) => (Arc::new(corrected), self.passed as u32 + 1),
             None => (photo, 0),

@@ -1,7 +1,7 @@
 //! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
-use super::budget::{Pace, Spending};
+use super::budget::{BudgetController, Spending};
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::prepared_run::PreparedRun;
 use super::progress::{TrainObserver, TrainSample};
@@ -181,7 +181,7 @@ impl Recorder {
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
         observer: &mut dyn TrainObserver,
-        pace: Option<Pace>,
+        pace: Option<BudgetController>,
     ) -> Option<(u64, PathBuf)> {
         let path = outputs.checkpoint.as_ref()?;
         let spent = cpu_secs() - self.cpu_start;

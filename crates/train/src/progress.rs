@@ -5,7 +5,7 @@ use super::refine::Refined;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::{Error, Loaded};
+use trisplat_scene::{Error, ImportedScene};
 
 /// The state of a run after some step: one point of its curve.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -52,7 +52,7 @@ pub trait TrainObserver {
         false
     }
     /// The scene after the step of `sample`, as in its file.
-    fn scene(&mut self, _sample: &TrainSample, _scene: Loaded) {}
+    fn scene(&mut self, _sample: &TrainSample, _scene: ImportedScene) {}
     /// Called between steps: true stops the run after a checkpoint.
     fn wants_to_stop(&mut self) -> bool {
         false

@@ -3,7 +3,7 @@
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::{Photos, PictureFile, StoredPicture, View};
-use trisplat_scene::{Result, Rng, image::Pixels};
+use trisplat_scene::{Result, Rng, image::RgbImage};
 
 /// Least shorter side of the smaller photos of early steps, px.
 pub(crate) const MIN_PX: u32 = 64;
@@ -25,7 +25,7 @@ pub(crate) struct Pyramid {
 /// A photo at the level in use.
 #[derive(Debug, Clone)]
 enum SmallPhoto {
-    Held(Arc<Pixels>),
+    Held(Arc<RgbImage>),
     Stored(StoredPicture),
 }
 
@@ -87,7 +87,7 @@ impl Pyramid {
     }
 
     /// Photo `i` at `level`.
-    pub(crate) fn take(&mut self, i: usize, level: u32) -> Result<Arc<Pixels>> {
+    pub(crate) fn take(&mut self, i: usize, level: u32) -> Result<Arc<RgbImage>> {
         if level != self.level {
             self.small.fill(None);
             (self.small_bytes, self.file) = (0, PictureFile::default());
@@ -113,7 +113,7 @@ impl Pyramid {
     }
 
     /// Keeps a small photo; `None` without memory and disk space: then it is made again.
-    fn kept(&mut self, pixels: &Arc<Pixels>) -> Option<SmallPhoto> {
+    fn kept(&mut self, pixels: &Arc<RgbImage>) -> Option<SmallPhoto> {
         if self.small_bytes + pixels.bytes() > self.small_budget {
             return self.file.put(pixels).ok().map(SmallPhoto::Stored);
         }

@@ -1,7 +1,7 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
 use super::backend::{RunSize, TrainBackend};
-use super::budget::{Pace, Paced, Spending};
+use super::budget::{BudgetController, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
 use super::identity::RunIdentity;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, View};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{Error, Loaded, Provenance, Result, Soup, camera::Camera, report::generator};
+use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Camera, report::generator};
 
 /// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
@@ -54,7 +54,7 @@ pub struct TrainRun<'a> {
     pub outputs: RunOptions,
     /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
     /// those of [`TrainOptions::from_scene`].
-    pub from: Option<Loaded>,
+    pub from: Option<ImportedScene>,
     /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
     pub part: Option<Part>,
     /// End after this step, without finishing the schedule. `None`: after the last step.
@@ -187,7 +187,7 @@ impl<'a> TrainRun<'a> {
 }
 
 /// The pace of a checkpoint, and a clock that continues from it.
-fn goes_on(pace: Pace, began: Option<Instant>) -> Option<Paced> {
+fn goes_on(pace: BudgetController, began: Option<Instant>) -> Option<Paced> {
     let clock = pace.budget.clock;
     let spending = began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
     let spending = spending.after(pace.stored_secs());
@@ -362,10 +362,10 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     }
 
     /// The present scene, as in its file.
-    fn scene(&mut self) -> Result<Loaded> {
+    fn scene(&mut self) -> Result<ImportedScene> {
         let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
         let (soup, _) = trained(&mut self.trainer)?;
-        Ok(Loaded { provenance, cameras, ..Loaded::from(soup) })
+        Ok(ImportedScene { provenance, cameras, ..ImportedScene::from(soup) })
     }
 }
 
@@ -430,6 +430,6 @@ fn keep_pace<B: TrainBackend>(
 }
 
 /// The state of the budget for a checkpoint.
-fn stored(paced: &Option<Paced>) -> Option<Pace> {
+fn stored(paced: &Option<Paced>) -> Option<BudgetController> {
     paced.as_ref().map(|paced| paced.pace.stored(paced.spending.seconds()))
 }

@@ -41,7 +41,7 @@ pub(crate) const REFINE_FROM: f64 = 500.0;
 
 /// Everything of one step that is not the scene or the photo.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rates {
+pub struct StepParams {
     /// Number of this step for Adam, from 1.
     pub time: u64,
     /// Rate of the corners.
@@ -82,7 +82,7 @@ pub struct Rates {
     pub background: Option<[f32; 3]>,
 }
 
-impl Rates {
+impl StepParams {
     /// How frozen triangles are drawn, independent of the anneal.
     pub fn frozen_look(&self) -> FrozenLook {
         FrozenLook { flat: self.engine_shading.is_some() }
@@ -157,12 +157,12 @@ impl<'a> Schedule<'a> {
     }
 
     /// The values for step `step` (from 0).
-    pub fn rates(&self, step: u64) -> Rates {
+    pub fn rates(&self, step: u64) -> StepParams {
         let (o, l, hardening) = (self.options, &self.options.loss, Hardening::of(self.options));
         let engine = self.is_engine_shaded(step);
         let annealing = self.annealed(step) > 0.0;
         let geometry = step >= self.scaled(GEOMETRY_FROM);
-        Rates {
+        StepParams {
             time: step + 1,
             vertices: self.vertices_rate(step),
             opacity: OPACITY_RATE,

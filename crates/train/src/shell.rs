@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use trisplat_scene::{
     Result, Soup,
     camera::Camera,
-    image::Pixels,
+    image::RgbImage,
     math::median::median,
     math::octasphere::{face_count, octasphere},
     sh0_from_rgb,
@@ -181,7 +181,7 @@ fn colors(
 }
 
 /// The colour of a photo at a place, if visible.
-fn pixel(camera: &Camera, photo: &Pixels, place: Vec3) -> Option<[u8; 3]> {
+fn pixel(camera: &Camera, photo: &RgbImage, place: Vec3) -> Option<[u8; 3]> {
     let seen = camera.rotation * place + camera.translation;
     let at = seen.truncate() / seen.z * camera.focal + camera.center;
     let size = camera.size;
@@ -230,7 +230,7 @@ mod tests {
     use super::*;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
     use trisplat_dataset::{Dataset, DatasetOptions, View};
-    use trisplat_scene::Space;
+    use trisplat_scene::SceneNormalization;
 
     /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {
@@ -326,7 +326,7 @@ mod tests {
         let views: Vec<&View> = dataset.train().collect();
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
         let points: Vec<Vec3> = dataset.points.iter().map(|point| point.position).collect();
-        let space = Space::new(&cameras, &points);
+        let space = SceneNormalization::new(&cameras, &points);
         let cameras: Vec<Camera> = cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
         let points: Vec<Vec3> = points.iter().map(|point| space.to_training(*point)).collect();
         let mut photos = Pyramid::new(&views, 1 << 24, 8);

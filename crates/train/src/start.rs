@@ -13,7 +13,7 @@ use super::visibility::VisibilityStats;
 use glam::Vec3;
 use std::borrow::Cow;
 use trisplat_dataset::{Dataset, DatasetKind, Point, View, cloud};
-use trisplat_scene::{Loaded, Placement, Result, Soup, Space, camera::Camera};
+use trisplat_scene::{ImportedScene, Placement, Result, SceneNormalization, Soup, camera::Camera};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -22,7 +22,7 @@ const RANDOM_POINTS: usize = 10_000;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
     /// Training space of the whole scene, so that lengths and rates agree in all parts.
-    pub space: Space,
+    pub space: SceneNormalization,
     /// Number of triangles at the front of the starting scene that are drawn but not trained; `max_triangles` does not count them.
     /// The shell follows them.
     pub frozen: usize,
@@ -36,14 +36,14 @@ pub struct Part {
 #[derive(Debug, Clone, Copy)]
 pub struct FirstScene<'a> {
     /// All its triangles.
-    pub scene: &'a Loaded,
+    pub scene: &'a ImportedScene,
     /// The part to train, if not all.
     pub part: Option<Part>,
 }
 
 impl<'a> FirstScene<'a> {
     /// A scene that is trained as a whole.
-    pub fn whole(scene: &'a Loaded) -> Self {
+    pub fn whole(scene: &'a ImportedScene) -> Self {
         Self { scene, part: None }
     }
 }
@@ -51,7 +51,7 @@ impl<'a> FirstScene<'a> {
 /// The state of a run between two steps.
 pub(super) struct Position {
     pub(super) options: TrainOptions,
-    pub(super) space: Space,
+    pub(super) space: SceneNormalization,
     pub(super) state: TrainState,
     pub(super) visibility: VisibilityStats,
     pub(super) step: u64,
@@ -77,7 +77,7 @@ pub(super) fn from_points(
         points
     };
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-    let space = Space::of(&cameras, cloud.len(), |i| cloud[i].position);
+    let space = SceneNormalization::of(&cameras, cloud.len(), |i| cloud[i].position);
     // Points are first thinned to the limit of triangles, because sizes come from the gaps between the
     // remaining points.
     let cloud = thinned(cloud, usize::try_from(options.max_triangles).unwrap_or(usize::MAX));
@@ -145,7 +145,7 @@ pub(super) fn from_scene(
         true => from_scene::centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
-    let space = from.part.map_or_else(|| Space::new(&cameras, &positions()), |part| part.space);
+    let space = from.part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
     let most = options.max_triangles.saturating_add(frozen as u64);
     let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
@@ -164,7 +164,12 @@ pub(super) fn from_scene(
     Ok(position)
 }
 
-fn at_first_step(views: &[&View], options: &TrainOptions, space: Space, soup: &Soup) -> Position {
+fn at_first_step(
+    views: &[&View],
+    options: &TrainOptions,
+    space: SceneNormalization,
+    soup: &Soup,
+) -> Position {
     Position {
         options: options.clone(),
         space,

@@ -1,6 +1,6 @@
 //! The result of a run: the scene, its figures, and its file.
 
-use super::budget::{BudgetDetails, Pace, Paced};
+use super::budget::{BudgetController, BudgetDetails, Paced};
 use super::eval::{PhotoScore, Quality};
 use super::light::ExposureDetails;
 use super::options::TrainOptions;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_formats::ply;
 use trisplat_scene::{
-    Error, Loaded, Placement, Provenance, Result, Soup,
+    Error, ImportedScene, Placement, Provenance, Result, Soup,
     atomic::AtomicFile,
     camera::Camera,
     process,
@@ -120,11 +120,11 @@ impl StageDetails for TrainDetails {
     const STAGE: &str = "train";
 }
 
-impl From<Trained> for Loaded {
+impl From<Trained> for ImportedScene {
     /// The scene as a reader returns it after [`Trained::save`].
     fn from(trained: Trained) -> Self {
         let Trained { soup, cameras, provenance, .. } = trained;
-        Loaded { provenance, cameras, ..Loaded::from(soup) }
+        ImportedScene { provenance, cameras, ..ImportedScene::from(soup) }
     }
 }
 
@@ -189,7 +189,7 @@ impl Trained {
     }
 
     /// The options that make the same run without a budget.
-    fn repeat(&self, pace: &Pace) -> String {
+    fn repeat(&self, pace: &BudgetController) -> String {
         let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = self.options;
         let size = pace.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
         format!(

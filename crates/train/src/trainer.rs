@@ -21,17 +21,17 @@ use trisplat_dataset::{
     exposure::{Cells, compared_size},
 };
 use trisplat_raster::{
-    soft::{Soft, SoftOptions, Window},
-    solid::Solid,
+    soft::{SoftOptions, SoftRasterizer, Window},
+    solid::SolidRasterizer,
 };
-use trisplat_scene::{Error, Result, Rng, Soup, Space, camera::Camera, image::Pixels};
+use trisplat_scene::{Error, Result, Rng, SceneNormalization, Soup, camera::Camera, image::RgbImage};
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.
 #[derive(Debug)]
 pub struct Trainer<B> {
     options: TrainOptions,
-    space: Space,
+    space: SceneNormalization,
     /// The cameras, in training space.
     cameras: Vec<Camera>,
     identity: RunIdentity,
@@ -250,7 +250,7 @@ impl<B: TrainBackend> Trainer<B> {
     }
 
     /// Training space.
-    pub fn space(&self) -> Space {
+    pub fn space(&self) -> SceneNormalization {
         self.space
     }
 
@@ -271,7 +271,7 @@ impl<B: TrainBackend> Trainer<B> {
     /// The view of `camera`, in the world, of the present scene.
     ///
     /// Errors: those of the backend; it does not draw.
-    pub fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<Pixels> {
+    pub fn picture(&mut self, camera: &Camera, drawing: &SoftOptions) -> Result<RgbImage> {
         let rates = Schedule::new(&self.options).rates(self.step.max(1) - 1);
         let camera = self.space.camera_to_training(camera);
         Ok(self.backend.picture(&camera, drawing, &rates)?.to_pixels())
@@ -339,7 +339,7 @@ impl<B: TrainBackend> Trainer<B> {
         }
         let (drawing, level) = (self.drawing(drawing), self.level);
         let scene = EvalScene::new(&self.soup()?, &self.space, &drawing);
-        let (mut soft, mut solid) = (Soft::new(), Solid::new());
+        let (mut soft, mut solid) = (SoftRasterizer::new(), SolidRasterizer::new());
         let mut photos = Vec::with_capacity(count);
         for i in 0..count {
             let photo = self.photos.take(i, level)?;

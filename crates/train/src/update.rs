@@ -1,7 +1,7 @@
 //! One update of all parameters: chain rules, regularisers of single triangles, Adam.
 
 use super::params::{Params, TrainState};
-use super::schedule::Rates;
+use super::schedule::StepParams;
 use glam::Vec3;
 use rayon::prelude::*;
 use trisplat_raster::kernel::adam::{Rate, adam};
@@ -24,7 +24,7 @@ pub(crate) struct Regularisers {
 
 impl Regularisers {
     /// The gradients at these parameters.
-    pub(crate) fn new(state: &TrainState, rates: &Rates) -> Self {
+    pub(crate) fn new(state: &TrainState, rates: &StepParams) -> Self {
         // Pinned triangles do not change: they do not count.
         let (params, pinned) = (&state.params, state.pinned);
         let n = (params.len() - pinned).max(1) as f64;
@@ -69,7 +69,7 @@ fn area_grad(v: &[Vec3; 3], d_area: f32) -> [Vec3; 3] {
 pub(crate) fn update(
     state: &mut TrainState,
     gradient: &SoupGrad,
-    rates: &Rates,
+    rates: &StepParams,
     regularisers: &Regularisers,
 ) -> (u64, u64) {
     let k = state.params.sh_count();
@@ -132,7 +132,7 @@ struct UpdateStep<'a> {
     pinned: usize,
     frozen: usize,
     used: usize,
-    rates: &'a Rates,
+    rates: &'a StepParams,
     regularisers: &'a Regularisers,
     vertices: Rate,
     opacity: Rate,
@@ -228,7 +228,7 @@ mod tests {
     }
 
     /// Four equal triangles of SH degree 1, a gradient for each of their numbers, and the rates of a first step.
-    fn four_triangles() -> (TrainState, SoupGrad, Rates) {
+    fn four_triangles() -> (TrainState, SoupGrad, StepParams) {
         let params = Params {
             vertices: vec![[Vec3::ZERO, Vec3::X, Vec3::Y]; 4],
             opacity: vec![0.0; 4],
@@ -246,7 +246,7 @@ mod tests {
         };
         let options = TrainOptions::preset(TrainPreset::Outdoor);
         let rates = crate::schedule::Schedule::new(&options).rates(0);
-        (TrainState::new(params), gradient, Rates { sh_degree: 1, ..rates })
+        (TrainState::new(params), gradient, StepParams { sh_degree: 1, ..rates })
     }
 
     #[test]

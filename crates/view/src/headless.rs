@@ -5,7 +5,7 @@ use super::model::{ChunkOrder, Model};
 use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
-use trisplat_scene::{Asset, Error, Result, camera::Camera, image::Pixels};
+use trisplat_scene::{Asset, Error, Result, camera::Camera, image::RgbImage};
 use wgpu::*;
 
 /// The format of pictures: four bytes per pixel, sRGB-encoded by the card.
@@ -61,7 +61,7 @@ impl Headless {
         model: &Model,
         camera: &Camera,
         options: &HeadlessOptions,
-    ) -> Result<(Pixels, DrawStats)> {
+    ) -> Result<(RgbImage, DrawStats)> {
         camera.validate(&trisplat_scene::Limits::DEFAULT)?;
         if !(1..=16).contains(&options.samples) {
             return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
@@ -140,15 +140,15 @@ impl Canvas {
     }
 
     /// The last drawn picture.
-    pub fn pixels(&self, gpu: &Gpu) -> Result<Pixels> {
+    pub fn pixels(&self, gpu: &Gpu) -> Result<RgbImage> {
         pixels(gpu, &self.picture)
     }
 }
 
-fn pixels(gpu: &Gpu, picture: &Texture) -> Result<Pixels> {
+fn pixels(gpu: &Gpu, picture: &Texture) -> Result<RgbImage> {
     let Extent3d { width, height, .. } = picture.size();
     let rgb = readback::texels(gpu, picture)?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
-    Ok(Pixels { size: UVec2::new(width, height), rgb, alpha: None })
+    Ok(RgbImage { size: UVec2::new(width, height), rgb, alpha: None })
 }
 
 /// Records the averaging of `samples` x `samples` texels per pixel.

@@ -2,19 +2,19 @@
 
 use glam::UVec2;
 use trisplat_raster::soft::Frame;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// A pixel with less coverage counts as background.
 const LEAST_COVERAGE: f32 = 0.05;
 
 /// The frame's colours in 8 bits, clamped and rounded.
-pub fn color(frame: &Frame) -> Pixels {
+pub fn color(frame: &Frame) -> RgbImage {
     picture(frame, |i| frame.rgb[i])
 }
 
 /// Expected depth, near bright and far dark, stretched over the middle 98% of the picture's inverse
 /// depths; black for background. The frame must have been drawn with geometry.
-pub fn depth(frame: &Frame) -> Pixels {
+pub fn depth(frame: &Frame) -> RgbImage {
     let inverse = |i: usize| {
         let coverage = 1.0 - frame.transmittance[i];
         (coverage > LEAST_COVERAGE && frame.depth[i] > 0.0).then(|| coverage / frame.depth[i])
@@ -31,7 +31,7 @@ pub fn depth(frame: &Frame) -> Pixels {
 
 /// Normals towards the camera: red to the right, green up, blue to the viewer; black for background.
 /// The frame must have been drawn with geometry.
-pub fn normal(frame: &Frame) -> Pixels {
+pub fn normal(frame: &Frame) -> RgbImage {
     picture(frame, |i| {
         let [x, y, z] = frame.normal[i];
         let length = (x * x + y * y + z * z).sqrt();
@@ -42,7 +42,7 @@ pub fn normal(frame: &Frame) -> Pixels {
 }
 
 /// Layers per pixel, from black for none to white for the 99th percentile of pixels with layers.
-pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
+pub fn contributions(frame: &Frame, layers: &[u32]) -> RgbImage {
     let mut seen: Vec<u32> = layers.iter().copied().filter(|&n| n > 0).collect();
     seen.sort_unstable();
     let most = seen.get(seen.len().saturating_sub(1) - seen.len() / 100).copied().unwrap_or(1).max(1);
@@ -50,16 +50,16 @@ pub fn contributions(frame: &Frame, layers: &[u32]) -> Pixels {
 }
 
 /// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.
-pub fn heat(size: UVec2, errors: &[f32]) -> Pixels {
+pub fn heat(size: UVec2, errors: &[f32]) -> RgbImage {
     let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) }).map(code);
-    Pixels { size, rgb: errors.iter().map(shown).collect(), alpha: None }
+    RgbImage { size, rgb: errors.iter().map(shown).collect(), alpha: None }
 }
 
-fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> Pixels {
+fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> RgbImage {
     let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     let count = frame.size.x as usize * frame.size.y as usize;
-    Pixels { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
+    RgbImage { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
 }
 
 /// The colour map magma of FLIP: black, violet, orange, white; for values in [0, 1].

@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat::{Dataset, DatasetOptions, Limits};
 
 // The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.
@@ -43,6 +43,6 @@ fn split(bytes: &[u8]) -> Vec<&[u8]> {
 }
 
 fn photo(path: &Path) {
-    let pixels = Pixels { size: glam::UVec2::new(16, 12), rgb: vec![[9, 80, 200]; 192], alpha: None };
+    let pixels = RgbImage { size: glam::UVec2::new(16, 12), rgb: vec![[9, 80, 200]; 192], alpha: None };
     std::fs::write(path, pixels.to_png().unwrap()).unwrap();
 }

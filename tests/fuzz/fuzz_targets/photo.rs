@@ -9,7 +9,7 @@ use libfuzzer_sys::fuzz_target;
 use std::io::Write;
 use trisplat::Limits;
 use trisplat_scene::guard::is_guarded;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// As in the program, a panic of the decoder is an error of the photo: it does not end the fuzzer, whose hook is for all others.
 fn spare_guarded() {
@@ -31,10 +31,10 @@ fn look_at(bytes: &[u8]) {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(bytes).unwrap();
     let limits = Limits { picture_pixels: 1 << 22, ..Limits::DEFAULT };
-    let size = Pixels::size_of(file.path(), &limits);
-    if let (Ok(size), Ok(pixels)) = (size, Pixels::load_within(file.path(), &limits)) {
+    let size = RgbImage::size_of(file.path(), &limits);
+    if let (Ok(size), Ok(pixels)) = (size, RgbImage::load_within(file.path(), &limits)) {
         assert_eq!(pixels.size, size);
         assert_eq!(pixels.rgb.len(), (size.x * size.y) as usize);
     }
-    drop(Pixels::load_mask(file.path(), &limits));
+    drop(RgbImage::load_mask(file.path(), &limits));
 }

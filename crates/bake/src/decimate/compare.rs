@@ -8,7 +8,7 @@ use super::super::views;
 use super::effect::{Effect, EffectSums};
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
+use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
@@ -40,7 +40,7 @@ pub(super) struct Comparison<'a> {
     /// How often the number of their pixels is halved.
     halvings: u32,
     drawing: SolidRasterOptions,
-    solid: Solid,
+    solid: SolidRasterizer,
     /// The visible faces of the whole scene for each camera that was used, if they fit in memory. `[cameras]`
     targets: Vec<Option<Vec<u32>>>,
 }
@@ -66,7 +66,7 @@ impl<'a> Comparison<'a> {
             halvings: 0,
             drawing: views::drawing(cameras, whole, SAMPLES),
             cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),
-            solid: Solid::new(),
+            solid: SolidRasterizer::new(),
             targets: vec![None; cameras.len()],
         }
     }

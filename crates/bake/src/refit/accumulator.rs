@@ -3,7 +3,7 @@
 use super::equations::Fit;
 use super::photo_equations::{Gatherer, Observation};
 use crate::views::{SAMPLES, Views};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{Result, mesh::Mesh, report::StageProgress};
 
 /// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual of their
@@ -13,7 +13,7 @@ const HALF_COUPLED: f32 = 40.0;
 
 /// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
 pub(super) struct Accumulator {
-    solid: Solid,
+    solid: SolidRasterizer,
     drawing: SolidRasterOptions,
     gatherer: Gatherer,
     pub(super) fit: Fit,
@@ -27,7 +27,7 @@ impl Accumulator {
     /// Nothing added yet. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, views: &Views, flatness: f32) -> Self {
         Self {
-            solid: Solid::new(),
+            solid: SolidRasterizer::new(),
             drawing: views.drawing(mesh, SAMPLES),
             gatherer: Gatherer::new(mesh.face_count()),
             fit: Fit::new(mesh, flatness),

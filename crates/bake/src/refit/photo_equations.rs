@@ -4,7 +4,7 @@ use super::equations::{Equations, Fit, MOST_RESIDUAL};
 use rayon::prelude::*;
 use trisplat_raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::srgb8::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
@@ -20,7 +20,7 @@ const NO_SLOT: u32 = u32::MAX;
 pub(super) struct Observation<'a> {
     pub(super) mesh: &'a Mesh,
     pub(super) camera: &'a Camera,
-    pub(super) photo: &'a Pixels,
+    pub(super) photo: &'a RgbImage,
     pub(super) visibility: &'a Visibility,
     /// sRGB-encoded.
     pub(super) background: [f32; 3],

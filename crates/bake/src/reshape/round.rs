@@ -7,8 +7,8 @@ use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
 use std::sync::Arc;
 use std::sync::atomic::AtomicI64;
-use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, Solid, SolidRasterOptions};
-use trisplat_scene::{Result, image::Pixels, mesh::Mesh};
+use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{Result, image::RgbImage, mesh::Mesh};
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
@@ -23,14 +23,14 @@ const OUTLINE_ERROR: f32 = 0.75;
 pub(super) struct Rounds<'v> {
     views: &'v mut Views,
     drawing: SolidRasterOptions,
-    solid: Solid,
+    solid: SolidRasterizer,
     is_closed: bool,
 }
 
 impl<'v> Rounds<'v> {
     /// Of a scene that starts as `mesh`; `is_closed`: no view should show holes.
     pub(super) fn new(mesh: &Mesh, views: &'v mut Views, is_closed: bool) -> Self {
-        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: Solid::new(), is_closed }
+        Self { drawing: views.drawing(mesh, SAMPLES), views, solid: SolidRasterizer::new(), is_closed }
     }
 
     /// Compares some of the pictures, different ones in every round, with the scene and, if given, with its
@@ -82,7 +82,7 @@ impl<'v> Rounds<'v> {
 
 /// One picture, and the sums for its samples.
 struct PictureSums<'a> {
-    picture: &'a Pixels,
+    picture: &'a RgbImage,
     /// sRGB-encoded. `[F]`
     colors: &'a [[f32; 3]],
     /// sRGB-encoded.

@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use trisplat_raster::solid::{NO_FACE, Visibility};
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::mesh::Mesh;
 
 /// Photos that a face chooses from.
@@ -55,7 +55,7 @@ impl Candidates {
     }
 
     /// Adds a photo.
-    pub(super) fn add(&mut self, view: usize, photo: &Pixels, visibility: &Visibility) {
+    pub(super) fn add(&mut self, view: usize, photo: &RgbImage, visibility: &Visibility) {
         let here = &self.here;
         (0..photo.size.y).into_par_iter().for_each(|y| add_row(here, photo, visibility, y));
         let all = self.of_face.par_iter_mut().zip(&mut self.sums).zip(&mut self.here).with_min_len(1 << 12);
@@ -103,7 +103,7 @@ impl Candidates {
 }
 
 /// Adds a row of pixels to the sums of the faces that they show.
-fn add_row(here: &[[AtomicU64; 5]], photo: &Pixels, visibility: &Visibility, y: u32) {
+fn add_row(here: &[[AtomicU64; 5]], photo: &RgbImage, visibility: &Visibility, y: u32) {
     let width = photo.size.x as usize;
     let below = if y + 1 < photo.size.y { width } else { 0 };
     let brightness = |at: usize| photo.rgb[at].iter().map(|c| i32::from(*c)).sum::<i32>();

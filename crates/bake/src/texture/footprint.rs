@@ -3,7 +3,7 @@
 use crate::views::Views;
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_raster::solid::{NO_FACE, Solid};
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 
@@ -14,7 +14,7 @@ const LONGEST: u32 = 1280;
 /// photo does. `[F]`
 pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     let drawing = views.drawing(mesh, 1);
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     // Sums of three lengths, and how many.
     let mut lengths = vec![[0.0f32; 4]; mesh.face_count()];
     let mut seen = vec![false; mesh.face_count()];

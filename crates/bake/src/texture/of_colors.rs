@@ -4,7 +4,7 @@ use super::atlas::Atlas;
 use super::options::TextureOptions;
 use super::pages;
 use super::texels::Texels;
-use trisplat_scene::{Loaded, Result, Scene, math::color::srgb_from_linear, mesh::Mesh};
+use trisplat_scene::{ImportedScene, Result, Scene, math::color::srgb_from_linear, mesh::Mesh};
 
 /// Corners whose sRGB-encoded colours differ by less look alike.
 const ALIKE: f32 = 2.0 / 255.0;
@@ -12,8 +12,9 @@ const ALIKE: f32 = 2.0 / 255.0;
 /// Gives every mesh of `inputs` a texture if one of them has one: a merge could keep neither colours nor texture of both otherwise.
 ///
 /// Errors: more triangles than the largest texture has texels.
-pub(crate) fn texture_all(inputs: &mut [Loaded]) -> Result<()> {
-    let is_textured = |loaded: &Loaded| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
+pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
+    let is_textured =
+        |loaded: &ImportedScene| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
     if !inputs.iter().any(is_textured) {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 use rayon::prelude::*;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Texels around those of triangles that get their colour.
 const DILATION: usize = 4;
@@ -18,7 +18,7 @@ pub(super) struct Page {
 
 impl Page {
     /// Around triangles their colours go on; elsewhere the picture has their mean.
-    pub(super) fn picture(mut self) -> Pixels {
+    pub(super) fn picture(mut self) -> RgbImage {
         let shown = self.owned.iter().filter(|owned| **owned).count();
         let mut sum = [0.0f64; 3];
         for (value, _) in self.values.iter().zip(&self.owned).filter(|(_, owned)| **owned) {
@@ -30,7 +30,7 @@ impl Page {
         let code = |(value, owned): (&[f32; 3], &bool)| {
             (if *owned { value } else { &mean }).map(|c: f32| (c + 0.5) as u8)
         };
-        Pixels { size: self.size, rgb: texels.map(code).collect(), alpha: None }
+        RgbImage { size: self.size, rgb: texels.map(code).collect(), alpha: None }
     }
 
     /// Gives texels beside those that have a colour the mean of theirs.

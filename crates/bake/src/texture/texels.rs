@@ -20,9 +20,9 @@ use crate::views::Views;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicI32, Ordering};
-use trisplat_raster::solid::{Barycentrics, NO_FACE, Solid, Visibility};
+use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer, Visibility};
 use trisplat_scene::{
-    Result, camera::Camera, image::Pixels, math::color::srgb_from_linear, mesh::Mesh, report::StageProgress,
+    Result, camera::Camera, image::RgbImage, math::color::srgb_from_linear, mesh::Mesh, report::StageProgress,
 };
 
 /// One in the sums.
@@ -86,7 +86,7 @@ impl Texels {
     ) -> Result<()> {
         let drawing = views.drawing(mesh, 1);
         views.prefetch(chosen);
-        let mut solid = Solid::new();
+        let mut solid = SolidRasterizer::new();
         for (done, &view) in chosen.iter().enumerate() {
             progress.set(done, chosen.len());
             let photo = views.photo(view)?;
@@ -124,7 +124,7 @@ impl Texels {
     }
 
     /// The picture of the texture that explains the photos added; `flatness` is λ, px.
-    pub(super) fn picture(&self, flatness: f32) -> Pixels {
+    pub(super) fn picture(&self, flatness: f32) -> RgbImage {
         Page { size: self.size, owned: self.owned.clone(), values: self.solved(flatness) }.picture()
     }
 
@@ -185,7 +185,7 @@ struct Observation<'a, L> {
     layout: &'a L,
     mesh: &'a Mesh,
     camera: &'a Camera,
-    photo: &'a Pixels,
+    photo: &'a RgbImage,
     visibility: &'a Visibility,
     /// Only pixels of faces whose best view is this one.
     best: Option<(&'a Best, u32)>,

@@ -2,7 +2,7 @@
 
 use super::timing::{CaseCost, RasterCase, camera, time};
 use glam::Vec3;
-use trisplat_raster::soft::{FrameGrad, Soft, SoftOptions, SoupGrad, SoupRef};
+use trisplat_raster::soft::{FrameGrad, SoftOptions, SoftRasterizer, SoupGrad, SoupRef};
 use trisplat_scene::{Rng, Soup};
 
 /// Size of the triangles, relative to their distance.
@@ -30,7 +30,7 @@ fn soup(count: usize) -> Soup {
 /// What a step costs: a frame forward and backward.
 pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
     let (soup, camera) = (soup(case.triangles), camera(case.size));
-    let (mut soft, mut grad) = (Soft::new(), SoupGrad::default());
+    let (mut soft, mut grad) = (SoftRasterizer::new(), SoupGrad::default());
     let (scene, options) = (SoupRef::from(&soup), SoftOptions::default());
     let pixels = (case.size.x * case.size.y) as usize;
     let d = FrameGrad { d_rgb: vec![[0.1, -0.2, 0.3]; pixels], ..FrameGrad::default() };
@@ -50,7 +50,7 @@ mod tests {
     #[test]
     fn the_scene_is_what_its_doc_says() {
         let (soup, camera) = (soup(50_000), camera(UVec2::new(480, 270)));
-        let (mut soft, mut importance) = (Soft::new(), Importance::new(soup.len()));
+        let (mut soft, mut importance) = (SoftRasterizer::new(), Importance::new(soup.len()));
         let options = SoftOptions { importance: true, ..SoftOptions::default() };
         soft.render(&SoupRef::from(&soup), &camera, &options);
         soft.accumulate_importance(&mut importance);

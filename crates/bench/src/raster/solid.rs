@@ -2,7 +2,7 @@
 
 use super::timing::{CaseCost, RasterCase, camera, time};
 use glam::{UVec2, Vec3};
-use trisplat_raster::solid::{Solid, SolidRasterOptions};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Rng,
     mesh::{Colors, Mesh},
@@ -34,7 +34,7 @@ pub(super) fn mesh(count: usize, size: UVec2) -> Mesh {
 /// What a frame costs.
 pub(super) fn cost(case: &RasterCase, frames: usize) -> CaseCost {
     let (mesh, camera) = (mesh(case.triangles, case.size), camera(case.size));
-    let mut solid = Solid::new();
+    let mut solid = SolidRasterizer::new();
     time(frames, || {
         solid.render(&mesh, &camera, &SolidRasterOptions::default());
         solid.timings().to_vec()
@@ -50,7 +50,7 @@ mod tests {
     fn triangles_are_small_and_cover_most_of_the_picture() {
         let size = UVec2::new(1280, 720);
         let (mesh, camera) = (mesh(200_000, size), camera(size));
-        let mut solid = Solid::new();
+        let mut solid = SolidRasterizer::new();
         let seen = solid.visibility(&mesh, &camera, &SolidRasterOptions::default());
         let covered = seen.face.iter().filter(|f| **f != NO_FACE).count() as f64 / seen.face.len() as f64;
         // Mean area 2.4 px, so 200,000 cover at most 0.53 of 921,600 px; some of them overlap by chance.

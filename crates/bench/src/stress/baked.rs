@@ -3,7 +3,7 @@
 use super::scene::StressScene;
 use glam::{DVec3, Vec3};
 use trisplat_bake::{BakeOptions, REACH, TeacherOptions, bake};
-use trisplat_scene::{Loaded, Scene, mesh::Mesh};
+use trisplat_scene::{ImportedScene, Scene, mesh::Mesh};
 
 /// Cases of more triangles are not compared: each is looked for among all.
 const MOST: usize = 256;
@@ -21,7 +21,7 @@ pub(super) fn lost(scene: &StressScene) -> f64 {
         return 0.0;
     }
     let reaches = mesh.positions.iter().all(|p| p.abs().max_element() <= REACH);
-    let Ok(asset) = bake(Loaded::from(Scene::Mesh(mesh)), &BakeOptions::default()) else {
+    let Ok(asset) = bake(ImportedScene::from(Scene::Mesh(mesh)), &BakeOptions::default()) else {
         return if reaches { there.len() as f64 } else { 0.0 };
     };
     let placement = asset.provenance.placement;
@@ -35,7 +35,7 @@ pub(super) fn lost(scene: &StressScene) -> f64 {
 pub(super) fn non_finite(scene: &StressScene) -> f64 {
     let options = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
     // What holds nothing to draw is refused.
-    let Ok(asset) = bake(Loaded::from(scene.soup.clone()), &options) else { return 0.0 };
+    let Ok(asset) = bake(ImportedScene::from(scene.soup.clone()), &options) else { return 0.0 };
     let Mesh { positions, .. } = &asset.mesh;
     let colors = (0..asset.mesh.face_count()).flat_map(|face| asset.mesh.corner_colors(face)).flatten();
     let numbers = positions.iter().flat_map(|p| p.to_array()).chain(colors);

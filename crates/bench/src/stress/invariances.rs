@@ -8,8 +8,8 @@ use super::scene::StressScene;
 use super::tally::summary;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec3};
 use trisplat_raster::{
-    soft::{Soft, SoupRef},
-    solid::{NO_FACE, Solid},
+    soft::{SoftRasterizer, SoupRef},
+    solid::{NO_FACE, SolidRasterizer},
 };
 use trisplat_scene::{
     Error, Result, Rng,
@@ -155,7 +155,7 @@ fn drawn(scene: &StressScene, change: Change) -> Drawn {
         Change::Avx2 => SimdLevel::Avx2,
         _ => SimdLevel::Avx512,
     };
-    let (mut soft, mut solid) = (Soft::new(), Solid::new());
+    let (mut soft, mut solid) = (SoftRasterizer::new(), SolidRasterizer::new());
     let (mesh, solid_options) = scene.solid();
     let (frame, seen) = with_at_most(level, || {
         let frame = soft.render(&SoupRef::from(&scene.soup), &scene.camera, &scene.options);

@@ -8,8 +8,8 @@ use super::ray_caster::wrong_samples;
 use super::scene::StressScene;
 use std::time::Instant;
 use trisplat_raster::{
-    soft::{FrameGrad, Soft, SoupGrad, SoupRef},
-    solid::Solid,
+    soft::{FrameGrad, SoftRasterizer, SoupGrad, SoupRef},
+    solid::SolidRasterizer,
 };
 use trisplat_scene::Rng;
 
@@ -40,11 +40,11 @@ pub(super) struct Outcome {
 /// Draws cases.
 #[derive(Debug, Default)]
 pub(super) struct Rig {
-    soft: Soft,
+    soft: SoftRasterizer,
     grad: SoupGrad,
     d: FrameGrad,
     exact: ExactFrame,
-    solid: Solid,
+    solid: SolidRasterizer,
     /// Errors of the values of the last case.
     pub(super) values: Vec<f64>,
     /// Errors of the entries of gradients of the last case.

@@ -7,7 +7,7 @@
 
 use super::{Exposures, Rings};
 use glam::{UVec2, Vec2};
-use trisplat_scene::{image::Pixels, math::color::linear_of_srgb8, math::median::median};
+use trisplat_scene::{image::RgbImage, math::color::linear_of_srgb8, math::median::median};
 
 /// Cells along each side of a picture.
 const GRID: u32 = 16;
@@ -42,7 +42,7 @@ struct Cell {
 impl Cells {
     /// Compares a photo with a drawing of the same size. `camera` is the size of the whole photo: photos of
     /// one size share a camera.
-    pub fn new(photo: &Pixels, drawn: &Pixels, camera: UVec2) -> Self {
+    pub fn new(photo: &RgbImage, drawn: &RgbImage, camera: UVec2) -> Self {
         let size = photo.size;
         let rings = Rings::new(size);
         let side = |i: u32, all: u32| (i * all / GRID, (i + 1) * all / GRID);
@@ -58,7 +58,7 @@ impl Cells {
 }
 
 impl Cell {
-    fn new(photo: &Pixels, drawn: &Pixels, pixels: impl Iterator<Item = usize>, r2: f32) -> Option<Self> {
+    fn new(photo: &RgbImage, drawn: &RgbImage, pixels: impl Iterator<Item = usize>, r2: f32) -> Option<Self> {
         let light = linear_of_srgb8();
         let (mut sums, mut compared, mut all) = ([[0.0f32; 2]; 3], [0.0f32; 3], 0.0f32);
         for i in pixels {
@@ -208,7 +208,7 @@ mod tests {
     use trisplat_scene::math::color::srgb_from_linear;
 
     /// A picture of `size` with light from 0.05 to 0.3, the same for every photo, as `gains` and `falloff` make it.
-    fn picture(gains: [f32; 3], falloff: f32, noise: &Rng, size: UVec2) -> Pixels {
+    fn picture(gains: [f32; 3], falloff: f32, noise: &Rng, size: UVec2) -> RgbImage {
         let rings = Rings::new(size);
         let pixel = |i: u32| {
             let (x, y) = ((i % size.x) as f32 + 0.5, (i / size.x) as f32 + 0.5);
@@ -219,7 +219,7 @@ mod tests {
                 code.round().clamp(0.0, 255.0) as u8
             })
         };
-        Pixels { size, rgb: (0..size.element_product()).map(pixel).collect(), alpha: None }
+        RgbImage { size, rgb: (0..size.element_product()).map(pixel).collect(), alpha: None }
     }
 
     #[test]
@@ -252,8 +252,8 @@ mod tests {
     #[test]
     fn a_photo_that_shows_nothing_has_the_mean_gain() {
         let size = UVec2::new(64, 64);
-        let black = Pixels { size, rgb: vec![[0; 3]; 64 * 64], alpha: None };
-        let grey = Pixels { rgb: vec![[100; 3]; 64 * 64], ..black.clone() };
+        let black = RgbImage { size, rgb: vec![[0; 3]; 64 * 64], alpha: None };
+        let grey = RgbImage { rgb: vec![[100; 3]; 64 * 64], ..black.clone() };
         let solved = solve(&[Cells::new(&black, &grey, size), Cells::new(&grey, &grey, size)]);
         assert_eq!(solved.exposures.gains, [[0.0; 3]; 2]);
         assert!(solved.errors[0][0].is_infinite() && solved.errors[1][0].is_finite());

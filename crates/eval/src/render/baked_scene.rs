@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake};
-use trisplat_scene::{Asset, Loaded, Placement, Result, Scene, Soup, camera::Camera, placed};
+use trisplat_scene::{Asset, ImportedScene, Placement, Result, Scene, Soup, camera::Camera, placed};
 
 /// A scene baked in memory, ready for drawing.
 #[derive(Debug)]
@@ -17,7 +17,7 @@ pub struct BakedScene {
 
 impl BakedScene {
     /// Bakes with the default preset and unchanged colours. Errors: see [`bake()`].
-    pub fn new(loaded: Loaded) -> Result<Self> {
+    pub fn new(loaded: ImportedScene) -> Result<Self> {
         let file_placement = loaded.provenance.placement;
         let soup = match &loaded.scene {
             Scene::Soup(soup) => Some(soup.clone()),

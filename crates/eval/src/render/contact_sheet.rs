@@ -1,7 +1,7 @@
 //! A contact sheet: one row per photo, the photo beside drawings of it and maps of their errors.
 
 use glam::UVec2;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// Widest cell, px.
 const CELL: u32 = 480;
@@ -15,7 +15,7 @@ const ROWS: usize = 12;
 /// The sheet, row by row.
 #[derive(Debug, Default)]
 pub struct ContactSheet {
-    rows: Vec<Vec<Pixels>>,
+    rows: Vec<Vec<RgbImage>>,
 }
 
 /// The shown photos among `count`: all, or the first of each equal part, one part per row.
@@ -25,14 +25,14 @@ pub fn is_shown(photo: usize, count: usize) -> bool {
 
 impl ContactSheet {
     /// Adds a row of pictures; wide ones are shrunk.
-    pub fn add<'a>(&mut self, cells: impl IntoIterator<Item = &'a Pixels>) {
+    pub fn add<'a>(&mut self, cells: impl IntoIterator<Item = &'a RgbImage>) {
         self.rows.push(cells.into_iter().map(shrunk).collect());
     }
 
     /// The whole sheet.
-    pub fn to_pixels(&self) -> Pixels {
+    pub fn to_pixels(&self) -> RgbImage {
         let width = self.rows.iter().map(|row| row.iter().map(|c| c.size.x + GAP).sum::<u32>() + GAP);
-        let height_of = |row: &[Pixels]| row.iter().map(|c| c.size.y).max().unwrap_or(0);
+        let height_of = |row: &[RgbImage]| row.iter().map(|c| c.size.y).max().unwrap_or(0);
         let height: u32 = self.rows.iter().map(|row| height_of(row) + GAP).sum::<u32>() + GAP;
         let size = UVec2::new(width.max().unwrap_or(GAP), height);
         let mut rgb = vec![GAP_COLOR; size.x as usize * size.y as usize];
@@ -48,12 +48,12 @@ impl ContactSheet {
             }
             top += height_of(row) + GAP;
         }
-        Pixels { size, rgb, alpha: None }
+        RgbImage { size, rgb, alpha: None }
     }
 }
 
-fn shrunk(cell: &Pixels) -> Pixels {
-    let plain = Pixels { alpha: None, ..cell.clone() };
+fn shrunk(cell: &RgbImage) -> RgbImage {
+    let plain = RgbImage { alpha: None, ..cell.clone() };
     if cell.size.x <= CELL {
         return plain;
     }
@@ -64,9 +64,9 @@ fn shrunk(cell: &Pixels) -> Pixels {
 mod tests {
     use super::*;
 
-    fn flat(width: u32, height: u32, code: u8) -> Pixels {
+    fn flat(width: u32, height: u32, code: u8) -> RgbImage {
         let rgb = vec![[code; 3]; (width * height) as usize];
-        Pixels { size: UVec2::new(width, height), rgb, alpha: None }
+        RgbImage { size: UVec2::new(width, height), rgb, alpha: None }
     }
 
     #[test]

@@ -4,13 +4,13 @@ use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::Dataset;
 use trisplat_raster::{
-    soft::{Frame, Soft, SoftOptions, SoftWork, SoupRef},
-    solid::{NO_FACE, Solid, SolidRasterOptions},
+    soft::{Frame, SoftOptions, SoftRasterizer, SoftWork, SoupRef},
+    solid::{NO_FACE, SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Error, Limits, Placement, Result, Soup, Space,
+    Error, Limits, Placement, Result, SceneNormalization, Soup,
     camera::Camera,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
     mesh::Mesh,
 };
 #[cfg(feature = "gpu")]
@@ -71,9 +71,9 @@ pub enum SceneRenderer {
 #[derive(Debug)]
 pub struct SoftScene {
     soup: Soup,
-    space: Space,
+    space: SceneNormalization,
     options: SoftOptions,
-    soft: Soft,
+    soft: SoftRasterizer,
     /// Draws colours in its place.
     #[cfg(feature = "gpu")]
     card: Option<CardScene>,
@@ -84,7 +84,7 @@ pub struct SoftScene {
 pub struct SolidScene {
     mesh: Mesh,
     options: SolidRasterOptions,
-    solid: Solid,
+    solid: SolidRasterizer,
     frame: Frame,
 }
 
@@ -114,7 +114,7 @@ impl SceneRenderer {
             soup,
             space,
             options,
-            soft: Soft::new(),
+            soft: SoftRasterizer::new(),
             #[cfg(feature = "gpu")]
             card: None,
         }))
@@ -147,7 +147,12 @@ impl SceneRenderer {
             None => space_around(&mesh.positions),
         };
         let options = SolidRasterOptions { background, samples, near: NEAR / space.scale };
-        Self::Solid(Box::new(SolidScene { mesh, options, solid: Solid::new(), frame: Frame::default() }))
+        Self::Solid(Box::new(SolidScene {
+            mesh,
+            options,
+            solid: SolidRasterizer::new(),
+            frame: Frame::default(),
+        }))
     }
 
     /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
@@ -174,7 +179,7 @@ impl SceneRenderer {
     }
 
     /// What the camera sees.
-    pub fn color(&mut self, camera: &Camera) -> Pixels {
+    pub fn color(&mut self, camera: &Camera) -> RgbImage {
         match self {
             Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
@@ -202,7 +207,7 @@ impl SceneRenderer {
     }
 
     /// The camera's view over another background, sRGB-encoded; `None`: over its own.
-    pub fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Pixels {
+    pub fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> RgbImage {
         let Some(background) = background else { return self.color(camera) };
         let own = self.set_background(background);
         let picture = self.color(camera);
@@ -219,18 +224,18 @@ impl SceneRenderer {
     }
 
     /// Its distance; see [`show::depth`].
-    pub fn depth(&mut self, camera: &Camera) -> Pixels {
+    pub fn depth(&mut self, camera: &Camera) -> RgbImage {
         show::depth(self.geometry(camera))
     }
 
     /// Its normal; see [`show::normal`].
-    pub fn normal(&mut self, camera: &Camera) -> Pixels {
+    pub fn normal(&mut self, camera: &Camera) -> RgbImage {
         show::normal(self.geometry(camera))
     }
 
     /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
     /// everywhere.
-    pub fn contributions(&mut self, camera: &Camera) -> Result<Pixels> {
+    pub fn contributions(&mut self, camera: &Camera) -> Result<RgbImage> {
         let Self::Soft(scene) = self else {
             let wants = "color, depth, normal or random-subset: a solid drawing has one layer everywhere";
             return Err(Error::invalid("show", "contributions", wants));
@@ -270,7 +275,7 @@ impl SoftScene {
         place.check().map(|()| (None, Vec::new()))
     }
 
-    fn color(&mut self, camera: &Camera) -> Pixels {
+    fn color(&mut self, camera: &Camera) -> RgbImage {
         show::color(self.draw(camera, false))
     }
 }
@@ -283,7 +288,7 @@ impl SoftScene {
         Ok((self.card.as_ref().map(|card| card.gpu().describe()), warnings))
     }
 
-    fn color(&mut self, camera: &Camera) -> Pixels {
+    fn color(&mut self, camera: &Camera) -> RgbImage {
         if let Some(card) = &mut self.card {
             let camera = self.space.camera_to_training(camera);
             if let Ok(frame) = card.frame(&camera, &self.options) {
@@ -335,17 +340,17 @@ fn move_points(points: &mut [Vec3], placement: &Placement, dataset: &Dataset) {
 }
 
 /// The space that a training on this data set uses.
-fn space_of(dataset: &Dataset) -> Space {
+fn space_of(dataset: &Dataset) -> SceneNormalization {
     let cameras: Vec<Camera> = dataset.train().map(|v| v.camera).collect();
     let points: Vec<Vec3> = dataset.points.iter().map(|p| p.position).collect();
-    Space::new(&cameras, &points)
+    SceneNormalization::new(&cameras, &points)
 }
 
 /// A space centred on the mean of some points, with their mean distance from it as unit.
-fn space_around(points: &[Vec3]) -> Space {
+fn space_around(points: &[Vec3]) -> SceneNormalization {
     let count = points.len().max(1) as f64;
     let center = points.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count;
     let spread = points.iter().map(|v| v.as_dvec3().distance(center)).sum::<f64>() / count;
     let scale = if spread > 0.0 { (1.0 / spread) as f32 } else { 1.0 };
-    Space { center: center.as_vec3(), scale }
+    SceneNormalization { center: center.as_vec3(), scale }
 }

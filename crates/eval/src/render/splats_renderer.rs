@@ -5,7 +5,7 @@ use trisplat_raster::gaussian::{self, GaussianOptions};
 use trisplat_scene::{
     Splats,
     camera::Camera,
-    image::{Image, Pixels},
+    image::{Image, RgbImage},
 };
 
 /// Depth of the near plane in units of the scene's size, for scenes so small that the usual depth would cut into them.
@@ -27,7 +27,7 @@ impl SplatsRenderer {
     }
 
     /// What the camera sees.
-    pub fn color(&self, camera: &Camera) -> Pixels {
+    pub fn color(&self, camera: &Camera) -> RgbImage {
         gaussian::draw(&self.splats, camera, &self.options).to_pixels()
     }
 

@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Result, image::Pixels};
+use trisplat_scene::{Result, image::RgbImage};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///
@@ -119,7 +119,7 @@ impl TextureFormat {
     }
 
     /// The bytes of its file.
-    pub(crate) fn bytes(self, picture: &Pixels) -> Result<Vec<u8>> {
+    pub(crate) fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
         match self {
             Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
             Self::Png => picture.to_png(),

@@ -15,7 +15,7 @@ use super::part;
 use crate::far::note_origin;
 use crate::{ReadOptions, Source, finish, foreign, gaussians};
 use std::path::Path;
-use trisplat_scene::{Error, Loaded, Provenance, Result, Scene};
+use trisplat_scene::{Error, ImportedScene, Provenance, Result, Scene};
 
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours
 /// linear.
@@ -26,7 +26,7 @@ use trisplat_scene::{Error, Loaded, Provenance, Result, Scene};
 /// # Errors
 /// `Malformed` for broken containers, JSON and accessors; `Unsupported` for glTF 1.0, Draco, unknown
 /// required extensions and scenes without triangles.
-pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let path = source.path.clone();
     let limits = &options.limits;
     let container = ContainerFile::read(&mut source, limits)?;
@@ -67,7 +67,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<Loaded> {
     }
     let (mesh, warnings) = merged.finish()?;
     let provenance = Provenance { backdrop, ..extras::provenance(&document.asset) };
-    let mut loaded = Loaded { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
     finish(&path, loaded)
 }

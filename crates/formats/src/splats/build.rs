@@ -4,7 +4,7 @@ use crate::far;
 use glam::{DVec3, Quat};
 use std::io::Read;
 use std::path::Path;
-use trisplat_scene::{Error, Limits, LoadedSplats, Provenance, Result, SH_C0, Splats};
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats};
 
 /// As many Gaussians of zeros.
 pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
@@ -52,7 +52,7 @@ pub(crate) fn finish(
     mut provenance: Provenance,
     mut warnings: Vec<String>,
     origin: DVec3,
-) -> Result<LoadedSplats> {
+) -> Result<ImportedSplats> {
     let total = splats.len();
     if total == 0 {
         return Err(Error::malformed(path, "Gaussians", "there are none in the file"));
@@ -76,5 +76,5 @@ pub(crate) fn finish(
         }
     }
     far::note_in(&mut provenance, &mut warnings, origin);
-    Ok(LoadedSplats { splats, provenance, warnings, cameras: Vec::new() })
+    Ok(ImportedSplats { splats, provenance, warnings, cameras: Vec::new() })
 }

@@ -8,7 +8,7 @@
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Limits, LoadedSplats, Result, camera::Camera, input};
+use trisplat_scene::{Error, ImportedSplats, Limits, Result, camera::Camera, input};
 
 #[derive(Deserialize)]
 struct Entry {
@@ -65,7 +65,7 @@ impl Entry {
 }
 
 /// Adds the cameras of a list beside the file; a warning says why one is not used.
-pub(super) fn add_beside(path: &Path, loaded: &mut LoadedSplats, limits: &Limits) {
+pub(super) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
     let Some(list) = beside(path) else { return };
     match read(&list, DVec3::from(loaded.provenance.placement.center), limits) {
         Ok(cameras) => loaded.cameras = cameras,

@@ -18,7 +18,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::fs::File;
 use std::io::{BufReader, Cursor};
 use std::path::Path;
-use trisplat_scene::{Error, Limits, LoadedSplats, Provenance, Result, ScreenFilter, Splats};
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats};
 
 /// Lists of coefficients side by side in their picture.
 const LISTS_PER_ROW: usize = 64;
@@ -99,7 +99,7 @@ where
 }
 
 /// The Gaussians of the archive.
-pub(super) fn read(source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+pub(super) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     let mut archive = Archive::open(&source, &options.limits)?;
     let json = archive.bytes("meta.json")?;

@@ -7,12 +7,12 @@
 use super::build::{finish, read_all, sh0, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec3};
-use trisplat_scene::{Error, LoadedSplats, Provenance, Result};
+use trisplat_scene::{Error, ImportedSplats, Provenance, Result};
 
 const BYTES: usize = 32;
 
 /// The Gaussians of the file.
-pub(super) fn read(source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+pub(super) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     if !source.len.is_multiple_of(BYTES as u64) {
         let reason =

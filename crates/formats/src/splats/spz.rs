@@ -14,7 +14,7 @@ use crate::{ReadOptions, Source, gaussians};
 use glam::DVec3;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::ErrorKind;
-use trisplat_scene::{Error, LoadedSplats, Provenance, Result, ScreenFilter, Splats, UpAxis};
+use trisplat_scene::{Error, ImportedSplats, Provenance, Result, ScreenFilter, Splats, UpAxis};
 
 const HEADER: usize = 16;
 /// Gzip makes nothing smaller than this many times.
@@ -30,7 +30,7 @@ struct Header {
 }
 
 /// The Gaussians of the file.
-pub(super) fn read(mut source: Source, options: &ReadOptions) -> Result<LoadedSplats> {
+pub(super) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     if source.head()?.starts_with(b"NGSP") {
         return Err(gaussians::refusal(&source.path, "SPZ version 4"));
     }

@@ -4,13 +4,13 @@ use crate::{Content, ReadOptions, read_content};
 use glam::{DVec3, Quat, Vec3};
 use std::io::Write;
 use std::path::Path;
-use trisplat_scene::{Error, Limits, LoadedSplats, Result, ScreenFilter, UpAxis};
+use trisplat_scene::{Error, ImportedSplats, Limits, Result, ScreenFilter, UpAxis};
 
 fn options() -> ReadOptions {
     ReadOptions::with_degree(3)
 }
 
-fn read_in(folder: &Path, name: &str, bytes: &[u8], options: &ReadOptions) -> Result<LoadedSplats> {
+fn read_in(folder: &Path, name: &str, bytes: &[u8], options: &ReadOptions) -> Result<ImportedSplats> {
     let path = folder.join(name);
     std::fs::write(&path, bytes).expect("writable");
     match read_content(&path, options)? {
@@ -19,7 +19,7 @@ fn read_in(folder: &Path, name: &str, bytes: &[u8], options: &ReadOptions) -> Re
     }
 }
 
-fn read(name: &str, bytes: &[u8]) -> Result<LoadedSplats> {
+fn read(name: &str, bytes: &[u8]) -> Result<ImportedSplats> {
     read_in(tempfile::tempdir().expect("a folder").path(), name, bytes, &options())
 }
 
@@ -70,7 +70,7 @@ fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
             names.reverse();
             row.reverse();
         }
-        let LoadedSplats { splats, warnings, .. } =
+        let ImportedSplats { splats, warnings, .. } =
             read("a.ply", &ply(&names, "float", &[row])).expect("valid");
         assert_eq!((splats.len(), splats.sh_degree, splats.positions[0]), (1, 1, Vec3::new(1.0, 2.0, 3.0)));
         assert!(close(splats.scales[0], Vec3::new(-1.0, -2.0, -3.0).exp(), 1e-6));

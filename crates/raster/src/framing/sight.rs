@@ -1,7 +1,7 @@
 //! Measures a camera's view of the subject, on a small picture.
 
 use super::Subject;
-use crate::solid::{NO_FACE, Solid, SolidRasterOptions};
+use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{UVec2, Vec3};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -24,7 +24,7 @@ pub(super) struct Survey {
     subject: Subject,
     /// Flags of the subject's faces. `[F]`
     of_subject: Vec<bool>,
-    solid: Solid,
+    solid: SolidRasterizer,
 }
 
 /// A camera's view, in shares from 0 to 1.
@@ -55,7 +55,12 @@ impl Survey {
             }
         }
         let colors = Colors::Face(vec![[0.0; 3]; of_subject.len()]);
-        Self { mesh: Mesh { positions, colors, ..Mesh::default() }, subject, of_subject, solid: Solid::new() }
+        Self {
+            mesh: Mesh { positions, colors, ..Mesh::default() },
+            subject,
+            of_subject,
+            solid: SolidRasterizer::new(),
+        }
     }
 
     /// The view of `camera`, for any size of its picture.

@@ -76,7 +76,7 @@ impl Work for CountTile<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Importance, Soft, SoupRef};
+    use super::super::{Importance, SoftRasterizer, SoupRef};
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
     use trisplat_scene::Rng;
@@ -111,7 +111,7 @@ mod tests {
         let options = SoftOptions { importance: true, ..SoftOptions::default() };
         for count in [0, 1, 300] {
             let soup = soup(count);
-            let mut soft = Soft::new();
+            let mut soft = SoftRasterizer::new();
             let frame = soft.render(&SoupRef::from(&soup), &camera, &options);
             let bare: Vec<bool> = frame.transmittance.iter().map(|&t| t == 1.0).collect();
             let layers = soft.contributions(&options);

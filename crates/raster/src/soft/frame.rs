@@ -1,7 +1,7 @@
 //! The frame of the soft rasteriser, and the gradient of a loss with respect to it.
 
 use glam::UVec2;
-use trisplat_scene::image::Pixels;
+use trisplat_scene::image::RgbImage;
 
 /// The view of a camera. `[height * width]`, row by row
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -24,8 +24,8 @@ pub struct Frame {
 
 impl Frame {
     /// The colours in 8 bits: clamped to [0, 1] and rounded. They must be sRGB-encoded.
-    pub fn to_pixels(&self) -> Pixels {
-        Pixels::from_rgb(self.size, &self.rgb)
+    pub fn to_pixels(&self) -> RgbImage {
+        RgbImage::from_rgb(self.size, &self.rgb)
     }
 }
 

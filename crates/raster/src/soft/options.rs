@@ -64,7 +64,7 @@ pub struct SoftOptions {
     pub geometry: bool,
     /// Depths that the distortion maps to 0 and 1 (0.2 and 100 in the reference code).
     pub depth_range: [f32; 2],
-    /// Whether the weights for [`Soft::accumulate_importance`](super::Soft::accumulate_importance) are summed.
+    /// Whether the weights for [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance) are summed.
     pub importance: bool,
 }
 

@@ -1,7 +1,7 @@
 //! Counts the work that a frame skips.
 
 use super::tile_grid::{BLOCKS, tiles_between};
-use super::{Soft, SoftOptions, SoupRef, slabs};
+use super::{SoftOptions, SoftRasterizer, SoupRef, slabs};
 use std::ops::AddAssign;
 use trisplat_scene::{WorkCount, camera::Camera};
 
@@ -38,7 +38,7 @@ impl AddAssign for SoftWork {
     }
 }
 
-impl Soft {
+impl SoftRasterizer {
     /// Draws a frame twice, like [`render`](Soft::render) and to the last layer, and counts. `None` for a
     /// frame drawn in slabs.
     pub fn work(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> Option<SoftWork> {
@@ -111,7 +111,8 @@ mod tests {
     #[test]
     fn what_is_out_of_view_beside_a_triangle_or_behind_opaque_ones_is_counted() {
         let soup = walls(&[1.0, 2.0, 3.0, 4.0, 5.0, -1.0]);
-        let work = Soft::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
+        let work =
+            SoftRasterizer::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
         assert_eq!(work.triangles, WorkCount { done: 5, skipped: 1 });
         // Five walls over 4×4 tiles of 16 blocks; two of opacity 0.99 leave 1e-4 of the light.
         assert_eq!(work.tiles, WorkCount { done: 80, skipped: 0 });
@@ -125,7 +126,8 @@ mod tests {
         let mut soup = walls(&[1.0]);
         soup.vertices[0] =
             [Vec3::new(-0.45, -0.45, 1.0), Vec3::new(0.45, 0.43, 1.0), Vec3::new(0.43, 0.45, 1.0)];
-        let work = Soft::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
+        let work =
+            SoftRasterizer::new().work(&SoupRef::from(&soup), &camera(), &SoftOptions::default()).unwrap();
         assert!(work.tiles.skipped >= 6 && work.tiles.done >= 4, "{work:?}");
         assert!(work.blocks.skipped > work.blocks.done, "{work:?}");
         assert_eq!(work.layers.skipped, 0);

@@ -86,7 +86,7 @@ impl SlabTarget<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{FrameGrad, Importance, Soft, SoftOptions, SoupGrad, SoupRef};
+    use super::super::{FrameGrad, Importance, SoftOptions, SoftRasterizer, SoupGrad, SoupRef};
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
     use trisplat_scene::Rng;
@@ -117,9 +117,9 @@ mod tests {
     }
 
     /// Everything that a frame leaves.
-    fn all(soup: &Soup, options: &SoftOptions, pairs: u64) -> (Soft, SoupGrad, Importance) {
+    fn all(soup: &Soup, options: &SoftOptions, pairs: u64) -> (SoftRasterizer, SoupGrad, Importance) {
         let (camera, soup) = (camera(), SoupRef::from(soup));
-        let (mut soft, mut grad) = (Soft::new(), SoupGrad::default());
+        let (mut soft, mut grad) = (SoftRasterizer::new(), SoupGrad::default());
         soft.pairs_per_slab = pairs;
         soft.render(&soup, &camera, options);
         let mut importance = Importance::new(soup.len());

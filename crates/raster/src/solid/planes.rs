@@ -118,7 +118,7 @@ impl Work for FillPlanes<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Solid, SolidRasterOptions};
+    use super::super::{SolidRasterOptions, SolidRasterizer};
     use super::*;
     use glam::{Mat3, Vec2, Vec3};
     use std::sync::Mutex;
@@ -148,7 +148,7 @@ mod tests {
         let pixels = size.x as usize * size.y as usize;
         for some in [&[0, 1, 2][..], &[0, 2], &[1]] {
             let drawn = Mutex::new(vec![0; pixels]);
-            Solid::new().planes(&mesh, &camera, &options, (3, &plane_of), |tile| {
+            SolidRasterizer::new().planes(&mesh, &camera, &options, (3, &plane_of), |tile| {
                 let mut drawn = drawn.lock().unwrap();
                 for (x, y) in (0..tile.size.y).flat_map(|y| (0..tile.size.x).map(move |x| (x, y))) {
                     let nearest =
@@ -159,7 +159,7 @@ mod tests {
             let kept: Vec<u32> = (0..600).filter(|f| some.contains(&plane_of[*f as usize].into())).collect();
             let mut part = Mesh { positions: Vec::new(), ..Mesh::default() };
             part.positions.extend(kept.iter().flat_map(|f| mesh.corners(*f as usize)));
-            let mut alone = Solid::new().visibility(&part, &camera, &options).face.clone();
+            let mut alone = SolidRasterizer::new().visibility(&part, &camera, &options).face.clone();
             let seen = alone.iter_mut().filter(|face| **face != super::super::NO_FACE);
             assert!(seen.map(|face| *face = kept[*face as usize]).count() > pixels / 4);
             assert!(*drawn.lock().unwrap() == alone, "{some:?}");

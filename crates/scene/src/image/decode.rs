@@ -241,15 +241,15 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
 mod tests {
     use super::*;
     use crate::image::tests::ramp;
-    use crate::image::{Pixels, area};
+    use crate::image::{RgbImage, area};
 
     #[test]
     fn what_is_not_a_picture_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
-        assert!(matches!(Pixels::load(&path), Err(Error::Io { .. })));
+        assert!(matches!(RgbImage::load(&path), Err(Error::Io { .. })));
         std::fs::write(&path, "certainly not a picture").unwrap();
-        assert!(matches!(Pixels::load(&path), Err(Error::Unsupported { .. })));
+        assert!(matches!(RgbImage::load(&path), Err(Error::Unsupported { .. })));
     }
 
     /// One picture in every format that is read.
@@ -280,10 +280,10 @@ mod tests {
             picture.write_to(&mut bytes, format).unwrap();
             let bytes = bytes.into_inner();
             std::fs::write(&path, &bytes).unwrap();
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
-            assert_eq!(Pixels::load(&path).unwrap(), source, "{format:?}");
+            assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), source.size, "{format:?}");
+            assert_eq!(RgbImage::load(&path).unwrap(), source, "{format:?}");
             std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-            assert!(Pixels::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
+            assert!(RgbImage::size_of(&path, &Limits::DEFAULT).is_err(), "{format:?} cut short");
         }
         // A red and a green half in cyan, magenta, yellow and black, as Adobe's programs write them.
         let cmyk = "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgIDAgIDAwMDBAMDBAUIBQUEBAUKBwcGCAwKDAwLCgsLDQ4SEA0OEQ4LCxAWEBETFBUVFQwP\
@@ -291,7 +291,7 @@ mod tests {
                     DgRDAE0AWQBLAAA/AHAIoUpVNDpUBqAf/9k=";
         let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, cmyk).unwrap();
         std::fs::write(&path, bytes).unwrap();
-        let printed = Pixels::load(&path).unwrap();
+        let printed = RgbImage::load(&path).unwrap();
         for (at, wanted) in [(4 * 16 + 3, [200u8, 40, 60]), (4 * 16 + 12, [30, 160, 90])] {
             assert!((0..3).all(|c| printed.rgb[at][c].abs_diff(wanted[c]) <= 3), "{:?}", printed.rgb[at]);
         }
@@ -303,22 +303,22 @@ mod tests {
         let path = folder.path().join("picture.any");
         for (format, whole) in encoded() {
             std::fs::write(&path, &whole).unwrap();
-            assert_eq!(Pixels::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
+            assert_eq!(RgbImage::load(&path).unwrap().size, UVec2::new(32, 24), "{format}");
+            assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), UVec2::new(32, 24), "{format}");
             // The last chunk of a PNG holds nothing: without it no pixel is lost.
             let needed = whole.len() - if format == "png" { PNG_END.len() } else { 0 };
             for len in (0..needed).step_by(37).chain([needed - 1]) {
                 std::fs::write(&path, &whole[..len]).unwrap();
-                assert!(Pixels::load(&path).is_err(), "{format} cut at {len} was read");
+                assert!(RgbImage::load(&path).is_err(), "{format} cut at {len} was read");
                 assert!(
-                    Pixels::size_of(&path, &Limits::DEFAULT).is_err(),
+                    RgbImage::size_of(&path, &Limits::DEFAULT).is_err(),
                     "{format} cut at {len} passed for whole"
                 );
             }
             // Phones append a film, an editor its own data.
             std::fs::write(&path, [whole.as_slice(), b"something else"].concat()).unwrap();
             assert!(
-                Pixels::load(&path).is_ok() && Pixels::size_of(&path, &Limits::DEFAULT).is_ok(),
+                RgbImage::load(&path).is_ok() && RgbImage::size_of(&path, &Limits::DEFAULT).is_ok(),
                 "{format}"
             );
         }
@@ -351,9 +351,9 @@ mod tests {
         let errors = |bytes: &[u8], limits: &Limits| {
             std::fs::write(&path, bytes).unwrap();
             let all = [
-                Pixels::size_of(&path, limits).unwrap_err(),
-                Pixels::load_within(&path, limits).unwrap_err(),
-                Pixels::load_mask(&path, limits).unwrap_err(),
+                RgbImage::size_of(&path, limits).unwrap_err(),
+                RgbImage::load_within(&path, limits).unwrap_err(),
+                RgbImage::load_mask(&path, limits).unwrap_err(),
             ];
             all.map(|error| error.to_string())
         };
@@ -391,8 +391,8 @@ mod tests {
         grey.write_to(&mut png, image::ImageFormat::Png).unwrap();
         for bytes in [jpeg, png.into_inner()] {
             std::fs::write(&path, bytes).unwrap();
-            assert_eq!(Pixels::size_of(&path, &Limits::DEFAULT).unwrap(), size);
-            assert_eq!(Pixels::load(&path).unwrap().size, size);
+            assert_eq!(RgbImage::size_of(&path, &Limits::DEFAULT).unwrap(), size);
+            assert_eq!(RgbImage::load(&path).unwrap().size, size);
         }
     }
 }

@@ -58,7 +58,7 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
+    use crate::image::RgbImage;
     use crate::limits::Limits;
 
     #[test]
@@ -72,10 +72,10 @@ mod tests {
         };
         let rgb = (0..size.x * size.y).map(|i| code(i % size.x, i / size.x)).collect();
         let limits = &Limits::DEFAULT;
-        std::fs::write(&path, Pixels { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
-        let whole = Pixels::load(&path).unwrap();
+        std::fs::write(&path, RgbImage { size, rgb, alpha: None }.to_jpeg(95).unwrap()).unwrap();
+        let whole = RgbImage::load(&path).unwrap();
         for (least, part) in [(20, 8), (21, 4), (40, 4), (41, 2), (80, 2), (81, 1), (400, 1)] {
-            let (small, full) = Pixels::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
+            let (small, full) = RgbImage::load_reduced(&path, UVec2::new(least, 1), limits).unwrap();
             assert_eq!((small.size, full), (size / part, size), "{least}");
             let mean = whole.downscaled(small.size);
             for (a, b) in small.rgb.iter().zip(&mean.rgb) {
@@ -83,11 +83,11 @@ mod tests {
             }
         }
         // Odd sides are read whole, as is what is cut short, which is an error.
-        let odd = Pixels { size: UVec2::new(161, 96), rgb: vec![[7; 3]; 161 * 96], alpha: None };
+        let odd = RgbImage { size: UVec2::new(161, 96), rgb: vec![[7; 3]; 161 * 96], alpha: None };
         let bytes = odd.to_jpeg(90).unwrap();
         std::fs::write(&path, &bytes).unwrap();
-        assert_eq!(Pixels::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size, odd.size);
+        assert_eq!(RgbImage::load_reduced(&path, UVec2::splat(10), limits).unwrap().0.size, odd.size);
         std::fs::write(&path, &bytes[..bytes.len() - 20]).unwrap();
-        assert!(Pixels::load_reduced(&path, UVec2::splat(10), limits).is_err());
+        assert!(RgbImage::load_reduced(&path, UVec2::splat(10), limits).is_err());
     }
 }

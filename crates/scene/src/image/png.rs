@@ -146,7 +146,7 @@ pub(super) fn broken(path: &Path, error: DecodingError) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
+    use crate::image::RgbImage;
     use image::{GenericImageView, ImageBuffer, ImageFormat, Rgba};
     use std::io::Cursor;
 
@@ -189,8 +189,8 @@ mod tests {
             assert_eq!(has_alpha(Cursor::new(&bytes)).unwrap(), picture.color().has_alpha());
             // Smaller, too.
             let wanted = UVec2::new(20, 14);
-            let (small, full) = Pixels::load_reduced(&path, wanted, &Limits::DEFAULT).unwrap();
-            let whole = Pixels::load(&path).unwrap();
+            let (small, full) = RgbImage::load_reduced(&path, wanted, &Limits::DEFAULT).unwrap();
+            let whole = RgbImage::load(&path).unwrap();
             let wants = if picture.color().has_alpha() { whole } else { whole.downscaled(wanted) };
             assert_eq!((small, full), (wants, size), "{:?}", picture.color());
         }
@@ -211,9 +211,9 @@ mod tests {
         let path = folder.path().join("a.png");
         std::fs::write(&path, &bytes).unwrap();
         assert_eq!(whole.dimensions(), (9, 9));
-        let read = Pixels::load(&path).unwrap();
+        let read = RgbImage::load(&path).unwrap();
         assert_eq!(read.rgb.as_flattened(), whole.to_rgb8().as_raw().as_slice());
-        let (same, full) = Pixels::load_reduced(&path, UVec2::new(3, 3), &Limits::DEFAULT).unwrap();
+        let (same, full) = RgbImage::load_reduced(&path, UVec2::new(3, 3), &Limits::DEFAULT).unwrap();
         assert_eq!((same, full), (read, UVec2::new(9, 9)), "its rows do not come in order");
     }
 }

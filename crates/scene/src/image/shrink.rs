@@ -91,7 +91,7 @@ fn cover(from: u32, to: u32) -> Vec<(usize, Vec<f32>)> {
 mod tests {
     use super::*;
     use crate::image::tests::ramp;
-    use crate::image::{Pixels, area};
+    use crate::image::{RgbImage, area};
 
     #[test]
     fn halving_averages_two_by_two() {
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn one_colour_stays_that_colour_at_any_ratio() {
         for size in [UVec2::new(1, 1), UVec2::new(3, 2), UVec2::new(36, 23), UVec2::new(37, 24)] {
-            let source = Pixels {
+            let source = RgbImage {
                 size: UVec2::new(37, 24),
                 rgb: vec![[255, 200, 1]; 37 * 24],
                 alpha: Some(vec![7; 888]),
@@ -129,7 +129,7 @@ mod tests {
     fn fractional_cover_keeps_the_mean() {
         let source = ramp(UVec2::new(101, 67));
         let small = source.downscaled(UVec2::new(31, 29));
-        let mean = |p: &Pixels| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
+        let mean = |p: &RgbImage| p.rgb.iter().map(|c| f64::from(c[1])).sum::<f64>() / p.rgb.len() as f64;
         assert!((mean(&source) - mean(&small)).abs() < 0.1);
     }
 }

@@ -95,7 +95,7 @@ fn codes(chunk: DecodingResult, channels: usize) -> Option<Vec<[u8; 3]>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
+    use crate::image::RgbImage;
     use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb};
     use std::io::Cursor;
     use tiff::encoder::{TiffEncoder, colortype};
@@ -115,15 +115,15 @@ mod tests {
             picture.write_to(&mut bytes, ImageFormat::Tiff).unwrap();
             let bytes = bytes.into_inner();
             std::fs::write(&path, &bytes).unwrap();
-            let whole = Pixels::load(&path).unwrap();
+            let whole = RgbImage::load(&path).unwrap();
             for wanted in [UVec2::new(53, 32), UVec2::new(160, 96), UVec2::ONE] {
-                let (small, full) = Pixels::load_reduced(&path, wanted, limits).unwrap();
+                let (small, full) = RgbImage::load_reduced(&path, wanted, limits).unwrap();
                 assert_eq!((full, &small), (size, &whole.downscaled(wanted)));
             }
-            let same = Pixels::load_reduced(&path, size, limits).unwrap();
+            let same = RgbImage::load_reduced(&path, size, limits).unwrap();
             assert_eq!(same, (whole, size), "not larger than wanted");
             std::fs::write(&path, &bytes[..bytes.len() - 30]).unwrap();
-            assert!(Pixels::load_reduced(&path, UVec2::ONE, limits).is_err(), "cut short");
+            assert!(RgbImage::load_reduced(&path, UVec2::ONE, limits).is_err(), "cut short");
         }
     }
 
@@ -140,8 +140,8 @@ mod tests {
         let wanted = UVec2::new(20, 11);
         // A strip of seven rows fits, the picture does not.
         let limits = Limits { array_bytes: 3 * 64 * 7, ..Limits::DEFAULT };
-        let (small, full) = Pixels::load_reduced(&path, wanted, &limits).unwrap();
+        let (small, full) = RgbImage::load_reduced(&path, wanted, &limits).unwrap();
         assert_eq!(full, UVec2::new(64, 50));
-        assert_eq!(small, Pixels::load(&path).unwrap().downscaled(wanted));
+        assert_eq!(small, RgbImage::load(&path).unwrap().downscaled(wanted));
     }
 }

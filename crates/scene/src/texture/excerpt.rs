@@ -5,7 +5,7 @@
 
 use super::faces::FaceTexture;
 use super::picture::Texture;
-use crate::image::Pixels;
+use crate::image::RgbImage;
 use crate::math::sets::Sets;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
@@ -55,7 +55,7 @@ impl FaceTexture {
     /// The texture of the same faces from pages with half of the texels along each side, `halvings` times, with only what the faces show. It
     /// has one page of at most `most` by `most` texels. Unchanged where that saves little, or does not fit.
     pub fn excerpt(&self, halvings: usize, most: u32) -> FaceTexture {
-        let pages: Vec<&Pixels> = self.pages.iter().map(|page| page.level(halvings)).collect();
+        let pages: Vec<&RgbImage> = self.pages.iter().map(|page| page.level(halvings)).collect();
         let (rectangles, of_face) = self.rectangles(&pages);
         let grown: Vec<Rectangle> =
             rectangles.iter().map(|one| one.grown(pages[usize::from(one.page)].size)).collect();
@@ -74,7 +74,7 @@ impl FaceTexture {
     }
 
     /// Rectangles that hold the texels of all faces, and the number of that of each. `[F]`
-    fn rectangles(&self, pages: &[&Pixels]) -> (Vec<Rectangle>, Vec<u32>) {
+    fn rectangles(&self, pages: &[&RgbImage]) -> (Vec<Rectangle>, Vec<u32>) {
         let of_face = |face: usize| {
             let page = self.page(face);
             let size = pages[page].size;
@@ -206,7 +206,7 @@ fn packed(rectangles: &[Rectangle], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
 }
 
 /// The page; what no rectangle covers has the mean colour of the pages.
-fn copied(pages: &[&Pixels], rectangles: &[Rectangle], places: &[UVec2], size: UVec2) -> Pixels {
+fn copied(pages: &[&RgbImage], rectangles: &[Rectangle], places: &[UVec2], size: UVec2) -> RgbImage {
     let mut sum = [0u64; 3];
     let mut texels = 0;
     for one in rectangles {
@@ -226,7 +226,7 @@ fn copied(pages: &[&Pixels], rectangles: &[Rectangle], places: &[UVec2], size: U
             rgb[target..target + across].copy_from_slice(&from.rgb[source..source + across]);
         }
     }
-    Pixels { size, rgb, alpha: None }
+    RgbImage { size, rgb, alpha: None }
 }
 
 #[cfg(test)]
@@ -239,7 +239,7 @@ mod tests {
         let size = UVec2::new(512, 256);
         let rgb =
             (0..size.element_product()).map(|i| [(i % 251) as u8, (i / 512) as u8, (i * 7 % 256) as u8]);
-        let page = Texture::new(Pixels { size, rgb: rgb.collect(), alpha: None });
+        let page = Texture::new(RgbImage { size, rgb: rgb.collect(), alpha: None });
         let rng = Rng::new(3, "excerpt", 0);
         let at = |face: u64| {
             let draw = |k: u64| rng.uniform(8 * face + k);

@@ -116,11 +116,11 @@ impl FaceTexture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Pixels;
+    use crate::image::RgbImage;
     use glam::UVec2;
 
     fn page(code: u8) -> Arc<Texture> {
-        Arc::new(Texture::new(Pixels { size: UVec2::ONE, rgb: vec![[code; 3]], alpha: None }))
+        Arc::new(Texture::new(RgbImage { size: UVec2::ONE, rgb: vec![[code; 3]], alpha: None }))
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::faces::FaceTexture;
 use super::picture::Texture;
-use crate::image::Pixels;
+use crate::image::RgbImage;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ impl FaceTexture {
         let scaled = from.zip(&tops).map(|(from, top)| {
             (from, from.size.as_vec2() / size.as_vec2(), Vec2::new(0.0, *top as f32 / size.y as f32))
         });
-        let pages: Vec<(&Pixels, Vec2, Vec2)> = scaled.collect();
+        let pages: Vec<(&RgbImage, Vec2, Vec2)> = scaled.collect();
         let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
             let page = tops.partition_point(|top| *top <= y) - 1;
             let from = pages[page].0;
@@ -39,7 +39,7 @@ impl FaceTexture {
             // The border of a picture continues beside and below it.
             row.iter().chain(std::iter::repeat(&row[row.len() - 1])).take(size.x as usize).copied()
         });
-        let page = Texture::new(Pixels { size, rgb: rgb.collect(), alpha: None });
+        let page = Texture::new(RgbImage { size, rgb: rgb.collect(), alpha: None });
         let moved = |(face, uvs): (usize, &[Vec2; 3])| {
             let (_, scale, top) = pages[self.page(face)];
             uvs.map(|uv| uv * scale + top)
@@ -69,7 +69,7 @@ mod tests {
         let of = |size: UVec2| {
             let rgb = (0..size.element_product()).map(|i| at(i, size.x)).collect();
             let uvs = vec![[Vec2::splat(0.2), Vec2::new(0.9, 0.3), Vec2::new(0.4, 0.75)]];
-            FaceTexture::new(uvs, Arc::new(Texture::new(Pixels { size, rgb, alpha: None })))
+            FaceTexture::new(uvs, Arc::new(Texture::new(RgbImage { size, rgb, alpha: None })))
         };
         let mut both = of(UVec2::new(40, 50));
         both.append(&of(UVec2::new(64, 30)));

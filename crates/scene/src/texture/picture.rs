@@ -1,7 +1,7 @@
 //! A picture with its mip levels, and sampling as in an engine.
 
 use crate::error::Result;
-use crate::image::Pixels;
+use crate::image::RgbImage;
 use crate::limits::Limits;
 use crate::math::color::linear_of_srgb8;
 use crate::math::srgb8::srgb8_from_linear;
@@ -14,7 +14,7 @@ use std::path::Path;
 /// A picture and its mip levels, each half the size of the previous one, down to one texel. sRGB codes.
 #[derive(Debug, Clone)]
 pub struct Texture {
-    levels: Vec<Pixels>,
+    levels: Vec<RgbImage>,
     stored: Option<StoredPicture>,
 }
 
@@ -37,8 +37,8 @@ pub struct StoredPicture {
 impl Texture {
     /// The texture of a picture with at least one texel; its alpha is not used. Levels are means of four
     /// texels in linear light.
-    pub fn new(picture: Pixels) -> Self {
-        let mut levels = vec![Pixels { alpha: None, ..picture }];
+    pub fn new(picture: RgbImage) -> Self {
+        let mut levels = vec![RgbImage { alpha: None, ..picture }];
         while let Some(finest) = levels.last().filter(|level| level.size.max_element() > 1) {
             levels.push(halved(finest));
         }
@@ -51,7 +51,7 @@ impl Texture {
     pub fn decoded(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let format = image::guess_format(bytes).map_or_else(|_| "?".to_owned(), |f| format!("{f:?}"));
         let stored = StoredPicture { format: format.to_uppercase(), bytes: bytes.len() as u64 };
-        Ok(Self { stored: Some(stored), ..Self::new(Pixels::from_bytes(place, bytes, limits)?) })
+        Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
     }
 
     /// How the file that it was read from holds it; `None` of a new one.
@@ -60,12 +60,12 @@ impl Texture {
     }
 
     /// The picture itself.
-    pub fn picture(&self) -> &Pixels {
+    pub fn picture(&self) -> &RgbImage {
         &self.levels[0]
     }
 
     /// The picture, or a mip level of it: the same with half of the texels along each side, `halvings` times.
-    pub fn level(&self, halvings: usize) -> &Pixels {
+    pub fn level(&self, halvings: usize) -> &RgbImage {
         &self.levels[halvings.min(self.levels.len() - 1)]
     }
 
@@ -107,7 +107,7 @@ impl Texture {
 }
 
 /// A level from the next finer one; for an odd size the last row or column counts twice.
-fn halved(finer: &Pixels) -> Pixels {
+fn halved(finer: &RgbImage) -> RgbImage {
     let size = (finer.size / 2).max(UVec2::ONE);
     let linear = linear_of_srgb8();
     let texel = |x: u32, y: u32| finer.rgb[(y.min(finer.size.y - 1) * finer.size.x + x) as usize];
@@ -121,7 +121,7 @@ fn halved(finer: &Pixels) -> Pixels {
             })
         })
     });
-    Pixels { size, rgb: rows.collect(), alpha: None }
+    RgbImage { size, rgb: rows.collect(), alpha: None }
 }
 
 #[cfg(test)]
@@ -130,7 +130,7 @@ mod tests {
 
     fn checkered(size: UVec2) -> Texture {
         let at = |i: u32| if (i % size.x + i / size.x).is_multiple_of(2) { [255; 3] } else { [0; 3] };
-        Texture::new(Pixels { size, rgb: (0..size.x * size.y).map(at).collect(), alpha: None })
+        Texture::new(RgbImage { size, rgb: (0..size.x * size.y).map(at).collect(), alpha: None })
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::start::FirstScene;
 use crate::trainer::Trainer;
 use trisplat_dataset::{Dataset, Photo, View};
 use trisplat_raster::soft::{SoftOptions, Window};
-use trisplat_scene::{Error, Loaded, Result, Spending};
+use trisplat_scene::{Error, ImportedScene, Result, Spending};
 
 /// Most photos to try.
 const PHOTOS: usize = 4;
@@ -29,7 +29,7 @@ const MOST_ROUNDS: u32 = 50;
 /// Errors: those of [`Trainer::start`], photos that cannot be decoded.
 pub fn calibrate(
     dataset: &Dataset,
-    from: Option<&Loaded>,
+    from: Option<&ImportedScene>,
     options: &TrainOptions,
     background: [f32; 3],
     spending: &Spending,
@@ -66,7 +66,7 @@ fn few_photos(dataset: &Dataset, spending: &Spending, most_secs: f64) -> Result<
 /// Steps that are thrown away.
 struct Trial<'a> {
     dataset: &'a Dataset,
-    from: Option<&'a Loaded>,
+    from: Option<&'a ImportedScene>,
     background: [f32; 3],
     spending: &'a Spending,
 }

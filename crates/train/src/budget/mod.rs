@@ -17,6 +17,6 @@ mod plan;
 
 pub use calibrate::calibrate;
 pub use cost::{Calibration, CostModel, Workload, part_secs};
-pub use pace::{BudgetDetails, Correction, Pace, Paced};
-pub use plan::{Enough, Plan, PlanInput, plan};
+pub use pace::{BudgetController, BudgetDetails, Correction, Paced};
+pub use plan::{Plan, PlanInput, StepLimit, plan};
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};

@@ -16,7 +16,7 @@ const MOST_STRETCH: f64 = 10.0;
 /// The known costs of a run with a budget; stored in its checkpoints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Pace {
+pub struct BudgetController {
     /// The budget.
     pub budget: Budget,
     /// What was chosen before the first step.
@@ -41,7 +41,7 @@ pub struct Pace {
 #[derive(Debug, Clone)]
 pub struct Paced {
     /// The known costs.
-    pub pace: Pace,
+    pub pace: BudgetController,
     /// What is spent.
     pub spending: Spending,
 }
@@ -72,7 +72,7 @@ pub struct BudgetDetails {
     pub repeat: String,
 }
 
-impl Pace {
+impl BudgetController {
     /// Of a run that begins after `spent_secs` of its budget.
     pub fn new(input: &PlanInput<'_>, plan: &Plan, spent_secs: f64) -> Self {
         let options = plan.apply(input.options);
@@ -213,7 +213,7 @@ fn stretched(options: &TrainOptions, part: usize, stretch: f64) -> TrainOptions 
 mod tests {
     use super::*;
     use crate::budget::cost::Calibration;
-    use crate::budget::plan::{Enough, plan};
+    use crate::budget::plan::{StepLimit, plan};
     use crate::timeline::Timeline;
     use glam::UVec2;
 
@@ -234,7 +234,7 @@ mod tests {
             triangles_given: false,
             size_given: false,
             from_scene: false,
-            enough: Enough::default(),
+            enough: StepLimit::default(),
         }
     }
 
@@ -247,13 +247,13 @@ mod tests {
         actual: CostModel,
         triangles: impl Fn(f64, u64) -> u64,
         resume_at: Option<usize>,
-    ) -> (f64, TrainOptions, Pace) {
+    ) -> (f64, TrainOptions, BudgetController) {
         let base = TrainOptions::default();
         let input = input(&base, seconds);
         let plan = plan(&input).unwrap();
         let (mut options, mut spent) = (plan.apply(&base), input.spent_secs);
         let triangles = |position: f64| triangles(position, plan.max_triangles);
-        let mut pace = Pace::new(&input, &plan, spent);
+        let mut pace = BudgetController::new(&input, &plan, spent);
         spent += pace.decoding_secs;
         let mut step = 0;
         for part in 0..5 {
@@ -324,11 +324,13 @@ mod tests {
     #[test]
     fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
         let base = TrainOptions::default();
-        let input =
-            PlanInput { enough: Enough { steps: Some(1500), ..Enough::default() }, ..input(&base, 600.0) };
+        let input = PlanInput {
+            enough: StepLimit { steps: Some(1500), ..StepLimit::default() },
+            ..input(&base, 600.0)
+        };
         let plan = plan(&input).unwrap();
         assert_eq!((plan.steps, plan.max_triangles), (1500, 21_000));
-        let mut pace = Pace::new(&input, &plan, 0.5);
+        let mut pace = BudgetController::new(&input, &plan, 0.5);
         let mut options = plan.apply(&base);
         for part in 0..4 {
             let step = options.milestones[part];
@@ -376,7 +378,7 @@ mod tests {
         let plan = plan(&input).unwrap();
         let options = plan.apply(&base);
         assert_eq!(options.milestones, Timeline::proportional(plan.steps));
-        let mut pace = Pace::new(&input, &plan, 0.5);
+        let mut pace = BudgetController::new(&input, &plan, 0.5);
         assert_eq!(pace.corrected(options.milestones[0] - 1, 5.0, 9000, &options), None);
         assert!(pace.corrections.is_empty());
     }

@@ -14,7 +14,7 @@ const TRIANGLES_PER_STEP: f64 = 14.0;
 
 /// Limits of a run with any budget.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Enough {
+pub struct StepLimit {
     /// More steps than this gain nothing.
     pub steps: Option<u64>,
     /// Most triangles per step.
@@ -23,7 +23,7 @@ pub struct Enough {
     pub steps_of_full_photos: u64,
 }
 
-impl Default for Enough {
+impl Default for StepLimit {
     fn default() -> Self {
         Self { steps: None, triangles_per_step: TRIANGLES_PER_STEP, steps_of_full_photos: ENOUGH_STEPS }
     }
@@ -71,7 +71,7 @@ pub struct PlanInput<'a> {
     /// The run starts from a scene, whose triangles must all fit.
     pub from_scene: bool,
     /// What is enough for it.
-    pub enough: Enough,
+    pub enough: StepLimit,
 }
 
 /// A plan for a budget.
@@ -110,7 +110,7 @@ impl<'a> PlanInput<'a> {
             triangles_given: false,
             size_given: false,
             from_scene: false,
-            enough: Enough::default(),
+            enough: StepLimit::default(),
         }
     }
 

@@ -15,7 +15,7 @@ use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
 use super::work::StepWork;
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
-use crate::schedule::Rates;
+use crate::schedule::StepParams;
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use trisplat_gpu::{
@@ -152,7 +152,7 @@ impl GpuBackend {
 
     /// Makes a step as [`TrainBackend::step`] does, and waits for it. Returns its stages with their
     /// milliseconds, and its work; `None` where the card has no timestamps.
-    pub fn timed_step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<Option<StepTimes>> {
+    pub fn timed_step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<Option<StepTimes>> {
         self.settle_all()?;
         self.timer = StageTimer::new(&self.gpu);
         let made = self.step(photo, rates).and_then(|()| self.settle_all());
@@ -391,7 +391,7 @@ impl TrainBackend for GpuBackend {
         true
     }
 
-    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &Rates) -> Result<Frame> {
+    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
         self.draw(camera, drawing, &Look::of(rates))
     }
 
@@ -410,7 +410,7 @@ impl TrainBackend for GpuBackend {
         Ok(std::mem::take(&mut self.figures))
     }
 
-    fn step(&mut self, photo: &StepPhoto<'_>, rates: &Rates) -> Result<()> {
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
         self.check()?;
         let shape = self.scene()?.shape;
         let plan = StepPlan::new(photo, rates, &self.options);

@@ -8,7 +8,7 @@ use super::step_buffers::StepCapacity;
 use super::uniform::{SceneShape, StepPlan, StepUniform};
 use super::work::StepWork;
 use crate::backend::{StepPhoto, StepStats};
-use crate::schedule::Rates;
+use crate::schedule::StepParams;
 use trisplat_gpu::readback::Readback;
 use trisplat_raster::kernel::loss::Photometric;
 use trisplat_raster::soft::tile_count;
@@ -34,7 +34,7 @@ impl PendingStep {
         plan: StepPlan,
         photo: &StepPhoto<'_>,
         source: PhotoSource,
-        rates: &Rates,
+        rates: &StepParams,
         shape: SceneShape,
         readback: Readback,
     ) -> Self {

@@ -2,7 +2,7 @@
 
 use crate::backend::StepPhoto;
 use crate::params::Anneal;
-use crate::schedule::Rates;
+use crate::schedule::StepParams;
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
 use trisplat_raster::kernel::adam::Rate;
@@ -55,7 +55,7 @@ pub(super) struct StepPlan {
 
 impl StepPlan {
     /// A step of `rates` on `photo`, drawn with `options`.
-    pub(super) fn new(photo: &StepPhoto<'_>, rates: &Rates, options: &SoftOptions) -> Self {
+    pub(super) fn new(photo: &StepPhoto<'_>, rates: &StepParams, options: &SoftOptions) -> Self {
         let mut options = rates.drawing(options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
         let samples = rates.engine_shading.map_or(1, |shading| shading.samples);
@@ -120,7 +120,7 @@ pub(super) struct Look {
 
 impl Look {
     /// That of a step.
-    pub(super) fn of(rates: &Rates) -> Self {
+    pub(super) fn of(rates: &StepParams) -> Self {
         Self { anneal: Some(rates.anneal), frozen_flat: rates.frozen_look().flat, sh_degree: rates.sh_degree }
     }
 }
@@ -137,7 +137,7 @@ pub(super) struct SceneShape {
 }
 
 impl StepUniform {
-    pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &Rates, scene: SceneShape) -> Self {
+    pub(super) fn new(plan: &StepPlan, photo: &StepPhoto<'_>, rates: &StepParams, scene: SceneShape) -> Self {
         let rate = |rate: f64| Rate::new(rate, rates.time);
         let flag = |is: bool| f32::from(u8::from(is));
         let drawn = Self::of_picture(plan, &Look::of(rates), scene);
@@ -205,14 +205,14 @@ impl StepUniform {
 }
 
 /// Weights of the means over the scene; pinned triangles do not count.
-fn regularisers(rates: &Rates, scene: SceneShape) -> [f32; 4] {
+fn regularisers(rates: &StepParams, scene: SceneShape) -> [f32; 4] {
     let trained = f64::from((scene.triangles - scene.pinned).max(1));
     [rates.beta_opacity, rates.beta_sigma, rates.beta_size, rates.beta_opaque]
         .map(|weight| (weight / trained) as f32)
 }
 
 /// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.
-fn loss(rates: &Rates, plan: &StepPlan) -> [f32; 4] {
+fn loss(rates: &StepParams, plan: &StepPlan) -> [f32; 4] {
     let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
     [
         (1.0 - rates.dssim) / values,

@@ -131,7 +131,7 @@ impl ApplicationHandler<Letter> for App {
         let context = screen.input.egui_ctx().clone();
         match message {
             Message::Progress(what) => session.notify(what),
-            Message::Loaded(result) => self.loaded(events, scene, result),
+            Message::ImportedScene(result) => self.loaded(events, scene, result),
             Message::Changed(Ok(changed)) => session.change(*changed),
             Message::Final(Some(what)) => session.status = Some(what),
             Message::Final(None) => events.exit(),

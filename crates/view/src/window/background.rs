@@ -13,7 +13,7 @@ use trisplat_gpu::Gpu;
 use trisplat_scene::{
     Asset, Error, Result,
     camera::{Camera, Viewpoint},
-    image::Pixels,
+    image::RgbImage,
 };
 use winit::event_loop::EventLoopProxy;
 
@@ -22,7 +22,7 @@ pub(super) enum Message {
     /// What the loader is doing.
     Progress(String),
     /// The scene is loaded and in GPU memory.
-    Loaded(Result<Box<LoadedScene>>),
+    ImportedScene(Result<Box<LoadedScene>>),
     /// The first scene has changed; the new state is in GPU memory, ready for picking.
     Changed(Result<Box<LoadedScene>>),
     /// The scene will not change any more, with a final note; `None`: there is nothing more to show.
@@ -30,9 +30,9 @@ pub(super) enum Message {
     /// The scene is ready for picking.
     Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
-    Photo(usize, Result<Pixels>),
+    Photo(usize, Result<RgbImage>),
     /// A soft picture is drawn.
-    Soft(Camera, Pixels),
+    Soft(Camera, RgbImage),
     /// Returns the renderer of soft pictures.
     Rested(SoftRenderer),
     /// What a click has hit.
@@ -95,10 +95,10 @@ impl Outbox {
             match load() {
                 Ok(mut loaded) => {
                     let asset = std::mem::take(&mut loaded.scene.asset);
-                    outbox.send(Message::Loaded(Ok(loaded)));
+                    outbox.send(Message::ImportedScene(Ok(loaded)));
                     Message::Indexed((loader.add_bvh)(asset).map(Box::new))
                 }
-                Err(error) => Message::Loaded(Err(error)),
+                Err(error) => Message::ImportedScene(Err(error)),
             }
         });
     }
@@ -169,7 +169,7 @@ pub(super) struct Screenshot {
 }
 
 /// Draws the scene again, without the panel.
-pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
+pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<RgbImage> {
     let mut renderer = Renderer::new(gpu)?;
     let canvas = Canvas::new(gpu, of.camera.size, of.msaa)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -189,7 +189,7 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<Pixels> {
 }
 
 /// Saves a picture under the first free name of trisplat-0001.png, trisplat-0002.png, …
-pub(super) fn save(folder: &Path, picture: &Pixels) -> Result<PathBuf> {
+pub(super) fn save(folder: &Path, picture: &RgbImage) -> Result<PathBuf> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
     let path = free

@@ -78,12 +78,12 @@ mod tests {
     use trisplat_bake::TeacherOptions;
     use trisplat_bake::{BakeOptions, bake};
     use trisplat_sample::scenes::{self, SampleScene};
-    use trisplat_scene::{Loaded, Scene};
+    use trisplat_scene::{ImportedScene, Scene};
 
     #[test]
     fn a_click_finds_the_soups_triangle_behind_a_baked_face() {
         let soup = scenes::soup(SampleScene::Studio, 3000, 1);
-        let loaded = Loaded {
+        let loaded = ImportedScene {
             scene: Scene::Soup(soup.clone()),
             provenance: Default::default(),
             warnings: vec![],

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{Asset, Placement, Region, Result, Soup, camera::Camera, image::Pixels};
+use trisplat_scene::{Asset, Placement, Region, Result, Soup, camera::Camera, image::RgbImage};
 
 /// What a window shows.
 pub struct WindowScene {
@@ -66,7 +66,7 @@ pub struct WindowPhoto {
     /// Its camera, in the frame of the asset.
     pub camera: Camera,
     /// Decodes it; called on a thread of its own.
-    pub load: Arc<dyn Fn() -> Result<Pixels> + Send + Sync>,
+    pub load: Arc<dyn Fn() -> Result<RgbImage> + Send + Sync>,
 }
 
 /// The soup behind an asset.
@@ -85,7 +85,7 @@ pub struct SoupSource {
 pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
 
 /// Draws what a camera sees.
-pub type SoftRenderer = Box<dyn FnMut(&Camera) -> Pixels + Send>;
+pub type SoftRenderer = Box<dyn FnMut(&Camera) -> RgbImage + Send>;
 
 /// Loads what a window shows.
 #[derive(Clone)]

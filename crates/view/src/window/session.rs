@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use trisplat_scene::{
     Asset, Placement, Region, Soup,
     camera::{Camera, Viewpoint},
-    image::Pixels,
+    image::RgbImage,
 };
 
 /// Duration of a note.
@@ -165,7 +165,7 @@ pub(super) struct Session {
     /// The photo being decoded.
     pub(super) decoding: Option<usize>,
     /// The soft picture and the camera it was drawn for.
-    pub(super) soft: Option<(Camera, TextureHandle, Pixels)>,
+    pub(super) soft: Option<(Camera, TextureHandle, RgbImage)>,
     /// That picture shows an older state of the scene.
     pub(super) soft_is_old: bool,
     pub(super) subset: Option<Arc<Subset>>,
@@ -362,7 +362,7 @@ impl Session {
 }
 
 /// Uploads a picture as a texture of the panel.
-pub(super) fn texture(context: &Context, name: &str, picture: &Pixels) -> TextureHandle {
+pub(super) fn texture(context: &Context, name: &str, picture: &RgbImage) -> TextureHandle {
     let limit = context.input(|i| i.max_texture_side) as u32;
     let shrink = picture.size.max_element().div_ceil(limit.clamp(1, 4096));
     let small = picture.downscaled((picture.size / shrink.max(1)).max(UVec2::ONE));
