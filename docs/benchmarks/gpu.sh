@@ -86,7 +86,7 @@ run() {
 }
 
 echo
-echo '## Runs, refinements included'
+echo '## Runs, densifications included'
 echo '| backend | width | triangles at the end | steps/s | CPU ms per step |'
 echo '|---|---|---|---|---|'
 touch cards.txt

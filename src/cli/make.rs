@@ -233,7 +233,7 @@ impl MakeJobObserver for MakeTerminal<'_> {
         let progress = self.progress();
         match stage.details_as::<TrainDetails>() {
             Some(train) => {
-                let again = stage.unneeded.as_ref().map_or(String::new(), |why| format!(" ({why})"));
+                let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
                 let triangles = HumanCount(stage.after.triangles);
                 let (steps, cpu) = (HumanCount(train.steps), train.cpu_secs);
                 progress.line(&format!(

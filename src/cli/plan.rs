@@ -50,7 +50,7 @@ pub struct PlanArgs {
     /// JSON file with training options of the blocks; --set and flags override it.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Set any training option of the blocks by its key, as in refine.every=500; may be given often.
+    /// Set any training option of the blocks by its key, as in densify.every=500; may be given often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// The blocks.

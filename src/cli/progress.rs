@@ -153,13 +153,13 @@ fn time_left(elapsed: Duration, fraction: f64) -> Option<String> {
 /// Whether a stage gets a line: it changed something, took long, or was requested.
 fn is_told(stage: &StageReport) -> bool {
     let asked = |why: &String| matches!(stage.name.as_str(), "capture" | "train") || why == "done before";
-    stage.seconds >= TRIED_SECS || stage.unneeded.as_ref().is_none_or(asked)
+    stage.seconds >= TRIED_SECS || stage.skipped.as_ref().is_none_or(asked)
 }
 
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
 fn row(stage: &StageReport) -> String {
     let name = &stage.name;
-    if let Some(why) = &stage.unneeded {
+    if let Some(why) = &stage.skipped {
         let took = match stage.seconds >= TRIED_SECS {
             true => format!(" ({:.2} s)", stage.seconds),
             false => String::new(),
@@ -226,15 +226,15 @@ mod tests {
 
     #[test]
     fn only_what_happened_is_told_and_what_was_tried() {
-        let unneeded = |name: &str, why: &str, seconds: f64| StageReport {
+        let skipped = |name: &str, why: &str, seconds: f64| StageReport {
             seconds,
-            ..StageReport::unneeded(name, why.to_owned())
+            ..StageReport::skipped(name, why.to_owned())
         };
-        assert!(!is_told(&unneeded("lod", "`lod` was not given", 0.0)));
-        let tried = unneeded("reshape", "the input triangles match the pictures better", 7.0);
+        assert!(!is_told(&skipped("lod", "`lod` was not given", 0.0)));
+        let tried = skipped("reshape", "the input triangles match the pictures better", 7.0);
         assert!(is_told(&tried) && row(&tried).ends_with("better (7.00 s)"), "{}", row(&tried));
-        assert!(is_told(&unneeded("train", "the input is a mesh", 0.0)));
-        assert!(is_told(&StageReport { unneeded: None, ..unneeded("place", "", 0.0) }));
+        assert!(is_told(&skipped("train", "the input is a mesh", 0.0)));
+        assert!(is_told(&StageReport { skipped: None, ..skipped("place", "", 0.0) }));
     }
 
     #[test]
@@ -243,8 +243,8 @@ mod tests {
         let backdrop = StageReport {
             before: counts(8954),
             after: counts(11_002),
-            unneeded: None,
-            ..StageReport::unneeded("backdrop", String::new())
+            skipped: None,
+            ..StageReport::skipped("backdrop", String::new())
         };
         assert!(row(&backdrop).contains("2,048 triangles behind 8,954"), "{}", row(&backdrop));
     }
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn the_parts_of_a_training_are_rows_that_a_person_understands() {
         let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
-        let done = |name: &str| StageReport { unneeded: None, ..StageReport::unneeded(name, String::new()) };
+        let done = |name: &str| StageReport { skipped: None, ..StageReport::skipped(name, String::new()) };
         let watched = TrialRun { photos: vec!["a.jpg".into()], ..TrialRun::default() };
         let details = trisplat_scene::report::to_json(&watched);
         let watched = row(&StageReport { details, ..done("watched") });
@@ -271,8 +271,7 @@ mod tests {
             ..TextureDetails::default()
         };
         let details = trisplat_scene::report::to_json(&details);
-        let stage =
-            StageReport { details, unneeded: None, ..StageReport::unneeded("texture", String::new()) };
+        let stage = StageReport { details, skipped: None, ..StageReport::skipped("texture", String::new()) };
         assert!(
             row(&stage).contains("25.0 → 24.8 dB, SSIM 0.700 → 0.750 on held-out photos"),
             "{}",

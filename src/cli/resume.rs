@@ -79,7 +79,7 @@ mod tests {
             "--steps",
             "70",
             "--set",
-            "refine.every=5",
+            "densify.every=5",
             "--max-size",
             "300",
             "--test-every=4",

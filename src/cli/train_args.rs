@@ -78,7 +78,7 @@ pub struct TrainArgs {
     /// JSON file with training options; --set and flags override it.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// Set any training option by its key, as in refine.every=500; may be given often.
+    /// Set any training option by its key, as in densify.every=500; may be given often.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// Start from a scene instead of points: a soup (.ply .pt), soft or not, or a mesh (.glb .gltf .obj .ply

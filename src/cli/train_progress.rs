@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_scene::{Error, ImportedScene, Result, report::counted};
-use trisplat_train::{Refined, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
+use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
 
 /// Another observer of a run.
 pub trait Watcher: TrainObserver {
@@ -215,7 +215,7 @@ impl TrainObserver for Bar {
         self.note_lost(error, "the training continues");
     }
 
-    fn refined(&mut self, step: u64, r: &Refined) {
+    fn densified(&mut self, step: u64, r: &Densified) {
         if self.verbose {
             self.line(&format!(
                 "step {step}: {} triangles; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",

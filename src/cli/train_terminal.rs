@@ -7,7 +7,7 @@ use super::train_progress::Bar;
 use std::path::PathBuf;
 use trisplat_job::{TrainBegins, TrainJobObserver};
 use trisplat_scene::{Error, Result, report::counted};
-use trisplat_train::{Refined, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
+use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
 
 /// Shows a training: its preparation, then its steps.
 pub(super) struct TrainTerminal<'a> {
@@ -86,8 +86,8 @@ impl TrainObserver for TrainTerminal<'_> {
         self.bar.iter_mut().for_each(|bar| bar.sampled(sample));
     }
 
-    fn refined(&mut self, step: u64, refined: &Refined) {
-        self.bar.iter_mut().for_each(|bar| bar.refined(step, refined));
+    fn densified(&mut self, step: u64, densified: &Densified) {
+        self.bar.iter_mut().for_each(|bar| bar.densified(step, densified));
     }
 
     fn corrected(&mut self, correction: &Correction) {

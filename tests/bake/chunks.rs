@@ -61,7 +61,7 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
         let mut asset = Asset { mesh: mesh.clone(), ..Asset::default() };
         let outcome =
             chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default());
-        assert!(matches!(outcome, Ok(Outcome::Unneeded(_))));
+        assert!(matches!(outcome, Ok(Outcome::Skipped(_))));
         assert!(asset.mesh == mesh && asset.chunks.len() == 1 && asset.chunks[0].count == 1000);
     }
 }

@@ -118,13 +118,11 @@ fn without_cameras_the_winding_says_what_the_front_is() {
 fn it_is_done_once_and_when_it_is_asked_for() {
     let (mut mesh, mut details) = (scattered(100), LitDetails::default());
     let off = lit(&mut mesh, &around(), None, &LitOptions::DEFAULT, &mut details).unwrap();
-    assert!(
-        matches!(off, Outcome::Unneeded(why) if why.contains("not asked for")) && mesh.normals.is_empty()
-    );
+    assert!(matches!(off, Outcome::Skipped(why) if why.contains("not asked for")) && mesh.normals.is_empty());
     let on = LitOptions { lit: Lit::Smooth };
     assert_eq!(lit(&mut mesh, &around(), None, &on, &mut details).unwrap(), Outcome::Changed(()));
     let before = mesh.clone();
-    assert!(matches!(lit(&mut mesh, &around(), None, &on, &mut details).unwrap(), Outcome::Unneeded(_)));
+    assert!(matches!(lit(&mut mesh, &around(), None, &on, &mut details).unwrap(), Outcome::Skipped(_)));
     assert_eq!(mesh, before);
 }
 

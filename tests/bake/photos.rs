@@ -338,13 +338,13 @@ fn hidden_triangles_are_dropped_and_pictures_stay_the_same() {
     assert!((8..20).contains(&left.face_count()), "{} of {core}: the sides of the box", left.face_count());
     assert!(difference(&left, &mesh) < 1.0);
     let again = cull(&mut left, &dataset, &UnseenOptions::DEFAULT, None, &mut details);
-    assert!(matches!(again, Ok(Outcome::Unneeded(_))));
+    assert!(matches!(again, Ok(Outcome::Skipped(_))));
 
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::DEFAULT };
     let mut all = mesh.clone();
     assert!(matches!(
         cull(&mut all, &dataset, &keep, None, &mut UnseenDetails::default()),
-        Ok(Outcome::Unneeded(_))
+        Ok(Outcome::Skipped(_))
     ));
     cull(&mut all, &dataset, &keep, Some(20), &mut UnseenDetails::default()).unwrap();
     assert_eq!(all.face_count(), 20);
@@ -389,7 +389,7 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
     let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
-    assert_eq!(again, Outcome::Unneeded("triangles cover the photos"));
+    assert_eq!(again, Outcome::Skipped("triangles cover the photos"));
 }
 
 #[test]
@@ -476,7 +476,7 @@ fn cameras_of_the_file_drop_what_photos_would() {
     let away = Camera { translation: Vec3::Z * -1e6, ..cameras[0] };
     let mut left = mesh.clone();
     let nothing = unseen(&mut left, &[away], None, &options, None, &mut UnseenDetails::default()).unwrap();
-    assert!(matches!(nothing, Outcome::Unneeded(_)), "cameras that see nothing drop nothing");
+    assert!(matches!(nothing, Outcome::Skipped(_)), "cameras that see nothing drop nothing");
     unseen(&mut left, &[away], None, &options, Some(9), &mut UnseenDetails::default()).unwrap();
     assert_eq!(left.face_count(), 9, "the largest");
 }
@@ -501,9 +501,9 @@ fn without_photos_nothing_is_needed_and_errors_name_the_remedy() {
     let mut mesh = scene();
     let mut details = UnseenDetails::default();
     let none = refit(&mut mesh, None, &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
-    assert_eq!(none, Outcome::Unneeded("no photos were given"));
+    assert_eq!(none, Outcome::Skipped("no photos were given"));
     let none = unseen(&mut mesh, &[], None, &UnseenOptions::DEFAULT, None, &mut details).unwrap();
-    assert!(matches!(none, Outcome::Unneeded(why) if why.contains("`dataset`")));
+    assert!(matches!(none, Outcome::Skipped(why) if why.contains("`dataset`")));
     let options = UnseenOptions { max_error: Some(0.1), ..UnseenOptions::DEFAULT };
     let error = unseen(&mut mesh, &[], None, &options, None, &mut details).unwrap_err().to_string();
     assert!(error.starts_with("max_error ") && error.contains("`dataset`"), "{error}");

@@ -1,6 +1,6 @@
 //! Opaque triangles that are fitted to the pictures of a soft scene, or to photos.
 
-use super::teacher::{baked_with, ball, cameras, psnr, soft, unneeded};
+use super::teacher::{baked_with, ball, cameras, psnr, skipped, soft};
 use glam::Vec3;
 use trisplat_bake::{
     BakeOptions, BakePreset, ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, Views, reshape,
@@ -53,7 +53,7 @@ fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcom
 #[test]
 fn fitted_triangles_come_closer_to_pictures_they_were_not_fitted_to() {
     let (without, report) = baked_with(soft(cameras()), options(ReshapeOptions::OFF));
-    assert_eq!(unneeded(&report, "reshape"), Some("`reshape` off"));
+    assert_eq!(skipped(&report, "reshape"), Some("`reshape` off"));
     let (with, report) = baked_with(soft(cameras()), options(ReshapeOptions::DEFAULT));
     let (before, after) = (psnr(&without), psnr(&with));
     assert!(after > before + 0.5, "{before:.2} dB, fitted {after:.2} dB");
@@ -111,7 +111,7 @@ fn solid_scenes_and_shared_vertices_are_left_alone() {
     let before = opaque();
     let mut mesh = before.clone();
     let (outcome, details) = reshaped(&mut mesh, false, &ReshapeOptions::DEFAULT);
-    assert_eq!(outcome, Outcome::Unneeded("the scene is solid already"));
+    assert_eq!(outcome, Outcome::Skipped("the scene is solid already"));
     assert!(mesh == before && details == ReshapeDetails::default());
     assert_eq!(reshaped(&mut mesh, false, &always).0, Outcome::Changed(()));
     assert!(mesh != before);
@@ -119,11 +119,11 @@ fn solid_scenes_and_shared_vertices_are_left_alone() {
     let mut shared = before.clone();
     shared.indices = (0..shared.positions.len() as u32).collect();
     assert!(
-        matches!(reshaped(&mut shared, true, &always).0, Outcome::Unneeded(why) if why.contains("shared"))
+        matches!(reshaped(&mut shared, true, &always).0, Outcome::Skipped(why) if why.contains("shared"))
     );
     let loaded = ImportedScene { cameras: cameras(), ..ImportedScene::from(before) };
     let (_, report) = baked_with(loaded, BakeOptions::default());
-    assert_eq!(unneeded(&report, "reshape"), Some("the scene is solid already"));
+    assert_eq!(skipped(&report, "reshape"), Some("the scene is solid already"));
     assert_eq!(BakeOptions::preset(BakePreset::Fast).reshape, ReshapeOptions::OFF);
 }
 

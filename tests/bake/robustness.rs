@@ -81,7 +81,7 @@ fn twice<T, D: StageDetails>(
 ) -> Result<()> {
     run(value, &mut D::default())?;
     match run(value, &mut D::default())? {
-        Outcome::Unneeded(_) => Ok(()),
+        Outcome::Skipped(_) => Ok(()),
         Outcome::Changed(()) => panic!("{what}: the second run changed something"),
     }
 }

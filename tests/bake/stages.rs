@@ -201,7 +201,7 @@ fn weld_shares_corners_only_where_it_pays() {
     let soup = random(500, 0.1);
     let mut mesh = mesh_of(&soup);
     let mut details = WeldDetails::default();
-    assert!(matches!(weld(&mut mesh, &WeldOptions::DEFAULT, &mut details), Ok(Outcome::Unneeded(_))));
+    assert!(matches!(weld(&mut mesh, &WeldOptions::DEFAULT, &mut details), Ok(Outcome::Skipped(_))));
     assert!(mesh.indices.is_empty());
 
     let flat = grid(20);
@@ -260,7 +260,7 @@ fn weld_unshares_face_colours_of_connected_meshes() {
     let mut mesh = grid(5);
     let before = mesh.clone();
     let outcome = weld(&mut mesh, &WeldOptions { weld: WeldWhen::On }, &mut WeldDetails::default());
-    assert!(matches!(outcome, Ok(Outcome::Unneeded(_))) && mesh == before);
+    assert!(matches!(outcome, Ok(Outcome::Skipped(_))) && mesh == before);
 }
 
 #[test]

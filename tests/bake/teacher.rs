@@ -58,8 +58,8 @@ pub(crate) fn baked_with(scene: ImportedScene, mut options: BakeOptions) -> (Ass
     (asset, report)
 }
 
-pub(crate) fn unneeded<'r>(report: &'r Report, stage: &str) -> Option<&'r str> {
-    report.stages.iter().find(|s| s.name == stage).unwrap_or_else(|| panic!("no {stage}")).unneeded.as_deref()
+pub(crate) fn skipped<'r>(report: &'r Report, stage: &str) -> Option<&'r str> {
+    report.stages.iter().find(|s| s.name == stage).unwrap_or_else(|| panic!("no {stage}")).skipped.as_deref()
 }
 
 /// PSNR of the baked scene against soft pictures from cameras between those it was taught from, dB.
@@ -84,15 +84,15 @@ fn a_plain_bake_of_a_soft_scene_comes_closer_to_its_soft_pictures() {
     for stored in [cameras(), Vec::new()] {
         let kind = if stored.is_empty() { ViewpointKind::Around } else { ViewpointKind::Stored };
         let (without, report) = baked(soft(stored.clone()), TeacherOptions::OFF);
-        assert_eq!(unneeded(&report, "teacher"), Some("`teacher` off"));
+        assert_eq!(skipped(&report, "teacher"), Some("`teacher` off"));
         let (with, report) = baked(soft(stored), TeacherOptions::DEFAULT);
         let details: TeacherDetails = report.details().unwrap();
-        assert_eq!((unneeded(&report, "teacher"), details.viewpoints), (None, Some(kind)));
+        assert_eq!((skipped(&report, "teacher"), details.viewpoints), (None, Some(kind)));
         assert!(details.pictures.unwrap() >= 16 && details.covered.unwrap() < 0.9, "{details:?}");
         assert!(details.softness.unwrap().psnr < 25.0, "{details:?}");
-        assert_eq!(unneeded(&report, "refit"), None);
+        assert_eq!(skipped(&report, "refit"), None);
         // It is an object: nothing is put behind it.
-        assert!(unneeded(&report, "backdrop").unwrap().contains("object"));
+        assert!(skipped(&report, "backdrop").unwrap().contains("object"));
         let (before, after) = (psnr(&without), psnr(&with));
         assert!(after > before + 3.0, "{kind:?}: {before:.2} dB, {after:.2} dB taught");
         if kind != ViewpointKind::Stored {
@@ -111,11 +111,11 @@ fn a_solid_scene_and_a_fast_bake_are_not_taught() {
     let loaded = ImportedScene { cameras: cameras(), ..ImportedScene::from(solid) };
     assert_eq!(softness(&loaded, &SolidOptions::DEFAULT).unwrap(), None);
     let (with, report) = baked(loaded.clone(), TeacherOptions::DEFAULT);
-    assert_eq!(unneeded(&report, "teacher"), Some("the scene is solid already"));
+    assert_eq!(skipped(&report, "teacher"), Some("the scene is solid already"));
     assert!(with.mesh == baked(loaded, TeacherOptions::OFF).0.mesh);
     assert_eq!(BakeOptions::preset(BakePreset::Fast).teacher, TeacherOptions::OFF);
     let mesh = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(with.mesh)) };
-    assert!(unneeded(&baked(mesh, TeacherOptions::DEFAULT).1, "teacher").unwrap().contains("mesh"));
+    assert!(skipped(&baked(mesh, TeacherOptions::DEFAULT).1, "teacher").unwrap().contains("mesh"));
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn pictures_that_are_given_win() {
     let mut views = Views::drawn(eyes.clone(), pictures);
     let options = BakeOptions::default();
     Bake::new(&options).photos(&mut views).report(&mut report).run([soft(eyes)]).unwrap();
-    assert!(unneeded(&report, "teacher").unwrap().contains("already"));
+    assert!(skipped(&report, "teacher").unwrap().contains("already"));
     // How soft it is is said all the same.
     assert!(report.details::<TeacherDetails>().unwrap().softness.is_some());
 }
@@ -158,7 +158,7 @@ fn hostile_scenes_are_drawn_or_refused_with_an_error() {
                 Ok(Outcome::Changed(())) => {
                     assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")
                 }
-                Ok(Outcome::Unneeded(_)) => assert!(views.is_none(), "{name}"),
+                Ok(Outcome::Skipped(_)) => assert!(views.is_none(), "{name}"),
                 Err(Error::Invalid { .. }) => {}
                 Err(error) => panic!("{name}: {error}"),
             }

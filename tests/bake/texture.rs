@@ -112,7 +112,7 @@ fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
         (outcome.unwrap(), mesh, details)
     };
     let (outcome, mesh, details) = run(&AUTO);
-    assert!(matches!(outcome, Outcome::Unneeded(why) if why.contains("held-out")), "{details:?}");
+    assert!(matches!(outcome, Outcome::Skipped(why) if why.contains("held-out")), "{details:?}");
     assert!(mesh == grey() && details.psnr_after < details.psnr_before, "{details:?}");
     assert!(details.ssim_after < details.ssim_before, "{details:?}");
     let (outcome, mesh, asked) = run(&ON);
@@ -173,7 +173,7 @@ fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
     unseen = UnseenColors { colors: grey, psnr_of_own: Some(99.0) };
     let mut mesh = painted();
     let (outcome, before, _) = run(unseen, &mut mesh);
-    assert!(matches!(outcome, Outcome::Unneeded(_)) && before == 99.0 && mesh == painted());
+    assert!(matches!(outcome, Outcome::Skipped(_)) && before == 99.0 && mesh == painted());
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn without_photos_it_says_what_it_wants() {
     };
     let message = run(&ON).unwrap_err().to_string();
     assert!(message.contains("photos") && message.contains("dataset"), "{message}");
-    assert!(matches!(run(&TextureOptions::DEFAULT).unwrap(), Outcome::Unneeded(_)));
+    assert!(matches!(run(&TextureOptions::DEFAULT).unwrap(), Outcome::Skipped(_)));
 }
 
 pub(super) fn read(glb: &[u8]) -> ImportedScene {

@@ -95,7 +95,7 @@ fn the_report_of_a_training_has_the_same_shape() {
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Train, &value["options"]);
     let [teacher, stage] = [1, 2].map(|stage| &value["stages"][stage]);
-    assert_eq!((&teacher["name"], &teacher["unneeded"]), (&"teacher".into(), &"`teacher` off".into()));
+    assert_eq!((&teacher["name"], &teacher["skipped"]), (&"teacher".into(), &"`teacher` off".into()));
     assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
     assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));
     assert_eq!(value["outputs"].as_array().map(Vec::len), Some(1));

@@ -13,7 +13,7 @@ pub(super) fn dataset() -> PathBuf {
 pub(super) fn train(folder: &Path, flags: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("train").arg(dataset()).stdin(Stdio::null());
-    command.args(["--max-size", "80", "--background", "#203040", "--set", "refine.every=10"]);
+    command.args(["--max-size", "80", "--background", "#203040", "--set", "densify.every=10"]);
     if !flags.contains(&"--steps") && !flags.contains(&"--budget") {
         command.args(["--steps", "30"]);
     }
@@ -274,7 +274,7 @@ fn harden_keeps_the_better(report: &Path, said: &str) {
     assert!(said.contains(words), "{said}");
     let solid = stage(report, "solid");
     assert_eq!(
-        solid.get("unneeded").is_some(),
+        solid.get("skipped").is_some(),
         kept,
         "the stages are those of the bake that is kept: {solid}"
     );
@@ -299,7 +299,7 @@ fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
 #[test]
 fn a_training_that_leaves_nothing_but_its_shell_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["--steps", "60", "--set", "refine.every=500", "-o", "a.ply", "--force"];
+    let flags = ["--steps", "60", "--set", "densify.every=500", "-o", "a.ply", "--force"];
     let said = stderr(&succeed(&mut train(folder.path(), &flags)));
     assert!(
         said.contains("warning: no triangle but the shell is left") && said.contains("--steps 1000"),

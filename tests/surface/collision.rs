@@ -27,17 +27,16 @@ fn run(found: &mut Option<Mesh>, scene: &ImportedScene, options: &CollisionOptio
 #[test]
 fn it_is_made_once_and_when_it_is_asked_for() {
     let mut found = None;
-    let unneeded =
-        |outcome: Outcome<()>, why: &str| matches!(outcome, Outcome::Unneeded(w) if w.contains(why));
-    assert!(unneeded(run(&mut found, &scene(), &CollisionOptions::DEFAULT), "`collision` was not asked for"));
+    let skipped = |outcome: Outcome<()>, why: &str| matches!(outcome, Outcome::Skipped(w) if w.contains(why));
+    assert!(skipped(run(&mut found, &scene(), &CollisionOptions::DEFAULT), "`collision` was not asked for"));
     assert_eq!(found, None);
     assert_eq!(run(&mut found, &scene(), &COLLISION), Outcome::Changed(()));
     assert!(found.as_ref().is_some_and(|mesh| (1..=1000).contains(&mesh.face_count())));
     let kept = found.clone();
-    assert!(unneeded(run(&mut found, &scene(), &COLLISION), "already"));
+    assert!(skipped(run(&mut found, &scene(), &COLLISION), "already"));
     assert_eq!(found, kept);
     let mut none = None;
-    assert!(unneeded(
+    assert!(skipped(
         run(&mut none, &ImportedScene::from(Mesh::default()), &COLLISION),
         "no connected surface"
     ));

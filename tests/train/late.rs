@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::VecDeque;
 use trisplat_scene::{Error, Result};
 use trisplat_train::{
-    BackendVisibility, CpuBackend, Params, Refined, RunOptions, StepParams, StepPhoto, StepStats,
+    BackendVisibility, CpuBackend, Densified, Params, RunOptions, StepParams, StepPhoto, StepStats,
     TrainBackend, TrainObserver, TrainRun, TrainSample, TrainState, checkpoint,
 };
 
@@ -106,12 +106,12 @@ fn figures_that_come_late_are_all_in_the_curve() {
     assert_eq!((a.state, a.visibility, plain(&a.meta.curve)), (b.state, b.visibility, plain(&b.meta.curve)));
 }
 
-/// Notes when the scene was refined.
+/// Notes when the scene was densified.
 #[derive(Default)]
-struct Refinements(Vec<u64>);
+struct Densifications(Vec<u64>);
 
-impl TrainObserver for Refinements {
-    fn refined(&mut self, step: u64, _: &Refined) {
+impl TrainObserver for Densifications {
+    fn densified(&mut self, step: u64, _: &Densified) {
         self.0.push(step);
     }
 }
@@ -125,7 +125,7 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
-    let (backend, mut seen) = (Late::new(&run, 40), Refinements::default());
+    let (backend, mut seen) = (Late::new(&run, 40), Densifications::default());
     let error = run.start_on(backend).unwrap().finish(&mut seen).unwrap_err();
     let step = *seen.0.last().unwrap();
     let remedy =

@@ -17,8 +17,8 @@ use trisplat_dataset::{
 };
 use trisplat_scene::Soup;
 use trisplat_train::{
-    InitOptions, RefineOptions, RunOptions, SampleWeight, TrainObserver, TrainOptions, TrainPreset, TrainRun,
-    TrainSample, Trained, checkpoint,
+    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainObserver, TrainOptions, TrainPreset,
+    TrainRun, TrainSample, Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -130,15 +130,15 @@ fn a_resumed_run_is_the_straight_one_bit_for_bit() {
 fn a_resumed_run_that_turns_solid_is_the_straight_one_too() {
     let solid = TrainOptions::preset(TrainPreset::Solid);
     // Error-driven growth and a shell too: sums of errors and what is pinned have to survive the stop.
-    let refine = RefineOptions { sample_by: SampleWeight::Error, ..solid.refine.clone() };
-    resumes(&TrainOptions { steps: 200, max_triangles: 1400, refine, ..solid });
+    let densify = DensifyOptions { sample_by: SampleWeight::Error, ..solid.densify.clone() };
+    resumes(&TrainOptions { steps: 200, max_triangles: 1400, densify, ..solid });
 }
 
 fn resumes(options: &TrainOptions) {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let straight = trained(&dataset, options);
-    // In the middle of an epoch, before, at and after refinements, and at a change of resolution.
+    // In the middle of an epoch, before, at and after densifications, and at a change of resolution.
     for stop in [1, 37, 66, 100, 167, 199] {
         let path = folder.path().join("a.checkpoint");
         let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };

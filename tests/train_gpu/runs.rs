@@ -10,7 +10,7 @@ use trisplat_dataset::{
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, Soup};
 use trisplat_train::{
-    Checkpoint, CpuBackend, GpuBackend, GpuLimits, Refined, RunOptions, SampleWeight, TrainBackend,
+    Checkpoint, CpuBackend, Densified, GpuBackend, GpuLimits, RunOptions, SampleWeight, TrainBackend,
     TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint,
 };
 
@@ -73,27 +73,27 @@ fn soft_runs_are_those_of_the_cpu() {
     let Some(mut card) = backend() else { return };
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
-    for (preset, refined, sample_by) in [
+    for (preset, densified, sample_by) in [
         (TrainPreset::Outdoor, true, SampleWeight::Alternating),
         (TrainPreset::Outdoor, true, SampleWeight::Error),
         (TrainPreset::Indoor, false, SampleWeight::Alternating),
         (TrainPreset::PaperEngine, false, SampleWeight::Alternating),
     ] {
         let mut options = options(preset, 100);
-        options.refine.sample_by = sample_by;
-        if !refined {
-            options.refine.every = 1e9;
+        options.densify.sample_by = sample_by;
+        if !densified {
+            options.densify.every = 1e9;
         }
         let run = || TrainRun::new(&dataset, &options);
         let (gpu, cpu) = (trained(run(), Some(&mut card), &mut ()), trained(run(), None, &mut ()));
         let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
         eprintln!(
-            "{preset:?}, refined {refined} by {sample_by:?}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
+            "{preset:?}, densified {densified} by {sample_by:?}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
             gpu.soup.len()
         );
         assert!(psnr < 0.05 && gpu.dropped == 0, "{preset:?}: {psnr} dB");
         // Another triangle pruned, and nothing is at its place any more.
-        assert!(refined || apart < 1e-4, "{preset:?}: {apart}");
+        assert!(densified || apart < 1e-4, "{preset:?}: {apart}");
     }
 }
 
@@ -163,7 +163,7 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
     assert!(corners_apart(&whole.soup, &parts[2].soup) < 1e-4);
 }
 
-/// Takes the card away after a number of steps, and notes when the scene was refined.
+/// Takes the card away after a number of steps, and notes when the scene was densified.
 struct TakeCard(u64, trisplat_gpu::wgpu::Device, u64);
 
 impl TrainObserver for TakeCard {
@@ -173,7 +173,7 @@ impl TrainObserver for TakeCard {
         }
     }
 
-    fn refined(&mut self, step: u64, _: &Refined) {
+    fn densified(&mut self, step: u64, _: &Densified) {
         self.2 = step;
     }
 }
@@ -193,9 +193,9 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     let error = run.start_on(&mut card).unwrap().finish(&mut observer).unwrap_err();
     eprintln!("{error}");
     assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
-    let refined = observer.2;
-    let remedy = format!("to continue from step {refined}: `backend` cpu `resume` {}", path.display());
-    assert!(refined > 0 && error.to_string().ends_with(&remedy), "{error}");
+    let densified = observer.2;
+    let remedy = format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
+    assert!(densified > 0 && error.to_string().ends_with(&remedy), "{error}");
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     // Another card gives what the first would have given, and the CPU something as good.
     let again = trained(rest(), Some(&mut backend().unwrap()), &mut ());

@@ -33,20 +33,20 @@ pub(crate) fn arrange(
     details: &mut ArrangeDetails,
 ) -> Outcome<()> {
     if !is_drawn {
-        return Outcome::Unneeded("no stage draws the scene");
+        return Outcome::Skipped("no stage draws the scene");
     }
     if order == FaceOrder::None {
-        return Outcome::Unneeded("the order of the input is kept");
+        return Outcome::Skipped("the order of the input is kept");
     }
     if scene.triangle_count() < FEWEST {
-        return Outcome::Unneeded("there are few triangles");
+        return Outcome::Skipped("there are few triangles");
     }
     let centroid = |i: usize| scene.corners(i).map(Vec3::as_dvec3).into_iter().sum::<DVec3>() / 3.0;
     let centroids: Vec<DVec3> = (0..scene.triangle_count()).into_par_iter().map(centroid).collect();
     let places: Vec<usize> = along_curve(&centroids).into_iter().map(|i| i as usize).collect();
     details.moved = places.iter().enumerate().filter(|&(to, &from)| from != to).count() as u64;
     if details.moved == 0 {
-        return Outcome::Unneeded("near triangles are near in the file already");
+        return Outcome::Skipped("near triangles are near in the file already");
     }
     match scene {
         Scene::Soup(soup) => *soup = soup.picked(&places),
@@ -100,7 +100,7 @@ mod tests {
         let why = |count, is_drawn, order| {
             let mut scene = Scene::Soup(soup(count));
             match arrange(&mut scene, is_drawn, order, &mut ArrangeDetails::default()) {
-                Outcome::Unneeded(why) => why,
+                Outcome::Skipped(why) => why,
                 Outcome::Changed(()) => "changed",
             }
         };

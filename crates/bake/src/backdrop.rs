@@ -102,27 +102,27 @@ pub fn backdrop(
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Outcome::Unneeded("it needs photos (`dataset`) or a soft scene (`teacher`)"));
+        return Ok(Outcome::Skipped("it needs photos (`dataset`) or a soft scene (`teacher`)"));
     };
     if options.backdrop == BackdropWhen::Off {
-        return Ok(Outcome::Unneeded("`backdrop` off"));
+        return Ok(Outcome::Skipped("`backdrop` off"));
     }
     if !mesh.indices.is_empty() {
-        return Ok(Outcome::Unneeded("a mesh with shared vertices is left as it is"));
+        return Ok(Outcome::Skipped("a mesh with shared vertices is left as it is"));
     }
     if views.covered() < LEAST_COVERED {
-        return Ok(Outcome::Unneeded("the scene is an object: there is nothing behind it"));
+        return Ok(Outcome::Skipped("the scene is an object: there is nothing behind it"));
     }
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
     if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
-        return Ok(Outcome::Unneeded("transparent photos show an object: there is nothing behind it"));
+        return Ok(Outcome::Skipped("transparent photos show an object: there is nothing behind it"));
     }
     if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
-        return Ok(Outcome::Unneeded("masks leave an object: there is nothing behind it"));
+        return Ok(Outcome::Skipped("masks leave an object: there is nothing behind it"));
     }
     if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
-        return Ok(Outcome::Unneeded("triangles cover the photos"));
+        return Ok(Outcome::Skipped("triangles cover the photos"));
     }
     let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
@@ -145,7 +145,7 @@ pub(crate) fn keep_backdrop(
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     if options.backdrop == BackdropWhen::Off {
-        return Ok(Outcome::Unneeded("`backdrop` off: that of the input is left out"));
+        return Ok(Outcome::Skipped("`backdrop` off: that of the input is left out"));
     }
     mesh.append(given)?;
     details.kept = true;

@@ -56,14 +56,14 @@ impl StageDetails for BvhDetails {
 /// Errors: a position that is not finite.
 pub fn bvh(asset: &mut Asset, options: &BvhOptions, details: &mut BvhDetails) -> Result<Outcome<()>> {
     if !options.bvh {
-        return Ok(Outcome::Unneeded("it was not asked for (`bvh`)"));
+        return Ok(Outcome::Skipped("it was not asked for (`bvh`)"));
     }
     if asset.bvh.is_some() {
-        return Ok(Outcome::Unneeded("the scene has a hierarchy already"));
+        return Ok(Outcome::Skipped("the scene has a hierarchy already"));
     }
     let faces = asset.scene_faces();
     if faces == 0 {
-        return Ok(Outcome::Unneeded("there are no faces"));
+        return Ok(Outcome::Skipped("there are no faces"));
     }
     if let Some(v) = asset.mesh.positions.iter().position(|p| !p.is_finite()) {
         return Err(Error::invalid(

@@ -62,7 +62,7 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
     let backdrop = (faces < asset.mesh.face_count())
         .then(|| Chunk { first: faces as u32, count: (asset.mesh.face_count() - faces) as u32 });
     if asset.chunks.len() > 1 + usize::from(backdrop.is_some()) {
-        return Ok(Outcome::Unneeded("the scene is in chunks already"));
+        return Ok(Outcome::Skipped("the scene is in chunks already"));
     }
     if limit == 0 || faces <= limit {
         asset.chunks = vec![Chunk { first: 0, count: faces as u32 }];
@@ -71,7 +71,7 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
             details.count(asset);
             return Ok(Outcome::Changed(()));
         }
-        return Ok(Outcome::Unneeded(if limit == 0 {
+        return Ok(Outcome::Skipped(if limit == 0 {
             "one chunk was asked for"
         } else {
             "it fits one chunk"

@@ -68,10 +68,10 @@ pub fn collision(
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     if !options.collision {
-        return Ok(Outcome::Unneeded("`collision` was not asked for"));
+        return Ok(Outcome::Skipped("`collision` was not asked for"));
     }
     if found.is_some() {
-        return Ok(Outcome::Unneeded("there is something to collide with already"));
+        return Ok(Outcome::Skipped("there is something to collide with already"));
     }
     let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT }
         .for_scene(scene.scene.triangle_count());
@@ -79,7 +79,7 @@ pub fn collision(
         .map_err(in_our_words)?;
     Ok(match found {
         Some(_) => Outcome::Changed(()),
-        None => Outcome::Unneeded("the cameras see no connected surface"),
+        None => Outcome::Skipped("the cameras see no connected surface"),
     })
 }
 

@@ -50,7 +50,7 @@ pub(crate) fn crop(
 ) -> Result<Outcome<()>> {
     let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
     if options.crop.is_empty() {
-        return Ok(Outcome::Unneeded("`crop` was not given"));
+        return Ok(Outcome::Skipped("`crop` was not given"));
     }
     if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
         let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
@@ -65,7 +65,7 @@ pub(crate) fn crop(
         return Err(Error::invalid("crop", words(), wants));
     }
     if kept == total {
-        return Ok(Outcome::Unneeded("every triangle is inside"));
+        return Ok(Outcome::Skipped("every triangle is inside"));
     }
     match scene {
         Scene::Soup(soup) => soup.retain(|i| keep[i]),
@@ -101,7 +101,7 @@ mod tests {
         let dropped = 10 - scene.triangle_count() as u64;
         assert_eq!((first == Outcome::Changed(()), details.outside), (dropped > 0, dropped));
         let again = crop(&mut scene, cameras, &options, &mut CropDetails::default())?;
-        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert!(matches!(again, Outcome::Skipped(_)));
         Ok(scene.triangle_count())
     }
 

@@ -56,14 +56,14 @@ pub(crate) fn exposure(
     details: &mut ExposureDetails,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|views| !views.is_drawn()) else {
-        return Ok(Outcome::Unneeded("no photos were given"));
+        return Ok(Outcome::Skipped("no photos were given"));
     };
     views.take_as_they_are();
     if options.exposure == ExposureUse::Off {
-        return Ok(Outcome::Unneeded("`exposure` off"));
+        return Ok(Outcome::Skipped("`exposure` off"));
     }
     if views.are_cut() || views.len() < LEAST_PHOTOS {
-        return Ok(Outcome::Unneeded("there are too few photos, or they are of an object before nothing"));
+        return Ok(Outcome::Skipped("there are too few photos, or they are of an object before nothing"));
     }
     let drawing = views.drawing(mesh, SAMPLES);
     let mut solid = SolidRasterizer::new();
@@ -80,7 +80,7 @@ pub(crate) fn exposure(
     let (exposures, verdict) = judge(solve(&photos), options.exposure);
     details.verdict = Some(verdict);
     let Some(exposures) = exposures else {
-        return Ok(Outcome::Unneeded(
+        return Ok(Outcome::Skipped(
             "photos spread by less than 15% in exposure: they are taken as they are",
         ));
     };

@@ -90,10 +90,10 @@ pub fn lit(
     details: &mut LitDetails,
 ) -> Result<Outcome<()>> {
     if options.lit == Lit::Off {
-        return Ok(Outcome::Unneeded("it was not asked for"));
+        return Ok(Outcome::Skipped("it was not asked for"));
     }
     if !mesh.normals.is_empty() || mesh.face_count() == 0 {
-        return Ok(Outcome::Unneeded("there is no face without a normal"));
+        return Ok(Outcome::Skipped("there is no face without a normal"));
     }
     let cameras: Vec<&Camera> = asked(cameras).collect();
     let seen = see(mesh, &cameras);

@@ -127,10 +127,10 @@ pub fn lod(
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
     if options.lod.is_empty() {
-        return Ok(Outcome::Unneeded("`lod` was not given"));
+        return Ok(Outcome::Skipped("`lod` was not given"));
     }
     if !levels.is_empty() {
-        return Ok(Outcome::Unneeded("the scene has levels already"));
+        return Ok(Outcome::Skipped("the scene has levels already"));
     }
     let faces = source.mesh.face_count();
     let count = |share: f64| ((faces as f64 * share) as usize).max(1);

@@ -55,17 +55,17 @@ impl StageDetails for OrderDetails {
 /// Orders the faces of every chunk. Runs after the hierarchy, and keeps its leaf order.
 pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
     if asset.bvh.is_some() {
-        return Ok(Outcome::Unneeded("faces are in the order of the hierarchy's leaves"));
+        return Ok(Outcome::Skipped("faces are in the order of the hierarchy's leaves"));
     }
     if options.order == FaceOrder::None {
-        return Ok(Outcome::Unneeded("it was not asked for"));
+        return Ok(Outcome::Skipped("it was not asked for"));
     }
     let mesh = &asset.mesh;
     let parts: Vec<Vec<u32>> = asset.chunks.par_iter().map(|chunk| faces_along_curve(mesh, chunk)).collect();
     let order = parts.concat();
     let moved = order.iter().zip(0..).filter(|&(&from, to)| from != to).count();
     if moved == 0 {
-        return Ok(Outcome::Unneeded("near faces are near in the file already"));
+        return Ok(Outcome::Skipped("near faces are near in the file already"));
     }
     asset.mesh.select(&order);
     details.moved = moved as u64;

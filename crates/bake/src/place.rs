@@ -160,7 +160,7 @@ pub fn place(
     provenance.up = Some(UpAxis::Y);
     details.up = Some(placement.up);
     if placement == Placement::IDENTITY {
-        return Ok(Outcome::Unneeded(
+        return Ok(Outcome::Skipped(
             "the input is Y-up already and no other change of its frame was asked for",
         ));
     }
@@ -244,7 +244,7 @@ mod tests {
         let placed = Viewpoint { eye: [1.0, -2.0, -3.0], up: [0.0, 1.0, 0.0], ..VIEWPOINT };
         assert_eq!(provenance.viewpoint, Some(placed));
         let again = run(&mut mesh, &mut provenance);
-        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert!(matches!(again, Outcome::Skipped(_)));
         assert_eq!(provenance.placement.up, UpAxis::NegY.into());
     }
 

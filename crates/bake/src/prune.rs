@@ -119,7 +119,7 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
         return Err(nothing_left(options, &counts, verdicts.len()));
     }
     if counts[Verdict::Keep as usize] == verdicts.len() {
-        return Ok(Outcome::Unneeded("every triangle can be seen"));
+        return Ok(Outcome::Skipped("every triangle can be seen"));
     }
     *details = PruneDetails::new(&counts);
     let keep = |i: usize| verdicts[i] == Verdict::Keep;

@@ -269,7 +269,7 @@ impl<'a> Recipe<'a> {
                 *found = surface(loaded, cameras, &how, &Limits::DEFAULT, details, progress)?;
                 Ok(match found {
                     Some(_) => Outcome::Changed(()),
-                    None => Outcome::Unneeded("the cameras see no connected surface"),
+                    None => Outcome::Skipped("the cameras see no connected surface"),
                 })
             },
         )?;
@@ -301,13 +301,13 @@ impl<'a> Recipe<'a> {
         // On the soup, because it needs opacity and σ, which `color` drops.
         let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {
             Scene::Soup(soup) => solid(soup, &options.solid, details),
-            Scene::Mesh(_) => Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+            Scene::Mesh(_) => Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
         })?;
 
         // From here on an ordinary mesh in linear light.
         let scene = self.report.stage(self.observer, scene, count, |scene, details| {
             let Scene::Soup(soup) = scene else {
-                return Ok(Outcome::Unneeded("the input is a mesh: it has colours"));
+                return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
             };
             *scene = Scene::Mesh(color(std::mem::take(soup), details)?);
             Ok(Outcome::Changed(()))
@@ -413,7 +413,7 @@ impl<'a> Recipe<'a> {
         let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
-            _ if cropped => Ok(Outcome::Unneeded("the scene is cropped: its surroundings were removed")),
+            _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
             Some(given) => keep_backdrop(mesh, given, options, details),
             None => backdrop(mesh, views, options, details),
         })

@@ -110,8 +110,8 @@ pub struct Refitted {
 }
 
 impl Refitted {
-    fn unneeded(why: &'static str) -> Self {
-        Self { outcome: Outcome::Unneeded(why), unseen: None }
+    fn skipped(why: &'static str) -> Self {
+        Self { outcome: Outcome::Skipped(why), unseen: None }
     }
 }
 
@@ -152,13 +152,13 @@ pub fn refit(
 ) -> Result<Refitted> {
     options.validate()?;
     let Some(views) = views.filter(|v| !v.is_empty()) else {
-        return Ok(Refitted::unneeded("no photos were given"));
+        return Ok(Refitted::skipped("no photos were given"));
     };
     if options.refit == RefitColors::Off {
-        return Ok(Refitted::unneeded("`refit` off"));
+        return Ok(Refitted::skipped("`refit` off"));
     }
     if !mesh.indices.is_empty() {
-        return Ok(Refitted::unneeded("a mesh with shared vertices keeps its colours"));
+        return Ok(Refitted::skipped("a mesh with shared vertices keeps its colours"));
     }
     let mut accumulator = Accumulator::new(mesh, views, options.refit_flatness as f32);
     let end_of_pass = |pass: u32| f64::from(pass) / f64::from(options.refit_passes);
@@ -171,7 +171,7 @@ pub fn refit(
         details.revived = (revived > 0).then_some(revived);
         let outcome = match behind < mesh.face_count() || revived > 0 {
             true => Outcome::Changed(()),
-            false => Outcome::Unneeded("held-out photos match the present colours better"),
+            false => Outcome::Skipped("held-out photos match the present colours better"),
         };
         return Ok(Refitted { outcome, unseen: unseen.map(|unseen| unseen.with_backdrop(mesh, behind)) });
     };

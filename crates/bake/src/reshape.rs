@@ -130,10 +130,10 @@ pub fn reshape(
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if let Some(why) = nothing_to_do(mesh, traits, options) {
-        return Ok(Outcome::Unneeded(why));
+        return Ok(Outcome::Skipped(why));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
-        return Ok(Outcome::Unneeded("there are no photos and no pictures of the soft scene"));
+        return Ok(Outcome::Skipped("there are no photos and no pictures of the soft scene"));
     };
     let effort = Effort::new(mesh.face_count(), views.cameras(), options.reshape_rounds);
     let [recolored, fitted] = fit(mesh, views, traits, effort, details, progress)?;
@@ -141,7 +141,7 @@ pub fn reshape(
     // With few pictures per triangle, a round may spoil triangles for the other pictures.
     if views.mean_psnr(&fitted, &chosen)? < views.mean_psnr(&recolored, &chosen)? {
         *details = ReshapeDetails::default();
-        return Ok(Outcome::Unneeded("the input triangles match the pictures better"));
+        return Ok(Outcome::Skipped("the input triangles match the pictures better"));
     }
     *mesh = fitted;
     Ok(Outcome::Changed(()))

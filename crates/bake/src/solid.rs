@@ -75,7 +75,7 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     }
     let is_solid = |(o, s): (&f32, &f32)| *o >= 1.0 && *s <= SOLID_SIGMA;
     if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
-        return Ok(Outcome::Unneeded("every triangle is solid already"));
+        return Ok(Outcome::Skipped("every triangle is solid already"));
     }
     let (results, areas) = solidify_all(soup, options);
     soup.opacity.fill(1.0);

@@ -113,27 +113,27 @@ pub fn teacher(
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if options.teacher == TeacherWhen::Off {
-        return Ok(Outcome::Unneeded("`teacher` off"));
+        return Ok(Outcome::Skipped("`teacher` off"));
     }
     let soup = match &scene.scene {
-        Scene::Mesh(_) => return Ok(Outcome::Unneeded("the input is a mesh: its triangles are solid")),
+        Scene::Mesh(_) => return Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
         Scene::Soup(soup) if is_solid(soup) => {
-            return Ok(Outcome::Unneeded("the scene is solid already"));
+            return Ok(Outcome::Skipped("the scene is solid already"));
         }
         Scene::Soup(soup) => soup,
     };
     if photos {
         details.softness = softness_from(soup, &scene.cameras, solidly)?;
-        return Ok(Outcome::Unneeded("there are photos, or pictures already"));
+        return Ok(Outcome::Skipped("there are photos, or pictures already"));
     }
     let Some(viewpoints) = viewpoints(scene) else {
-        return Ok(Outcome::Unneeded("the scene stores no cameras and shows nothing from anywhere"));
+        return Ok(Outcome::Skipped("the scene stores no cameras and shows nothing from anywhere"));
     };
     details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
     details.viewpoints = Some(viewpoints.kind);
     let drawn = at_most(options.teacher_pictures, scene, viewpoints.cameras);
     if drawn.covered() < LEAST_COVERED {
-        return Ok(Outcome::Unneeded("the scene's cameras see nothing of it"));
+        return Ok(Outcome::Skipped("the scene's cameras see nothing of it"));
     }
     details.pictures = Some(drawn.len() as u64);
     details.size_px = drawn.cameras().first().map(|camera| camera.size.to_array());

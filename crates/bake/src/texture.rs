@@ -121,7 +121,7 @@ pub fn texture(
 ) -> Result<Outcome<()>> {
     options.validate()?;
     if !options.is_wanted() {
-        return Ok(Outcome::Unneeded("`texture` was not asked for"));
+        return Ok(Outcome::Skipped("`texture` was not asked for"));
     }
     let Some(views) = views.filter(|views| !views.is_empty()) else {
         let wants = "photos, which `dataset` names, or a soft scene, whose own pictures serve";
@@ -179,7 +179,7 @@ fn paint(
         (details.psnr_before, details.psnr_after) = (Some(colors.psnr), Some(shown.psnr));
         (details.ssim_before, details.ssim_after) = (Some(colors.ssim), Some(shown.ssim));
         if options.texture == TextureWhen::Auto && details.colors_are_better() {
-            return Ok(Outcome::Unneeded("held-out photos match the colours better than texels"));
+            return Ok(Outcome::Skipped("held-out photos match the colours better than texels"));
         }
     }
     texels.add(mesh, views, layout, &held_out, Adding::All(&mut candidates), progress.part(0.6, 0.7))?;

@@ -78,10 +78,10 @@ impl StageDetails for TilesDetails {
 /// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
 pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetails) -> Result<Outcome<()>> {
     if !options.tiles {
-        return Ok(Outcome::Unneeded("`tiles` was not asked for"));
+        return Ok(Outcome::Skipped("`tiles` was not asked for"));
     }
     if asset.tiles.is_some() {
-        return Ok(Outcome::Unneeded("the scene has tiles already"));
+        return Ok(Outcome::Skipped("the scene has tiles already"));
     }
     let levels = std::mem::take(&mut asset.levels);
     let mut finest = asset.mesh.clone();

@@ -122,7 +122,7 @@ pub fn unseen(
     }
     let most = limit.most.map_or(usize::MAX, |most| usize::try_from(most).unwrap_or(usize::MAX).max(1));
     if let Some(why) = nothing_to_do(mesh, cameras, options, most) {
-        return Ok(Outcome::Unneeded(why));
+        return Ok(Outcome::Skipped(why));
     }
     let chooses = views.is_some() || mesh.face_count() > most;
     let samples = if chooses { SAMPLES } else { SAMPLES_AT_LEAST };
@@ -167,7 +167,7 @@ pub fn unseen(
         keep = fewest_within(mesh, views, &ranked[..keep], db, details)?;
     }
     if keep == ranked.len() {
-        return Ok(Outcome::Unneeded("hardly any triangle is hidden from every camera"));
+        return Ok(Outcome::Skipped("hardly any triangle is hidden from every camera"));
     }
     let enlarging = decimation.filter(|_| options.enlarge);
     let moved = enlarging.map(|mut d| d.move_corners(&ranked[..keep], progress.part(MOVING_PART, 1.0)));

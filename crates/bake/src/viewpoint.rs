@@ -34,7 +34,7 @@ pub(crate) fn viewpoint(
     details: &mut ViewpointDetails,
 ) -> Outcome<()> {
     if cameras.is_empty() && asset.provenance.viewpoint.is_some() {
-        return Outcome::Unneeded(
+        return Outcome::Skipped(
             "the input says where to look from, and no camera is known that could do better",
         );
     }
@@ -44,7 +44,7 @@ pub(crate) fn viewpoint(
     let scenery = Scenery { corners: &corners, count: faces, cameras, up: Vec3::Y, room: &room };
     let chosen = best_viewpoint(&scenery).filter(|chosen| chosen.viewpoint.is_possible());
     let Some(chosen) = chosen else {
-        return Outcome::Unneeded("there is nothing to be seen");
+        return Outcome::Skipped("there is nothing to be seen");
     };
     details.photo = chosen.photo.map(|photo| photo as u64);
     details.filled = Some(chosen.filled);
@@ -80,7 +80,7 @@ mod tests {
         assert!(Vec3::from(chosen.eye.map(|x| x as f32)).length() < 3.0, "{chosen:?}");
         assert!(details.photo.is_none() && details.filled.is_some_and(|share| share > 0.1), "{details:?}");
         let again = viewpoint(&mut asset, &[], &mut ViewpointDetails::default());
-        assert!(matches!(again, Outcome::Unneeded(_)));
+        assert!(matches!(again, Outcome::Skipped(_)));
         assert_eq!(asset.provenance.viewpoint, Some(chosen));
     }
 

@@ -57,23 +57,23 @@ impl StageDetails for WeldDetails {
 /// per vertex. A mesh whose faces share vertices already keeps its indices.
 pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -> Result<Outcome<()>> {
     if mesh.positions.is_empty() {
-        return Ok(Outcome::Unneeded("there are no corners"));
+        return Ok(Outcome::Skipped("there are no corners"));
     }
     if mesh.texture.is_some() {
-        return Ok(Outcome::Unneeded("corners show different parts of the texture"));
+        return Ok(Outcome::Skipped("corners show different parts of the texture"));
     }
     if !mesh.indices.is_empty() {
         if matches!(mesh.colors, Colors::Vertex(_)) {
-            return Ok(Outcome::Unneeded("faces share their vertices already"));
+            return Ok(Outcome::Skipped("faces share their vertices already"));
         }
         unweld(mesh);
         if !pays(mesh, options, details) {
             return Ok(Outcome::Changed(()));
         }
     } else if options.weld == WeldWhen::Off {
-        return Ok(Outcome::Unneeded("it was not asked for"));
+        return Ok(Outcome::Skipped("it was not asked for"));
     } else if !pays(mesh, options, details) {
-        return Ok(Outcome::Unneeded("too few corners agree in position and colour"));
+        return Ok(Outcome::Skipped("too few corners agree in position and colour"));
     }
     share(mesh);
     Ok(Outcome::Changed(()))

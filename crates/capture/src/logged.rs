@@ -206,7 +206,7 @@ fn each_line(from: impl Read, mut take: impl FnMut(String) -> bool) {
     }
 }
 
-/// Appends a line, of which the last ones stay.
+/// Appends a line and drops the oldest above the limit.
 fn keep(said: &mut Vec<String>, line: String) {
     said.push(line);
     if said.len() > 2 * KEPT {

@@ -122,11 +122,11 @@ impl Run<'_> {
     ) -> Step<T> {
         self.observer.started(D::STAGE);
         let (clock, mut details) = (Instant::now(), D::default());
-        let (value, unneeded) = run(self, &mut details)?;
+        let (value, skipped) = run(self, &mut details)?;
         let (before, after) = (Counts::default(), Counts::default());
-        let (name, unneeded) = (D::STAGE.to_owned(), unneeded.map(str::to_owned));
+        let (name, skipped) = (D::STAGE.to_owned(), skipped.map(str::to_owned));
         let (seconds, details) = (clock.elapsed().as_secs_f64(), to_json(&details));
-        let stage = StageReport { name, seconds, before, after, unneeded, details };
+        let stage = StageReport { name, seconds, before, after, skipped, details };
         self.observer.finished(&stage);
         self.report.stages.push(stage);
         Ok(value)

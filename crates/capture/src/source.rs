@@ -77,7 +77,7 @@ impl Sources {
         Ok(found)
     }
 
-    /// Notes a file or folder; false for one that was taken before, by whatever name.
+    /// Notes a file or folder; false if it was taken before, under any name.
     fn take(&mut self, path: &Path) -> Result<bool> {
         let full = std::fs::canonicalize(path).map_err(|e| Error::io(path, e))?;
         let is_new = self.taken.insert(full);

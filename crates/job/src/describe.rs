@@ -27,7 +27,7 @@ fn would_bake(loaded: ImportedScene) -> Option<BakeInfo> {
     let mut scene = loaded.scene;
     let mut details = PruneDetails::default();
     match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
-        Ok(Outcome::Changed(()) | Outcome::Unneeded(_)) => {
+        Ok(Outcome::Changed(()) | Outcome::Skipped(_)) => {
             let mut dropped = report::to_json(&details);
             dropped.retain(|_, count| count.as_u64() != Some(0));
             Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })

@@ -73,7 +73,7 @@ impl Hardened {
         let stage = StageReport {
             before: counts,
             after: counts,
-            ..StageReport::unneeded(TrainDetails::STAGE, why.to_owned())
+            ..StageReport::skipped(TrainDetails::STAGE, why.to_owned())
         };
         Self { scene, pictures: None, stage }
     }

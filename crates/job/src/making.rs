@@ -115,7 +115,7 @@ impl MakeJob {
         let (dataset, verdict) = match &self.inputs[..] {
             [posed] if Dataset::is_posed(posed) => {
                 report.inputs.push(posed.display().to_string());
-                add(StageReport::unneeded("capture", "the photos have poses".into()), &mut report, observer);
+                add(StageReport::skipped("capture", "the photos have poses".into()), &mut report, observer);
                 (posed.clone(), None)
             }
             photos => {
@@ -177,7 +177,7 @@ impl MakeJob {
         if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
             for stage in &before.stages {
                 // The finished run's own figures.
-                let stage = StageReport { unneeded: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
+                let stage = StageReport { skipped: Some(DONE.into()), seconds: 0.0, ..stage.clone() };
                 add(stage, report, observer);
             }
             report.warnings.extend(before.warnings.iter().cloned());

@@ -10,22 +10,22 @@ use trisplat_train::PoseUse;
 /// cannot be read are a warning, because a training does without them.
 pub(super) fn follow_tracks(dataset: &mut Dataset, how: &DatasetOptions, poses: PoseUse) -> StageReport {
     let clock = Instant::now();
-    let unneeded = |why: &str| StageReport::unneeded(TrackedPoses::STAGE, why.to_owned());
+    let skipped = |why: &str| StageReport::skipped(TrackedPoses::STAGE, why.to_owned());
     if poses == PoseUse::Off {
-        return unneeded("`poses` off");
+        return skipped("`poses` off");
     }
     let found = match tracked_poses::follow_tracks(dataset, how) {
         Ok(Some(found)) => found,
-        Ok(None) => return unneeded("the data set has no tracks that could tell"),
+        Ok(None) => return skipped("the data set has no tracks that could tell"),
         Err(error) => {
             dataset.warnings.push(format!("poses were not compared with tracks: {error}"));
-            return unneeded("the tracks cannot be read");
+            return skipped("the tracks cannot be read");
         }
     };
     dataset.warnings.extend(found.warning());
     let mut stage = match found.moved {
-        0 => unneeded("the points' tracks agree with the poses"),
-        _ => StageReport { unneeded: None, ..unneeded("") },
+        0 => skipped("the points' tracks agree with the poses"),
+        _ => StageReport { skipped: None, ..skipped("") },
     };
     (stage.before, stage.after) = (Counts::default(), Counts::default());
     (stage.seconds, stage.details) = (clock.elapsed().as_secs_f64(), to_json(&found));

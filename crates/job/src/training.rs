@@ -41,7 +41,7 @@ use trisplat_train::{
 /// job.teacher = Some(TeacherSource::Off);
 /// let done = job.run(&mut ())?;
 /// assert_eq!(done.trained.steps, 20);
-/// assert_eq!(done.report.stages[1].unneeded.as_deref(), Some("`teacher` off"));
+/// assert_eq!(done.report.stages[1].skipped.as_deref(), Some("`teacher` off"));
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -361,7 +361,7 @@ impl TrainJob {
         let mut enough = StepLimit::default();
         let (teacher, stage) = match &plan {
             TeacherPlan::Without(why) => {
-                (None, Some(StageReport::unneeded(TeacherDetails::STAGE, why.clone())))
+                (None, Some(StageReport::skipped(TeacherDetails::STAGE, why.clone())))
             }
             TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
             TeacherPlan::Train => {

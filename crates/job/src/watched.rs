@@ -119,7 +119,7 @@ impl TrialRun {
     pub(super) fn stage(&self, seconds: f64) -> StageReport {
         let (before, after) = (Counts::default(), Counts::default());
         let (name, details) = (Self::STAGE.into(), to_json(self));
-        StageReport { name, seconds, before, after, unneeded: None, details }
+        StageReport { name, seconds, before, after, skipped: None, details }
     }
 }
 

@@ -15,14 +15,14 @@ pub fn counted(number: u64, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
-/// The outcome of a stage, which may be unneeded.
+/// The outcome of a stage, which may be skipped.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome<T> {
     /// The stage did its work, with this result.
     Changed(T),
     /// There was nothing to do, for this reason; the input is unchanged. Options are named by their fields,
     /// in backticks.
-    Unneeded(&'static str),
+    Skipped(&'static str),
 }
 
 /// Sizes before and after a stage.
@@ -54,7 +54,7 @@ pub struct StageReport {
     pub after: Counts,
     /// The reason if there was nothing to do. Options are named by their fields, in backticks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub unneeded: Option<String>,
+    pub skipped: Option<String>,
     /// The measurements of this stage, as JSON; [`StageReport::details_as`] returns them typed.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub details: Map<String, Value>,
@@ -62,9 +62,9 @@ pub struct StageReport {
 
 impl StageReport {
     /// Of a stage with nothing to do, for this reason.
-    pub fn unneeded(name: &str, why: String) -> Self {
+    pub fn skipped(name: &str, why: String) -> Self {
         let (before, after) = (Counts::default(), Counts::default());
-        Self { name: name.to_owned(), seconds: 0.0, before, after, unneeded: Some(why), details: Map::new() }
+        Self { name: name.to_owned(), seconds: 0.0, before, after, skipped: Some(why), details: Map::new() }
     }
 
     /// The measurements of this stage; `None` if `D` belongs to another stage or there are none.
@@ -193,17 +193,17 @@ impl Report {
         let mut value = input;
         let before = measure(&value);
         let mut details = D::default();
-        let unneeded = match run(&mut value, &mut details, &mut StageProgress::new(observer))? {
+        let skipped = match run(&mut value, &mut details, &mut StageProgress::new(observer))? {
             Outcome::Changed(()) => None,
-            Outcome::Unneeded(why) => Some(why.to_owned()),
+            Outcome::Skipped(why) => Some(why.to_owned()),
         };
-        let measured = unneeded.is_none() || details != D::default();
+        let measured = skipped.is_none() || details != D::default();
         let stage = StageReport {
             name: D::STAGE.to_owned(),
             seconds: clock.elapsed().as_secs_f64(),
             before,
             after: measure(&value),
-            unneeded,
+            skipped,
             details: if measured { to_json(&details) } else { Map::new() },
         };
         observer.finished(&stage);

@@ -79,7 +79,7 @@ pub(super) fn block(number: u64) -> IVec3 {
     IVec3::new(along(0), along(1), along(2))
 }
 
-/// A sample by the block that holds it and its place there; `None` before the first block.
+/// (block index, index in block) of a sample; `None` before the first block.
 pub(super) fn place(sample: IVec3) -> Option<(u64, usize)> {
     let within = sample & (SIDE - 1);
     let local = within.x + SIDE * (within.y + SIDE * within.z);

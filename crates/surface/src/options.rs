@@ -70,7 +70,7 @@ impl SurfaceOptions {
             .unwrap_or_else(|| self.max_triangles.map_or(MOST_CELLS, shown).clamp(LEAST_CELLS, MOST_CELLS))
     }
 
-    /// The same with no more cells than a scene of so many triangles can fill with detail.
+    /// The same with no more cells than a scene of `triangles` can fill with detail.
     pub fn for_scene(&self, triangles: usize) -> Self {
         let filled = (CELLS_OF_SCENE * (triangles as f64).sqrt()) as u32;
         Self { resolution: Some(self.cells().min(filled.max(LEAST_CELLS))), ..self.clone() }

@@ -2,7 +2,7 @@
 //!
 //! There are two backends, [`CpuBackend`](super::cpu::CpuBackend) and, with the feature `gpu`, one on a
 //! graphics card (`train::gpu::GpuBackend`); `tests/train_gpu` compares them. A backend runs only the inner
-//! loop. Refinement exists once: it takes the state out, changes it and puts it back.
+//! loop. Densification exists once: it takes the state out, changes it and puts it back.
 
 use super::params::{Params, TrainState};
 use super::schedule::StepParams;

@@ -10,8 +10,8 @@ mod header;
 
 use super::budget::BudgetController;
 use super::core::Core;
+use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
-use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::prepared_run::PreparedRun;
@@ -62,7 +62,7 @@ pub struct CheckpointMeta {
     /// The core, when only a part is trained.
     pub core: Option<Core>,
     /// The photos' exposures.
-    pub light: Light,
+    pub exposure: ExposureEstimates,
     /// The photos, cameras and points of the training.
     pub identity: RunIdentity,
     /// Gradients dropped because they were not finite.
@@ -384,7 +384,7 @@ mod tests {
             pinned: 2,
             frozen: 1,
             core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
-            light: Light { passed: 3, ..Light::default() },
+            exposure: ExposureEstimates { passed: 3, ..ExposureEstimates::default() },
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),
@@ -508,10 +508,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         let mut checkpoint = sample();
-        checkpoint.meta.options.refine.growth = -1.0;
+        checkpoint.meta.options.densify.growth = -1.0;
         write(&path, &checkpoint).unwrap();
         let error = read(&path).unwrap_err().to_string();
-        assert!(error.contains("__metadata__: refine.growth is -1"), "{error}");
+        assert!(error.contains("__metadata__: densify.growth is -1"), "{error}");
         checkpoint = sample();
         checkpoint.meta.step = checkpoint.meta.options.steps + 1;
         write(&path, &checkpoint).unwrap();

@@ -1,7 +1,7 @@
 //! Photos to soup: the optimisation of Held et al. 2025.
 //!
 //! ```text
-//! init ──► state ──► [ backend.step(photo, rates) … ] ──► refine ──► … ──► soup
+//! init ──► state ──► [ backend.step(photo, rates) … ] ──► densify ──► … ──► soup
 //!                        schedule: rates, sizes, SH      visibility: complete passes
 //! ```
 //!
@@ -19,10 +19,13 @@
 mod backend;
 pub mod budget;
 pub mod checkpoint;
+pub mod checkpoint_retention;
 mod core;
 mod cpu;
+mod densify;
 mod device;
 mod eval;
+mod exposure;
 mod frame_loss;
 mod from_scene;
 #[cfg(feature = "gpu")]
@@ -30,7 +33,6 @@ mod gpu;
 mod hardening;
 mod identity;
 mod init;
-mod light;
 mod neighbours;
 mod options;
 mod outputs;
@@ -39,9 +41,7 @@ mod prepared_run;
 mod presets;
 mod progress;
 mod pyramid;
-mod refine;
 mod relocate;
-pub mod rotation;
 mod run;
 mod schedule;
 mod shell;
@@ -58,21 +58,21 @@ pub use backend::{BackendVisibility, PhotoId, StepPhoto, StepStats};
 pub use checkpoint::Checkpoint;
 pub use core::Core;
 pub use cpu::CpuBackend;
+pub use densify::Densified;
 pub use device::OpenRun;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES};
+pub use exposure::ExposureDetails;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits, StepTimes};
 pub use identity::PhotoIdentity;
 pub use identity::RunIdentity;
-pub use light::ExposureDetails;
-pub use options::{InitOptions, REFERENCE_STEPS, RefineOptions, SampleWeight};
+pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight};
 pub use options::{PoseUse, TrainOptions, TrainPreset};
 pub use outputs::{PREVIEW, Preview, RunOptions};
 pub use params::{Anneal, Params, TrainState};
 pub use prepared_run::PreparedRun;
 pub use progress::{TrainObserver, TrainSample};
-pub use refine::Refined;
 pub use run::TrainRun;
 pub use schedule::{EngineShading, Schedule, StepParams};
 pub use skipped::SkippedWork;

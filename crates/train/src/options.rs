@@ -104,7 +104,7 @@ pub struct TrainOptions {
     pub rates: RateOptions,
     /// How triangles are added and removed.
     #[cfg_attr(feature = "cli", arg(skip))]
-    pub refine: RefineOptions,
+    pub densify: DensifyOptions,
     /// How early steps save time on smaller photos.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub warmup: WarmupOptions,
@@ -172,16 +172,16 @@ pub enum SampleWeight {
 /// How triangles are added and removed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct RefineOptions {
+pub struct DensifyOptions {
     /// No triangle is added after this, steps of a 30,000-step run (25,000, supplement).
     pub until: f64,
-    /// Steps between refinements, of a 30,000-step run (500, supplement).
+    /// Steps between densifications, of a 30,000-step run (500, supplement).
     pub every: f64,
-    /// Triangles added at a refinement, as a share of the present ones (0.3, supplement).
+    /// Triangles added at a densification, as a share of the present ones (0.3, supplement).
     pub growth: f64,
     /// The weight of a triangle's chance to grow.
     pub sample_by: SampleWeight,
-    /// Share of the triangles removed at each refinement from `opacity_until` on, in a scene at its limit, to
+    /// Share of the triangles removed at each densification from `opacity_until` on, in a scene at its limit, to
     /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
     /// scene keep theirs).
     pub relocate: f64,
@@ -236,7 +236,7 @@ default_of_default_preset!(
     InitOptions.init,
     LossOptions.loss,
     RateOptions.rates,
-    RefineOptions.refine,
+    DensifyOptions.densify,
     WarmupOptions.warmup,
     SolidifyOptions.solid
 );

@@ -2,10 +2,10 @@
 
 use super::backend::TrainBackend;
 use super::budget::{BudgetController, Spending};
+use super::checkpoint_retention;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::prepared_run::PreparedRun;
 use super::progress::{TrainObserver, TrainSample};
-use super::rotation;
 use super::trainer::Trainer;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -191,7 +191,7 @@ impl Recorder {
                 state: state.clone(),
                 spent_secs: spending.seconds(),
             });
-            Ok((checkpoint.meta.step, rotation::write(path, &checkpoint, outputs.keep)?))
+            Ok((checkpoint.meta.step, checkpoint_retention::write(path, &checkpoint, outputs.keep)?))
         });
         match written {
             Ok(written) => self.checkpoint = Some(written),

@@ -197,10 +197,10 @@ pub struct TrainState {
     pub first: Params,
     /// Second moments, shaped like the parameters.
     pub second: Params,
-    /// Number of first triangles that only change their colour, which is the same from all sides. They are
+    /// The first `pinned` triangles only change their colour, which is the same from all sides. They are
     /// neither pruned nor grown.
     pub pinned: usize,
-    /// Number of first triangles that do not change at all: the rest of a scene when only a part is trained.
+    /// The first `frozen` triangles are not trained: the rest of a scene when only a part is trained.
     pub frozen: usize,
 }
 

@@ -1,7 +1,7 @@
 //! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
-    InitOptions, LossOptions, PoseUse, RateOptions, RefineOptions, SampleWeight, SolidifyOptions,
+    DensifyOptions, InitOptions, LossOptions, PoseUse, RateOptions, SampleWeight, SolidifyOptions,
     TrainDrawOptions, TrainOptions, TrainPreset, WarmupOptions,
 };
 use trisplat_dataset::exposure::ExposureUse;
@@ -56,7 +56,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     init: InitOptions { size: 2.2, shell_subdivisions: 4 },
     loss: LossOptions { dssim: 0.2, opacity: 0.0055, distortion: 0.0, normal: 0.0, size: 1e-8 },
     rates: RateOptions { vertices: 0.003, sparse: true },
-    refine: RefineOptions {
+    densify: DensifyOptions {
         until: 25_000.0,
         every: 500.0,
         growth: 0.3,
@@ -73,7 +73,7 @@ const INDOOR: TrainOptions = TrainOptions {
     preset: TrainPreset::Indoor,
     loss: LossOptions { dssim: 0.4, distortion: 1.0, normal: 0.00004, size: 5e-8, ..OUTDOOR.loss },
     rates: RateOptions { vertices: 0.0025, ..OUTDOOR.rates },
-    refine: RefineOptions { prune_weight: 0.0256, ..OUTDOOR.refine },
+    densify: DensifyOptions { prune_weight: 0.0256, ..OUTDOOR.densify },
     ..OUTDOOR
 };
 
@@ -83,7 +83,7 @@ const SOLID: TrainOptions = TrainOptions {
     max_triangles: 150_000,
     sh_degree: 0,
     loss: LossOptions { dssim: 0.05, ..OUTDOOR.loss },
-    refine: RefineOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.refine },
+    densify: DensifyOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.densify },
     solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0 },
     ..OUTDOOR
 };

@@ -1,7 +1,7 @@
 //! Reports during a run, and the samples of its curve.
 
 use super::budget::Correction;
-use super::refine::Refined;
+use super::densify::Densified;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
@@ -41,8 +41,8 @@ pub trait TrainObserver {
     fn stepped(&mut self, _sample: &TrainSample) {}
     /// A sample of the curve; its loss and PSNR are means since the last one.
     fn sampled(&mut self, _sample: &TrainSample) {}
-    /// The scene was refined.
-    fn refined(&mut self, _step: u64, _refined: &Refined) {}
+    /// The scene was densified.
+    fn densified(&mut self, _step: u64, _refined: &Densified) {}
     /// The budget changed the planned number of steps.
     fn corrected(&mut self, _correction: &Correction) {}
     /// A checkpoint or a preview could not be written; the run continues.

@@ -9,12 +9,12 @@ use super::visibility::VisibilityStats;
 /// A scene is full with this share of its limit, because pruning has just removed some triangles.
 const FULL: f64 = 0.9;
 
-/// The room that a refinement makes.
+/// The room that a densification makes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Relocation {
     /// Share of the triangles to remove.
     pub(super) share: f64,
-    /// Most triangles that a refinement adds, as a share of the present ones.
+    /// Most triangles that a densification adds, as a share of the present ones.
     pub(super) growth: f64,
     /// The most triangles that are trained.
     pub(super) max_triangles: usize,

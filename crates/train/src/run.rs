@@ -4,8 +4,8 @@ use super::backend::{RunSize, TrainBackend};
 use super::budget::{BudgetController, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
+use super::exposure::ExposureDetails;
 use super::identity::RunIdentity;
-use super::light::ExposureDetails;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
 use super::progress::{TrainObserver, TrainSample};
@@ -249,7 +249,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     /// Makes the steps, until the last or until `observer` stops it.
     ///
     /// Errors: photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that is
-    /// lost or out of memory, with one of the last refinement or checkpoint at least.
+    /// lost or out of memory, with one of the last densification or checkpoint at least.
     pub fn finish(mut self, observer: &mut dyn TrainObserver) -> Result<Trained> {
         let curve = std::mem::take(&mut self.curve);
         let mut record =
@@ -275,7 +275,10 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
             skipped: trainer.skipped(),
-            exposure: ExposureDetails::new(trainer.light(), dataset.train().map(|view| view.name.as_str())),
+            exposure: ExposureDetails::new(
+                trainer.exposure(),
+                dataset.train().map(|view| view.name.as_str()),
+            ),
             stopped,
             lost: recorded.lost.into_iter().chain(not_finite).collect(),
         })
@@ -332,8 +335,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let is_kept = due(every) || due(outputs.evaluate_every);
         let mut now = record.sample(trainer, outcome.width_px, is_kept)?;
         observer.stepped(&now);
-        if let Some(refined) = &outcome.refined {
-            observer.refined(now.step, refined);
+        if let Some(densified) = &outcome.densified {
+            observer.densified(now.step, densified);
         }
         keep_pace(trainer, triangles, paced.as_mut(), observer);
         trainer.find_exposures(&self.drawing)?;

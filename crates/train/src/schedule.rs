@@ -1,4 +1,4 @@
-//! The schedule of a run: rates, resolution, SH degree, regularisers, refinements and the anneal at each
+//! The schedule of a run: rates, resolution, SH degree, regularisers, densifications and the anneal at each
 //! step.
 
 use super::hardening::{Hardening, PruneFaint};
@@ -36,7 +36,7 @@ const GEOMETRY_FROM: f64 = 5000.0;
 const SIZE_UNTIL: f64 = 25_000.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
-/// First refinement, steps of a 30,000-step run (500, supplement).
+/// First densification, steps of a 30,000-step run (500, supplement).
 pub(crate) const REFINE_FROM: f64 = 500.0;
 
 /// Everything of one step that is not the scene or the photo.
@@ -248,7 +248,7 @@ impl<'a> Schedule<'a> {
     /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights, which the
     /// threshold of a solid one would delete at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
-        let (soft, solid) = (self.options.refine.prune_weight, Hardening::of(self.options).prune_weight);
+        let (soft, solid) = (self.options.densify.prune_weight, Hardening::of(self.options).prune_weight);
         soft + (solid - soft) * self.annealed(step)
     }
 
@@ -294,9 +294,9 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// True when the scene is refined after `step` steps have been made.
-    pub fn refines_after(&self, step: u64) -> bool {
-        let r = &self.options.refine;
+    /// True when the scene is densified after `step` steps have been made.
+    pub fn densifies_after(&self, step: u64) -> bool {
+        let r = &self.options.densify;
         let due = match self.timeline.has_milestones() {
             true => step > 0 && self.passed(step, r.every) > self.passed(step - 1, r.every),
             false => step.is_multiple_of(self.scaled(r.every).max(1)),
@@ -304,14 +304,14 @@ impl<'a> Schedule<'a> {
         due && step >= self.scaled(REFINE_FROM).max(1) && step < self.options.steps
     }
 
-    /// True while a refinement after `step` steps may add triangles.
+    /// True while a densification after `step` steps may add triangles.
     pub fn grows_after(&self, step: u64) -> bool {
-        step < self.scaled(self.options.refine.until)
+        step < self.scaled(self.options.densify.until)
     }
 
-    /// Number of the refinement after `step` steps, counted over the whole run.
-    pub fn refinement(&self, step: u64) -> u64 {
-        self.passed(step, self.options.refine.every)
+    /// Number of the densification after `step` steps, counted over the whole run.
+    pub fn densification(&self, step: u64) -> u64 {
+        self.passed(step, self.options.densify.every)
     }
 }
 
@@ -328,7 +328,7 @@ mod tests {
             let share = |f: &dyn Fn(u64) -> bool| (0..steps).filter(|&s| f(s)).count() as f64 / steps as f64;
             assert!((share(&|s| plan.level(s) == 2) - 0.4).abs() < 0.01);
             assert!((share(&|s| plan.rates(s).beta_normal > 0.0) - 5.0 / 6.0).abs() < 0.01);
-            assert_eq!((0..steps).filter(|&s| plan.refines_after(s)).count(), 59);
+            assert_eq!((0..steps).filter(|&s| plan.densifies_after(s)).count(), 59);
             let (first, last) = (plan.rates(0), plan.rates(steps - 1));
             assert!((last.vertices / first.vertices / 0.01 - 1.0).abs() < 0.02);
             assert_eq!((first.sh_degree, last.sh_degree), (0, 3));
@@ -341,7 +341,7 @@ mod tests {
         let plan = Schedule::new(&options);
         let before = plan.scaled(options.solid.opacity_from) - 1;
         assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
-        assert_eq!(plan.prune_weight(before), options.refine.prune_weight);
+        assert_eq!(plan.prune_weight(before), options.densify.prune_weight);
         let hardening = Hardening::of(&options);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
@@ -385,10 +385,13 @@ mod tests {
                 (options(1003, [401, 669, 802, 903]), options(700, [401, 669, 670, 680]));
             let at = |options: &TrainOptions, step: u64| {
                 let plan = Schedule::new(options);
-                let refines =
-                    (plan.refines_after(step + 1), plan.refinement(step + 1), plan.grows_after(step + 1));
+                let densifies = (
+                    plan.densifies_after(step + 1),
+                    plan.densification(step + 1),
+                    plan.grows_after(step + 1),
+                );
                 let pruned = (plan.prune_weight(step), plan.prune_opacity(step), plan.prune_sigma(step));
-                (plan.rates(step), plan.level(step), refines, pruned)
+                (plan.rates(step), plan.level(step), densifies, pruned)
             };
             assert!((0..669).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
         }
@@ -402,7 +405,7 @@ mod tests {
             ..TrainOptions::preset(TrainPreset::Solid)
         };
         let plan = Schedule::new(&options);
-        assert_eq!((0..2000).filter(|&s| plan.refines_after(s)).count(), 59);
+        assert_eq!((0..2000).filter(|&s| plan.densifies_after(s)).count(), 59);
         assert_eq!([299, 300, 899, 900].map(|s| plan.level(s)), [2, 1, 1, 1]);
         assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
         assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
@@ -417,7 +420,7 @@ mod tests {
             let plan = Schedule::new(&options);
             for step in 0..steps {
                 assert!(plan.rates(step).vertices > 0.0);
-                let _ = (plan.level(step), plan.refines_after(step), plan.anneal(step));
+                let _ = (plan.level(step), plan.densifies_after(step), plan.anneal(step));
             }
         }
     }

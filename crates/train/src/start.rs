@@ -1,9 +1,9 @@
 //! The state before the first step: triangles at the points of a data set, or those of a scene.
 
 use super::core::Core;
+use super::exposure::ExposureEstimates;
 use super::from_scene;
 use super::init::{InitPoint, first_soup};
-use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
@@ -57,7 +57,7 @@ pub(super) struct Position {
     pub(super) step: u64,
     pub(super) dropped: u64,
     pub(super) core: Option<Core>,
-    pub(super) light: Light,
+    pub(super) exposure: ExposureEstimates,
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
@@ -178,7 +178,7 @@ fn at_first_step(
         step: 0,
         dropped: 0,
         core: None,
-        light: Light::first(views, options.exposure),
+        exposure: ExposureEstimates::first(views, options.exposure),
     }
 }
 

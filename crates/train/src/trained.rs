@@ -2,7 +2,7 @@
 
 use super::budget::{BudgetController, BudgetDetails, Paced};
 use super::eval::{PhotoScore, Quality};
-use super::light::ExposureDetails;
+use super::exposure::ExposureDetails;
 use super::options::TrainOptions;
 use super::progress::TrainSample;
 use super::skipped::SkippedWork;
@@ -205,7 +205,7 @@ impl Trained {
             seconds,
             before: counts(triangles),
             after: counts(self.soup.len()),
-            unneeded: None,
+            skipped: None,
             details: to_json(&self.details()),
         }
     }

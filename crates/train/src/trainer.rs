@@ -1,16 +1,16 @@
-//! One run: photos in a random order, one step per photo, refinements between them.
+//! One run: photos in a random order, one step per photo, densifications between them.
 
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::core::Core;
+use super::densify::{self, Densified, densify};
 use super::eval::{EvalScene, solid_samples};
+use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
-use super::light::Light;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
 use super::progress::TrainSample;
 use super::pyramid::{MIN_PX, Pyramid, order};
-use super::refine::{self, Refined, refine};
 use super::schedule::Schedule;
 use super::skipped::SkippedWork;
 use super::start::{self, FirstScene, Position};
@@ -39,7 +39,7 @@ pub struct Trainer<B> {
     differences: Vec<String>,
     photos: Pyramid,
     /// The photos' exposures.
-    light: Light,
+    exposure: ExposureEstimates,
     order: Vec<usize>,
     backend: B,
     visibility: VisibilityStats,
@@ -69,8 +69,8 @@ struct LoadedAt {
 /// What [`Trainer::step`] did.
 #[derive(Debug, Clone, Copy)]
 pub struct StepOutcome {
-    /// The refinement after the step, if one was due.
-    pub refined: Option<Refined>,
+    /// The densification after the step, if one was due.
+    pub densified: Option<Densified>,
     /// Width of the photo, px.
     pub width_px: u32,
 }
@@ -138,8 +138,8 @@ impl<B: TrainBackend> Trainer<B> {
             return Err(refused(difference));
         }
         let space = meta.space();
-        let CheckpointMeta { step, options, dropped, core, light, .. } = meta;
-        let position = Position { options, space, state, visibility, step, dropped, core, light };
+        let CheckpointMeta { step, options, dropped, core, exposure, .. } = meta;
+        let position = Position { options, space, state, visibility, step, dropped, core, exposure };
         let run = Self::assemble(&views, position, identity, photos, backend)?;
         Ok(Self { differences, ..run })
     }
@@ -151,7 +151,7 @@ impl<B: TrainBackend> Trainer<B> {
         photos: Pyramid,
         backend: B,
     ) -> Result<Self> {
-        let Position { options, space, state, visibility, step, dropped, core, light } = position;
+        let Position { options, space, state, visibility, step, dropped, core, exposure } = position;
         let (pinned, frozen) = (state.pinned, state.frozen);
         let mut run = Self {
             space,
@@ -159,7 +159,7 @@ impl<B: TrainBackend> Trainer<B> {
             identity,
             differences: Vec::new(),
             photos,
-            light,
+            exposure,
             order: Vec::new(),
             backend,
             visibility,
@@ -277,7 +277,7 @@ impl<B: TrainBackend> Trainer<B> {
         Ok(self.backend.picture(&camera, drawing, &rates)?.to_pixels())
     }
 
-    /// Makes one step, and the refinement that follows it.
+    /// Makes one step, and the densification that follows it.
     pub fn step(&mut self) -> Result<StepOutcome> {
         let count = self.cameras.len() as u64;
         if self.step.is_multiple_of(count) {
@@ -295,7 +295,7 @@ impl<B: TrainBackend> Trainer<B> {
             rates.background = Some(behind.map(|c| f32::from(c) / 255.0));
         } else {
             let corrected;
-            (pixels, corrected) = self.light.correct(index, pixels);
+            (pixels, corrected) = self.exposure.correct(index, pixels);
             id = Some(PhotoId { index, level, corrected });
         }
         let camera = self.cameras[index].resized(pixels.size);
@@ -317,16 +317,16 @@ impl<B: TrainBackend> Trainer<B> {
         let whole = self.photos.size(index, 0).element_product();
         let degrees = (rates.sh_degree, self.options.sh_degree);
         self.skipped += SkippedWork::of_step((pixels.size.element_product(), whole), triangles, degrees);
-        let refined = match Schedule::new(&self.options).refines_after(self.step) {
-            true => Some(self.refine()?),
+        let densified = match Schedule::new(&self.options).densifies_after(self.step) {
+            true => Some(self.densify()?),
             false => None,
         };
-        Ok(StepOutcome { refined, width_px: pixels.size.x })
+        Ok(StepOutcome { densified, width_px: pixels.size.x })
     }
 
     /// The photos' exposures, as far as they are known.
-    pub fn light(&self) -> &Light {
-        &self.light
+    pub fn exposure(&self) -> &ExposureEstimates {
+        &self.exposure
     }
 
     /// Estimates the photos' exposures again if this is due, by drawing the present scene with `drawing` for
@@ -334,7 +334,7 @@ impl<B: TrainBackend> Trainer<B> {
     pub(super) fn find_exposures(&mut self, drawing: &SoftOptions) -> Result<()> {
         let count = self.cameras.len();
         let cut = (0..count).any(|i| self.photos.is_cut(i));
-        if cut || !self.light.is_due(self.step, &self.options, count) {
+        if cut || !self.exposure.is_due(self.step, &self.options, count) {
             return Ok(());
         }
         let (drawing, level) = (self.drawing(drawing), self.level);
@@ -348,7 +348,7 @@ impl<B: TrainBackend> Trainer<B> {
             let drawn = scene.draw(&self.cameras[i].resized(size), &drawing, &mut soft, &mut solid);
             photos.push(Cells::new(&photo, &drawn, self.photos.size(i, 0)));
         }
-        self.light.update(&photos, self.options.exposure);
+        self.exposure.update(&photos, self.options.exposure);
         Ok(())
     }
 
@@ -357,29 +357,29 @@ impl<B: TrainBackend> Trainer<B> {
         (self.options.steps, self.options.milestones) = (options.steps, options.milestones);
     }
 
-    fn refine(&mut self) -> Result<Refined> {
+    fn densify(&mut self) -> Result<Densified> {
         self.collect_visibility()?;
         let (o, schedule) = (&self.options, Schedule::new(&self.options));
         // Pruning uses the last drawing of the scene.
         let last = self.step - 1;
-        let plan = refine::RefinePlan {
-            options: &o.refine,
+        let plan = densify::DensifyPlan {
+            options: &o.densify,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.core,
             grow: schedule.grows_after(self.step),
             prune_weight: schedule.prune_weight(last) as f32,
             prune_opacity: schedule.prune_opacity(last),
             prune_sigma: schedule.prune_sigma(last),
-            refinement: schedule.refinement(self.step),
+            densification: schedule.densification(self.step),
             bisect: schedule.is_engine_shaded(last),
             anneal: schedule.anneal(last),
             seed: o.seed,
             step: self.step,
         };
         let mut state = self.backend.store()?;
-        let refined = refine(&mut state, &mut self.visibility, &plan);
+        let densified = densify(&mut state, &mut self.visibility, &plan);
         self.load(state)?;
-        Ok(refined)
+        Ok(densified)
     }
 
     /// Moves the visibility of the last steps out of the backend.
@@ -430,7 +430,7 @@ impl<B: TrainBackend> Trainer<B> {
     }
 
     /// Everything needed to resume elsewhere. If the backend has lost the scene, this is the state that it
-    /// was last given, after a refinement or a checkpoint.
+    /// was last given, after a densification or a checkpoint.
     ///
     /// Errors: the backend has lost the scene, and there is no earlier one.
     pub fn checkpoint(&mut self, curve: &[TrainSample], cpu_secs: f64) -> Result<Checkpoint> {
@@ -459,7 +459,7 @@ impl<B: TrainBackend> Trainer<B> {
             pinned: self.pinned,
             frozen: self.frozen,
             core: self.core,
-            light: self.light.clone(),
+            exposure: self.exposure.clone(),
             identity,
             dropped: now.dropped,
             curve: curve.iter().copied().filter(|sample| sample.step <= now.step).collect(),

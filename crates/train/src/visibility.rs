@@ -15,7 +15,7 @@ pub struct VisibilityStats {
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. `[N]`
     pub radius_px: Vec<f32>,
-    /// Squared error of the pixels since the last refinement, shared out by weight. `[N]`
+    /// Squared error of the pixels since the last densification, shared out by weight. `[N]`
     pub error: Vec<u64>,
     /// Triangles younger than the statistics: not pruned by them. `[N]`
     pub exempt: Vec<bool>,

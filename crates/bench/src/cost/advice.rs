@@ -22,8 +22,8 @@ pub struct CostAdvice {
     /// Half the width of its 95% band, dB.
     #[serde(default)]
     pub psnr_band: Option<f64>,
-    /// What twice the time of the dearest useful training should give, dB: its last doubling gave so much, and each gives as much less as it
-    /// gave less than the one before. Absent where too little was measured.
+    /// Gain expected of twice the time of the dearest useful training, dB: gains of doublings are taken to shrink geometrically. Absent where
+    /// too little was measured.
     #[serde(default)]
     pub gain_of_twice_the_time: Option<f64>,
     /// All of it in words.

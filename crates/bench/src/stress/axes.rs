@@ -96,7 +96,7 @@ impl Axis {
 }
 
 impl AxisRow {
-    /// The value at `share` of the way from `from` to `to`, by logarithm where the axis has it so.
+    /// The value at `share` of the way from `from` to `to`; on log axes, interpolates the logarithm.
     pub fn between(&self, from: f64, to: f64, share: f64) -> f64 {
         let value = if self.log { from * (to / from).powf(share) } else { from + (to - from) * share };
         value.clamp(from, to)

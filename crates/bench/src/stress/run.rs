@@ -38,7 +38,7 @@ pub struct StressArgs {
     /// First seed of the cases.
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub seed: u64,
-    /// Seeds that the cases are of, each of as many.
+    /// Number of seeds; cases are split evenly.
     #[arg(long, default_value_t = 16, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub seeds: u64,
     /// Steps of each search for a worst case.

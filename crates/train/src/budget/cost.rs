@@ -46,7 +46,7 @@ const FITTED: [[f64; 3]; 2] = [[1.1e-3, 0.52e-6, 0.067e-6], [0.0, 0.76e-6, 0.143
 /// Factor for a step that also draws depth and normals (docs/numerics.md, *Cost*).
 const GEOMETRY: f64 = 1.5;
 
-/// Triangles after a refinement, as a share of their number without pruning.
+/// Triangles after a densification, as a share of their number without pruning.
 const KEPT: f64 = 0.96;
 
 /// The cost of steps, in seconds of the budget's clock.
@@ -91,7 +91,7 @@ pub struct Workload {
     pub triangles: u64,
     /// The position, of a 30,000-step run, where the triangles were counted.
     pub position: f64,
-    /// Growth by a refinement, as a factor; none: the growth that the options permit, minus usual pruning.
+    /// Growth by a densification, as a factor; none: the growth that the options permit, minus usual pruning.
     pub growth: Option<f64>,
 }
 
@@ -101,24 +101,24 @@ impl Workload {
         Self { photo, triangles, position: 0.0, growth: None }
     }
 
-    /// Sets the growth by which refinements reached `triangles` at `position`.
+    /// Sets the growth by which densifications reached `triangles` at `position`.
     pub fn growth_to(&self, triangles: u64, position: f64, options: &TrainOptions) -> f64 {
-        let refinements = refinements([self.position, position], options).max(1.0);
-        let factor = (triangles as f64 / self.triangles.max(1) as f64).powf(1.0 / refinements);
+        let densifications = densifications([self.position, position], options).max(1.0);
+        let factor = (triangles as f64 / self.triangles.max(1) as f64).powf(1.0 / densifications);
         factor.clamp(1.0, most_growth(options))
     }
 }
 
-/// Refinements between two positions.
-fn refinements([from, until]: [f64; 2], options: &TrainOptions) -> f64 {
-    let refine = &options.refine;
-    let from = from.max(REFINE_FROM - refine.every);
-    ((until.min(refine.until) - from) / refine.every).max(0.0).floor()
+/// Densifications between two positions.
+fn densifications([from, until]: [f64; 2], options: &TrainOptions) -> f64 {
+    let densify = &options.densify;
+    let from = from.max(REFINE_FROM - densify.every);
+    ((until.min(densify.until) - from) / densify.every).max(0.0).floor()
 }
 
-/// Growth by a full refinement, as a factor.
+/// Growth by a full densification, as a factor.
 fn most_growth(options: &TrainOptions) -> f64 {
-    ((1.0 + options.refine.growth) * KEPT).max(1.0)
+    ((1.0 + options.densify.growth) * KEPT).max(1.0)
 }
 
 /// Positions per cell of constant load.
@@ -150,11 +150,11 @@ fn next_cell(position: f64) -> f64 {
     MILESTONES.into_iter().filter(|milestone| *milestone > position).fold(end.min(REFERENCE_STEPS), f64::min)
 }
 
-/// The expected number of triangles: it grows at each refinement up to the limit.
+/// The expected number of triangles: it grows at each densification up to the limit.
 fn triangles_at(position: f64, workload: &Workload, options: &TrainOptions) -> f64 {
     let factor = workload.growth.unwrap_or_else(|| most_growth(options));
-    let refinements = refinements([workload.position, position], options).min(1e3);
-    (workload.triangles as f64 * factor.powf(refinements)).min(options.max_triangles as f64)
+    let densifications = densifications([workload.position, position], options).min(1e3);
+    (workload.triangles as f64 * factor.powf(densifications)).min(options.max_triangles as f64)
 }
 
 #[cfg(test)]

@@ -11,12 +11,12 @@
 //! describe the run.
 
 mod calibrate;
+mod controller;
 mod cost;
-mod pace;
 mod plan;
 
 pub use calibrate::calibrate;
+pub use controller::{BudgetController, BudgetDetails, Correction, Paced};
 pub use cost::{Calibration, CostModel, Workload, part_secs};
-pub use pace::{BudgetController, BudgetDetails, Correction, Paced};
 pub use plan::{Plan, PlanInput, StepLimit, plan};
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};

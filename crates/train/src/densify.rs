@@ -6,7 +6,7 @@
 //! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
 use super::core::Core;
-use super::options::{RefineOptions, SampleWeight};
+use super::options::{DensifyOptions, SampleWeight};
 use super::params::{Anneal, Params, TrainState};
 use super::relocate::{Relocation, make_room};
 use super::visibility::VisibilityStats;
@@ -19,25 +19,25 @@ const MIN_VIEWS: u32 = 2;
 /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
 const CLONE_SHIFT: f32 = 1.5;
 
-/// What one refinement works with.
+/// What one densification works with.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct RefinePlan<'a> {
+pub(crate) struct DensifyPlan<'a> {
     /// The constants.
-    pub options: &'a RefineOptions,
+    pub options: &'a DensifyOptions,
     /// Never more triangles than this.
     pub max_triangles: usize,
     /// The box with its own budget, when only a part of a scene is trained.
     pub core: Option<Core>,
     /// Triangles may be added.
     pub grow: bool,
-    /// τ_prune of this refinement.
+    /// τ_prune of this densification.
     pub prune_weight: f32,
     /// Triangles fainter than this are pruned.
     pub prune_opacity: f64,
     /// Triangles of at least this σ are pruned.
     pub prune_sigma: f64,
-    /// Number of the refinement: alternating sampling goes by opacity at odd ones.
-    pub refinement: u64,
+    /// Number of the densification: alternating sampling goes by opacity at odd ones.
+    pub densification: u64,
     /// Grow by cutting triangles in two where the picture is wrong, which does not change the look of a solid
     /// scene.
     pub bisect: bool,
@@ -49,9 +49,9 @@ pub(crate) struct RefinePlan<'a> {
     pub step: u64,
 }
 
-/// What one refinement did.
+/// What one densification did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Refined {
+pub struct Densified {
     /// Removed: no longer finite.
     pub broken: usize,
     /// Removed: too faint.
@@ -72,18 +72,18 @@ pub struct Refined {
     pub triangles: usize,
 }
 
-/// Refines `state` and `visibility` together; complete statistics are reset. The most important triangle
+/// Densifies `state` and `visibility` together; complete statistics are reset. The most important triangle
 /// always stays.
-pub(crate) fn refine(
+pub(crate) fn densify(
     state: &mut TrainState,
     visibility: &mut VisibilityStats,
-    plan: &RefinePlan<'_>,
-) -> Refined {
-    let mut done = Refined::default();
+    plan: &DensifyPlan<'_>,
+) -> Densified {
+    let mut done = Densified::default();
     let complete = visibility.is_complete();
     let mut alive = prune(state, visibility, complete, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
-        let RefineOptions { relocate, growth, .. } = *plan.options;
+        let DensifyOptions { relocate, growth, .. } = *plan.options;
         let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
         done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
     }
@@ -131,8 +131,8 @@ fn prune(
     state: &TrainState,
     visibility: &VisibilityStats,
     complete: bool,
-    plan: &RefinePlan<'_>,
-    done: &mut Refined,
+    plan: &DensifyPlan<'_>,
+    done: &mut Densified,
 ) -> Vec<bool> {
     let params = &state.params;
     let mut alive = vec![true; params.len()];
@@ -170,7 +170,7 @@ fn sample_growth(
     state: &TrainState,
     alive: &[bool],
     visibility: &VisibilityStats,
-    plan: &RefinePlan<'_>,
+    plan: &DensifyPlan<'_>,
 ) -> Vec<bool> {
     // Frozen triangles do not count against a budget.
     let count = alive.iter().skip(state.frozen).filter(|a| **a).count();
@@ -189,7 +189,7 @@ fn sample_growth(
     let softness = |i: usize| f64::from(plan.anneal.sigma(state.params.sigma[i]));
     let rule = if plan.bisect { SampleWeight::Error } else { plan.options.sample_by };
     let weight = |i: usize| match rule {
-        SampleWeight::Alternating if plan.refinement % 2 == 1 => opacity(i),
+        SampleWeight::Alternating if plan.densification % 2 == 1 => opacity(i),
         SampleWeight::Alternating => 1.0 / softness(i),
         SampleWeight::Error => visibility.error[i] as f64,
     };
@@ -215,7 +215,7 @@ fn sample_growth(
     grown
 }
 
-fn is_large(visibility: &VisibilityStats, i: usize, plan: &RefinePlan<'_>) -> bool {
+fn is_large(visibility: &VisibilityStats, i: usize, plan: &DensifyPlan<'_>) -> bool {
     f64::from(visibility.radius_px[i]) > plan.options.split_px
 }
 
@@ -251,7 +251,7 @@ fn bisect(params: &Params, i: usize) -> Params {
 }
 
 /// The triangle and a copy shifted within its plane.
-fn clone(params: &Params, i: usize, plan: &RefinePlan<'_>, rng: Rng) -> Params {
+fn clone(params: &Params, i: usize, plan: &DensifyPlan<'_>, rng: Rng) -> Params {
     let corners = params.vertices[i];
     let size = corners[0].max(corners[1]).max(corners[2]) - corners[0].min(corners[1]).min(corners[2]);
     let at = |axis: u64| rng.uniform(3 * i as u64 + axis) - 0.5;
@@ -307,8 +307,8 @@ mod tests {
         visibility
     }
 
-    fn plan(options: &RefineOptions) -> RefinePlan<'_> {
-        RefinePlan {
+    fn plan(options: &DensifyOptions) -> DensifyPlan<'_> {
+        DensifyPlan {
             options,
             max_triangles: 1000,
             core: None,
@@ -316,7 +316,7 @@ mod tests {
             prune_weight: 0.022,
             prune_opacity: 0.014,
             prune_sigma: f64::INFINITY,
-            refinement: 1,
+            densification: 1,
             bisect: false,
             anneal: Anneal::NONE,
             seed: 1,
@@ -326,27 +326,27 @@ mod tests {
 
     #[test]
     fn grows_by_thirty_per_cent_and_never_above_the_limit() {
-        let options = RefineOptions::default();
+        let options = DensifyOptions::default();
         let (mut s, mut w) = (state(100), visible(100, 3));
-        let done = refine(&mut s, &mut w, &plan(&options));
+        let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len(), w.len()), (30, 0, 130, 130));
         let (mut s, mut w) = (state(100), visible(100, 3));
-        refine(&mut s, &mut w, &RefinePlan { max_triangles: 111, ..plan(&options) });
+        densify(&mut s, &mut w, &DensifyPlan { max_triangles: 111, ..plan(&options) });
         assert_eq!(s.params.len(), 111);
         let (mut s, mut w) = (state(100), visible(100, 3));
         w.radius_px.fill(100.0);
-        let done = refine(&mut s, &mut w, &plan(&options));
+        let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.cloned, done.split, s.params.len()), (0, 10, 130));
     }
 
     #[test]
     fn a_core_that_is_full_ends_the_growth_around_it_too() {
-        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        let options = DensifyOptions { growth: 5.0, ..DensifyOptions::default() };
         // The middles of the first ten of twenty are below 10.5.
         let core = |triangles| Some(Core { low: [None; 3], high: [Some(10.5), None, None], triangles });
         let grown = |triangles| {
             let (mut s, mut w) = (state(20), visible(20, 3));
-            refine(&mut s, &mut w, &RefinePlan { core: core(triangles), ..plan(&options) });
+            densify(&mut s, &mut w, &DensifyPlan { core: core(triangles), ..plan(&options) });
             let held =
                 core(0).map_or(0, |core| (0..s.params.len()).filter(|&i| core.holds(&s.params, i)).count());
             (held, s.params.len())
@@ -360,8 +360,9 @@ mod tests {
 
     #[test]
     fn triangles_are_sampled_by_their_weight() {
-        let grown_opaque = |refinement: u64| {
-            let options = RefineOptions { sample_by: SampleWeight::Alternating, ..RefineOptions::default() };
+        let grown_opaque = |densification: u64| {
+            let options =
+                DensifyOptions { sample_by: SampleWeight::Alternating, ..DensifyOptions::default() };
             let mut s = state(1000);
             s.params.opacity[..500].fill(logit(0.9));
             s.params.opacity[500..].fill(logit(0.03));
@@ -369,7 +370,7 @@ mod tests {
                 &s,
                 &[true; 1000],
                 &visible(1000, 3),
-                &RefinePlan { refinement, max_triangles: 5000, ..plan(&options) },
+                &DensifyPlan { densification, max_triangles: 5000, ..plan(&options) },
             );
             assert_eq!(grown.iter().filter(|g| **g).count(), 300);
             grown[..500].iter().filter(|g| **g).count()
@@ -388,7 +389,7 @@ mod tests {
             let children = split(&s.params, i);
             let total: f32 = children.vertices.iter().map(area).sum();
             assert!((total / area(&parent) - 1.0).abs() < 1e-4);
-            let options = RefineOptions::default();
+            let options = DensifyOptions::default();
             let cloned = clone(&s.params, i, &plan(&options), Rng::new(1, "clone", 0));
             let normal = (parent[1] - parent[0]).cross(parent[2] - parent[0]).normalize();
             assert!(cloned.vertices[1].iter().all(|v| normal.dot(*v - parent[0]).abs() < 1e-4));
@@ -399,12 +400,12 @@ mod tests {
 
     #[test]
     fn a_solid_scene_is_cut_in_two_where_it_is_wrong() {
-        let options = RefineOptions::default();
+        let options = DensifyOptions::default();
         let (mut s, mut w) = (state(10), visible(10, 3));
         let parent = s.params.vertices[3];
         w.error[3] = 7;
-        let solid = RefinePlan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
-        let done = refine(&mut s, &mut w, &solid);
+        let solid = DensifyPlan { bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let done = densify(&mut s, &mut w, &solid);
         assert_eq!((done.split, done.cloned, s.params.len()), (1, 0, 11));
         let area = |v: &[Vec3; 3]| (v[1] - v[0]).cross(v[2] - v[0]);
         for half in &s.params.vertices[9..] {
@@ -415,8 +416,8 @@ mod tests {
 
     #[test]
     fn a_full_scene_moves_the_least_seen_to_where_it_is_wrong() {
-        let options = RefineOptions { relocate: 0.1, ..RefineOptions::default() };
-        let full = RefinePlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+        let options = DensifyOptions { relocate: 0.1, ..DensifyOptions::default() };
+        let full = DensifyPlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
         let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
         // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
         // is trained, or if it is soft.
@@ -428,25 +429,25 @@ mod tests {
             w.error[50..60].fill(7);
             w.drawn[1] = drawn;
             let before = s.params.clone();
-            let done = refine(&mut s, &mut w, &RefinePlan { grow, core, ..full });
+            let done = densify(&mut s, &mut w, &DensifyPlan { grow, core, ..full });
             assert_eq!((done.relocated, done.split, s.params.len()), (moved, moved, 100));
             let gone = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
             assert_eq!(gone, moved > 0, "the least seen");
         }
         let (mut s, mut w) = (state(100), visible(100, 3));
-        let done = refine(&mut s, &mut w, &RefinePlan { bisect: false, anneal: Anneal::NONE, ..full });
+        let done = densify(&mut s, &mut w, &DensifyPlan { bisect: false, anneal: Anneal::NONE, ..full });
         assert_eq!((done.relocated, s.params.len()), (0, 100));
     }
 
     #[test]
     fn pinned_triangles_stay_as_they_are() {
-        let options = RefineOptions { growth: 5.0, ..RefineOptions::default() };
+        let options = DensifyOptions { growth: 5.0, ..DensifyOptions::default() };
         let (mut s, mut w) = (state(10), visible(10, 3));
         s.pinned = 4;
         let before = s.params.clone();
         w.max_weight.fill(0.0);
         w.max_weight[9] = 0.5;
-        let done = refine(&mut s, &mut w, &plan(&options));
+        let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.unimportant, done.cloned), (5, 1));
         assert_eq!((s.params.len(), s.pinned), (6, 4));
         assert_eq!(s.params.vertices[..4], before.vertices[..4]);
@@ -454,13 +455,13 @@ mod tests {
 
     #[test]
     fn rules_count_what_they_remove() {
-        let options = RefineOptions::default();
+        let options = DensifyOptions::default();
         let (mut s, mut w) = (state(10), visible(10, 5));
         s.params.vertices[0][1].x = f32::NAN;
         s.params.opacity[1] = logit(0.001);
         w.max_weight[2] = 0.01;
         w.views[3] = 1;
-        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        let done = densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!((done.broken, done.faint, done.unimportant, done.unseen), (1, 1, 1, 1));
         assert_eq!((done.triangles, w.len()), (6, 6));
         assert!(!w.is_complete(), "complete statistics are reset");
@@ -468,31 +469,31 @@ mod tests {
 
     #[test]
     fn nothing_is_pruned_on_an_incomplete_pass_of_five_thousand_photos() {
-        let options = RefineOptions::default();
+        let options = DensifyOptions::default();
         let (mut s, mut w) = (state(50), VisibilityStats::new(50, 5000));
         for photo in 0..500 {
             w.record_photo(photo);
         }
-        let done = refine(&mut s, &mut w, &plan(&options));
+        let done = densify(&mut s, &mut w, &plan(&options));
         assert_eq!((done.unimportant, done.unseen, s.params.len()), (0, 0, 65));
         (500..5000).for_each(|photo| {
             w.record_photo(photo);
         });
         // The 15 clones and their 15 originals are younger than the statistics; the other 35 were visible in no photo.
-        let done = refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        let done = densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!((done.unimportant, s.params.len()), (35, 30));
     }
 
     #[test]
     fn one_photo_and_scenes_of_useless_triangles_keep_something() {
-        let options = RefineOptions::default();
+        let options = DensifyOptions::default();
         let (mut s, mut w) = (state(4), visible(4, 1));
-        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!(s.params.len(), 4, "one photo shows every triangle at most once");
         let (mut s, mut w) = (state(4), VisibilityStats::new(4, 2));
         w.drawn.fill(true);
         w.max_weight[2] = 0.001;
-        refine(&mut s, &mut w, &RefinePlan { grow: false, ..plan(&options) });
+        densify(&mut s, &mut w, &DensifyPlan { grow: false, ..plan(&options) });
         assert_eq!(s.params.len(), 1);
     }
 }

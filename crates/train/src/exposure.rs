@@ -19,7 +19,7 @@ const LEAST_PHOTOS: usize = 4;
 
 /// A run's estimates of its photos' light.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Light {
+pub struct ExposureEstimates {
     /// Milestones that have passed.
     pub passed: usize,
     /// The photos' corrections; empty for none.
@@ -28,7 +28,7 @@ pub struct Light {
     pub verdict: Option<Verdict>,
 }
 
-impl Light {
+impl ExposureEstimates {
     /// A first guess by the EXIF data of the photos, if all of them say how much light they caught. Drawn pictures
     /// need none.
     pub(super) fn first(views: &[&View], wanted: ExposureUse) -> Self {
@@ -113,16 +113,19 @@ pub struct PhotoExposure {
 }
 
 impl ExposureDetails {
-    /// The estimates in `light` for photos with these names; `None` if there are none.
-    pub(super) fn new<'a>(light: &Light, names: impl Iterator<Item = &'a str>) -> Option<Self> {
-        let Exposures { gains, falloff } = &light.exposures;
+    /// The estimates in `estimates` for photos with these names; `None` if there are none.
+    pub(super) fn new<'a>(
+        estimates: &ExposureEstimates,
+        names: impl Iterator<Item = &'a str>,
+    ) -> Option<Self> {
+        let Exposures { gains, falloff } = &estimates.exposures;
         let photo = |((name, gains), falloff): ((&str, &[f32; 3]), &f32)| PhotoExposure {
             name: name.to_owned(),
             gains: *gains,
             falloff: *falloff,
         };
         let photos = names.zip(gains).zip(falloff).map(photo).collect();
-        light.verdict.map(|verdict| Self { verdict, photos })
+        estimates.verdict.map(|verdict| Self { verdict, photos })
     }
 }
 
@@ -133,14 +136,21 @@ mod tests {
     #[test]
     fn exif_data_are_the_first_guess_where_they_differ() {
         let stops = [-7.0, -7.0, -6.0, -6.0].map(Some);
-        let light = Light::guessed(&[&stops[..], &[None]].concat(), ExposureUse::Auto);
+        let estimates = ExposureEstimates::guessed(&[&stops[..], &[None]].concat(), ExposureUse::Auto);
         let half = 0.5 * std::f32::consts::LN_2;
-        for (gains, wanted) in light.exposures.gains.iter().zip([-half, -half, half, half, 0.0]) {
+        for (gains, wanted) in estimates.exposures.gains.iter().zip([-half, -half, half, half, 0.0]) {
             assert!(gains.iter().all(|gain| (gain - wanted).abs() < 1e-6), "{gains:?}");
         }
-        assert_eq!((light.passed, light.exposures.falloff), (0, vec![0.0; 5]));
-        assert_eq!(Light::guessed(&[Some(-7.0); 5], ExposureUse::Auto), Light::default());
-        assert_eq!(Light::guessed(&stops, ExposureUse::Off), Light::default());
-        assert_eq!(Light::guessed(&stops[1..], ExposureUse::Auto), Light::default(), "too few");
+        assert_eq!((estimates.passed, estimates.exposures.falloff), (0, vec![0.0; 5]));
+        assert_eq!(
+            ExposureEstimates::guessed(&[Some(-7.0); 5], ExposureUse::Auto),
+            ExposureEstimates::default()
+        );
+        assert_eq!(ExposureEstimates::guessed(&stops, ExposureUse::Off), ExposureEstimates::default());
+        assert_eq!(
+            ExposureEstimates::guessed(&stops[1..], ExposureUse::Auto),
+            ExposureEstimates::default(),
+            "too few"
+        );
     }
 }
