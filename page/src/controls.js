@@ -6,6 +6,8 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 const FLY_PIVOT = 1e-3;
 /** Speed of movement, radii of the scene per second. */
 const SPEED = 0.5;
+/** The slowest glide, radians or radii of the scene per step. What is left of a slower one is below a tenth of a pixel. */
+const GLIDE = 1e-5;
 const DIRECTIONS = {
   KeyW: [0, 0, 1], ArrowUp: [0, 0, 1], KeyS: [0, 0, -1], ArrowDown: [0, 0, -1],
   KeyA: [-1, 0, 0], ArrowLeft: [-1, 0, 0], KeyD: [1, 0, 0], ArrowRight: [1, 0, 0],
@@ -87,12 +89,24 @@ export class Controls {
     for (const code of this.#pressed) if (DIRECTIONS[code]) direction.add(new Vector3(...DIRECTIONS[code]));
     const fast = this.#pressed.has('ShiftLeft') || this.#pressed.has('ShiftRight') ? 4 : 1;
     if (direction.lengthSq() > 0) this.#translate(direction.normalize(), SPEED * fast * this.#radius * seconds);
-    this.#orbit.update();
+    this.#glide();
     const { position, quaternion } = this.#camera;
     const moved = position.distanceTo(this.#last.position) > 1e-6 * this.#radius || quaternion.angleTo(this.#last.quaternion) > 1e-6;
     // Only a move that is drawn is the new start, so that slow ones add up.
     if (moved) (this.#last.position.copy(position), this.#last.quaternion.copy(quaternion));
     return moved;
+  }
+
+  /** Lets the orbit glide, and ends a glide that nobody sees: otherwise the picture at rest would begin again and again. */
+  #glide() {
+    const orbit = this.#orbit;
+    const [from, turned] = [this.#camera.position.clone(), this.#camera.quaternion.clone()];
+    orbit.update();
+    const step = Math.max(this.#camera.position.distanceTo(from) / this.#radius, this.#camera.quaternion.angleTo(turned));
+    if (step === 0 || step > GLIDE) return;
+    orbit.enableDamping = false;
+    orbit.update();
+    orbit.enableDamping = true;
   }
 
   /** Sets the pivot to what is hit at a point of the canvas, if anything. */
