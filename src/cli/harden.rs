@@ -39,11 +39,12 @@ pub(super) fn draw(
     path: &Path,
     scene: &ImportedScene,
     options: &TrainOptions,
+    behind: Option<[f32; 3]>,
     how: &DatasetOptions,
     global: &Global,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
-    under_bar(global, |drawn| teacher::dataset(path, scene, &drawing, how.photo_bytes(), drawn))
+    under_bar(global, |drawn| teacher::dataset(path, scene, &drawing, behind, how.photo_bytes(), drawn))
 }
 
 /// Draws soft pictures, and shows the progress.

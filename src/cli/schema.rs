@@ -3,10 +3,10 @@
 use super::stdout::Stdout;
 use std::io::Write;
 use trisplat_bake::{
-    ArrangeDetails, BackdropDetails, BakeOptions, BvhDetails, ChunkDetails, CollisionDetails, ColorDetails,
-    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
-    ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
-    WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
+    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, BvhDetails, ChunkDetails,
+    CollisionDetails, ColorDetails, CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails,
+    PlaceDetails, PruneDetails, ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails,
+    ViewpointDetails, WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
 };
 #[cfg(feature = "bench")]
 use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
@@ -124,6 +124,7 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<MatchesDetails>(g),
         stage_schema::<ModelDetails>(g),
         stage_schema::<VerdictDetails>(g),
+        stage_schema::<BackgroundDetails>(g),
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
         stage_schema::<TrackedPoses>(g),

@@ -22,7 +22,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use trisplat_bake::is_solid;
+use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::TrackedPoses};
 use trisplat_formats as formats;
 use trisplat_job::{ReadyTrain, TeacherPlan, TrainJob, reading, teacher_files};
@@ -63,8 +63,8 @@ pub fn run(
     };
     let how = reading(&args.dataset_options, point.as_ref());
     let read = |path| formats::read(path, &how.read_options(3));
-    let from = args.from.as_deref().map(read).transpose()?;
-    let dataset = dataset(args, &how, from.as_ref(), &options.options, global)?;
+    let mut from = args.from.as_deref().map(read).transpose()?;
+    let dataset = dataset(args, &how, from.as_mut(), &options.options, global)?;
     files.spare_photos(&dataset)?;
     let teacher_file = teacher_args::beside(&args.output);
     let mut job = TrainJob::new(dataset, options.options.clone());
@@ -182,12 +182,16 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
 fn dataset(
     args: &TrainArgs,
     how: &DatasetOptions,
-    from: Option<&ImportedScene>,
+    from: Option<&mut ImportedScene>,
     options: &TrainOptions,
     global: &Global,
 ) -> Result<Dataset> {
     match (&args.dataset, &args.from, from) {
-        (None, Some(path), Some(scene)) => harden::draw(path, scene, options, how, global),
+        (None, Some(path), Some(scene)) => {
+            let mut found = BackgroundDetails::default();
+            background(scene, false, &BackgroundOptions::DEFAULT, &mut found);
+            harden::draw(path, scene, options, found.behind(), how, global)
+        }
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
     }
 }

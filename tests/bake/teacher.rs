@@ -154,7 +154,7 @@ fn hostile_scenes_are_drawn_or_refused_with_an_error() {
             let scene = ImportedScene { cameras: stored, ..ImportedScene::from(soup.clone()) };
             let (mut views, mut details) = (None, TeacherDetails::default());
             let options = TeacherOptions::DEFAULT;
-            match teacher(&mut views, &scene, false, &options, &SolidOptions::DEFAULT, &mut details) {
+            match teacher(&mut views, &scene, false, None, &options, &SolidOptions::DEFAULT, &mut details) {
                 Ok(Outcome::Changed(())) => {
                     assert!(views.is_some_and(|views| views.covered() > 0.0), "{name}")
                 }

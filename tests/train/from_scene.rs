@@ -42,7 +42,7 @@ fn assert_solid(soup: &Soup) {
 
 fn taught(scene: &ImportedScene, options: &TrainOptions) -> Dataset {
     let drawing = options.drawing([0.0; 3]);
-    teacher::dataset(Path::new("soft.ply"), scene, &drawing, PHOTO_BYTES, &mut |_, _| {}).unwrap()
+    teacher::dataset(Path::new("soft.ply"), scene, &drawing, None, PHOTO_BYTES, &mut |_, _| {}).unwrap()
 }
 
 /// PSNR on the held-out pictures of `dataset` of a soup as an engine draws it.
@@ -163,7 +163,7 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
     let drawing = options.drawing([0.0; 3]);
     let error =
-        teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, PHOTO_BYTES, &mut |_, _| {});
+        teacher::dataset(Path::new("soft.ply"), &points.into(), &drawing, None, PHOTO_BYTES, &mut |_, _| {});
     let error = error.unwrap_err().to_string();
     assert!(error.contains("soft.ply") && error.contains("shows nothing"), "{error}");
 }

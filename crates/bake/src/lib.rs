@@ -1,7 +1,7 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → backdrop → refit → texture
+//! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → backdrop → refit → texture
 //! → lit → weld → place → viewpoint → chunk → bvh → order → lod → tiles
 //! ```
 //!
@@ -19,6 +19,7 @@
 
 mod arrange;
 mod backdrop;
+mod background;
 mod bvh;
 mod cells;
 mod chunk;
@@ -58,6 +59,7 @@ mod weld;
 
 pub use arrange::ArrangeDetails;
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
+pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
 pub use bvh::{BvhDetails, BvhOptions, bvh};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use collision::{CollisionDetails, CollisionOptions, collision};

@@ -1,6 +1,7 @@
 //! Every option of the bake, and the presets.
 
 use super::backdrop::{BackdropOptions, BackdropWhen};
+use super::background::BackgroundOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::collision::CollisionOptions;
@@ -54,6 +55,9 @@ pub struct BakeOptions {
     /// Bake with photos that do not seem to show the scene. They decide visibility and colours.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub force_dataset: bool,
+    /// The background that the scene was trained on.
+    #[cfg_attr(feature = "cli", arg(skip = BackgroundOptions::DEFAULT))]
+    pub background: BackgroundOptions,
     /// Which part of the scene is kept.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub crop: CropOptions,
@@ -121,6 +125,7 @@ impl BakeOptions {
     pub const DEFAULT: Self = Self {
         preset: BakePreset::Default,
         force_dataset: false,
+        background: BackgroundOptions::DEFAULT,
         crop: CropOptions::DEFAULT,
         teacher: TeacherOptions::DEFAULT,
         collision: CollisionOptions::DEFAULT,
@@ -148,6 +153,7 @@ impl BakeOptions {
         match preset {
             BakePreset::Fast => Self {
                 preset,
+                background: BackgroundOptions::OFF,
                 teacher: TeacherOptions::OFF,
                 exposure: ExposureOptions::OFF,
                 reshape: ReshapeOptions::OFF,

@@ -4,6 +4,7 @@ mod package;
 
 use super::arrange::arrange;
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
+use super::background::{BackgroundDetails, background};
 use super::collision::collision;
 use super::color::color;
 use super::counts::{count, count_mesh};
@@ -29,7 +30,7 @@ use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::{Camera, Viewpoint},
     mesh::Mesh,
-    report::{Observer, Outcome, Report},
+    report::{Observer, Outcome, Report, StageDetails},
 };
 use trisplat_surface::{SurfaceDetails, surface};
 
@@ -94,6 +95,7 @@ impl<'a> Recipe<'a> {
             views.transform(&loaded.provenance.placement);
             views.correct_poses(&loaded.cameras);
         }
+        let loaded = self.background(loaded)?;
         let loaded = self.crop(loaded)?;
         self.teach(&loaded)?;
         let loaded = self.arrange(loaded)?;
@@ -205,7 +207,20 @@ impl<'a> Recipe<'a> {
         inputs.into_iter().map(&mut solidified).collect()
     }
 
-    /// First of all: a budget of triangles is for the region, and removed parts must not hide it in pictures.
+    /// On the scene as it was trained and in full, because the borders of its pictures show the background.
+    fn background(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+        // Hardening looked for it before it trained.
+        if self.report.stages.iter().any(|stage| stage.name == BackgroundDetails::STAGE) {
+            return Ok(loaded);
+        }
+        let (options, photos) = (&self.options.background, self.views.is_some());
+        let measure = |loaded: &ImportedScene| count(&loaded.scene);
+        self.report.stage(self.observer, loaded, measure, |loaded, details| {
+            Ok(background(loaded, photos, options, details))
+        })
+    }
+
+    /// Before all that costs: a budget of triangles is for the region, and removed parts must not hide it in pictures.
     fn crop(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
@@ -237,8 +252,9 @@ impl<'a> Recipe<'a> {
     fn teach(&mut self, loaded: &ImportedScene) -> Result<()> {
         let (options, photos) = (self.options, self.views.is_some());
         let measure = |_: &Option<Views>| count(&loaded.scene);
+        let behind = self.report.details::<BackgroundDetails>().and_then(|found| found.behind());
         self.taught = self.report.stage(self.observer, None, measure, |views, details| {
-            teacher(views, loaded, photos, &options.teacher, &options.solid, details)
+            teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details)
         })?;
         Ok(())
     }

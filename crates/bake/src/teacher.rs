@@ -100,13 +100,15 @@ impl StageDetails for TeacherDetails {
     const STAGE: &'static str = "teacher";
 }
 
-/// Draws the pictures of a soft scene into `views`, unless there are `photos`.
+/// Draws the pictures of a soft scene into `views`, unless there are `photos`. With a colour that is
+/// `behind` an object, they are transparent where they show it.
 ///
 /// Errors: an option out of range; options of the stages that make a scene solid out of range.
 pub fn teacher(
     views: &mut Option<Views>,
     scene: &ImportedScene,
     photos: bool,
+    behind: Option<[f32; 3]>,
     options: &TeacherOptions,
     solidly: &SolidOptions,
     details: &mut TeacherDetails,
@@ -131,7 +133,7 @@ pub fn teacher(
     };
     details.softness = softness_from(soup, &viewpoints.cameras, solidly)?;
     details.viewpoints = Some(viewpoints.kind);
-    let drawn = at_most(options.teacher_pictures, scene, viewpoints.cameras);
+    let drawn = at_most(options.teacher_pictures, scene, behind, viewpoints.cameras);
     if drawn.covered() < LEAST_COVERED {
         return Ok(Outcome::Skipped("the scene's cameras see nothing of it"));
     }
@@ -143,7 +145,7 @@ pub fn teacher(
 }
 
 /// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
-fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
+pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
     let mut viewpoints = Viewpoints::of(scene, 3 * MOST_PIXELS)?;
     if viewpoints.kind != ViewpointKind::Stored {
         viewpoints.cameras.truncate(CHOSEN_PICTURES);
@@ -152,21 +154,35 @@ fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
 }
 
 /// The soft pictures of `scene` from `cameras` in its frame, or from an evenly spaced selection when these
-/// are too many.
-pub fn pictures(scene: &ImportedScene, cameras: Vec<Camera>) -> Views {
-    at_most(None, scene, cameras)
+/// are too many. With a colour that is `behind` an object, they are transparent
+/// where they show it.
+pub fn pictures(scene: &ImportedScene, behind: Option<[f32; 3]>, cameras: Vec<Camera>) -> Views {
+    at_most(None, scene, behind, cameras)
 }
 
 /// The same, limited in number.
-fn at_most(most: Option<u32>, scene: &ImportedScene, cameras: Vec<Camera>) -> Views {
+fn at_most(
+    most: Option<u32>,
+    scene: &ImportedScene,
+    behind: Option<[f32; 3]>,
+    cameras: Vec<Camera>,
+) -> Views {
     let cameras = within_budget(cameras);
     let most = most.map_or(cameras.len(), |most| cameras.len().min(most as usize));
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, &SoftOptions::default());
     let mut chosen: Vec<usize> = spread(cameras.len()).take(most).collect();
     chosen.sort_unstable();
-    let picture = |view| (cameras[view], teacher.weighted_picture(&cameras[view]));
+    let picture = |view: usize| {
+        let camera = &cameras[view];
+        let picture = match behind {
+            Some(behind) => teacher.object_picture(camera, behind),
+            None => teacher.weighted_picture(camera),
+        };
+        (*camera, picture)
+    };
     let (chosen, pictures) = chosen.into_iter().map(picture).unzip();
-    Views::drawn(chosen, pictures)
+    let views = Views::drawn(chosen, pictures);
+    if behind.is_some() { views.of_object() } else { views }
 }
 
 /// The numbers below `count` in bit-reversed order, in which every prefix is spread evenly.

@@ -94,6 +94,11 @@ impl Views {
         }
     }
 
+    /// The same pictures, which show an object without background.
+    pub fn of_object(self) -> Self {
+        Self { masked: true, cut: vec![true; self.len()], ..self }
+    }
+
     /// True when some photos have masked pixels.
     pub fn are_masked(&self) -> bool {
         self.masked

@@ -100,6 +100,11 @@ impl Photo {
         Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
     }
 
+    /// Says whether a drawn picture shows an object without background.
+    pub fn set_cut(&mut self, cut: bool) {
+        self.cut = cut;
+    }
+
     /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
     pub fn is_cut(&self) -> bool {
         self.cut

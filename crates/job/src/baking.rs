@@ -6,7 +6,7 @@ use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{Bake, BakeOptions, TeacherWhen, Views, merge};
+use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Output, OutputFiles};
@@ -188,11 +188,16 @@ impl BakeJob {
                 let most = self.options.prune.max_triangles;
                 let training = hardening.training(soft.scene.triangle_count(), most);
                 let photos = self.photos.as_ref();
+                let (options, has_photos) = (&self.options.background, photos.is_some());
+                let soft = report.stage(observer, soft, harden::counts, |soft, details| {
+                    Ok(background(soft, has_photos, options, details))
+                })?;
+                let behind = report.details::<BackgroundDetails>().and_then(|found| found.behind());
                 // `max_bytes` holds for the hardened scene only.
                 if self.max_bytes.is_none() {
-                    unhardened = Some(Unhardened::new(&soft, photos, how));
+                    unhardened = Some(Unhardened::new(&soft, behind, photos, how));
                 }
-                harden::harden((self.path(), soft), photos, how, &training, observer)?
+                harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
             }
         };
         report.stages.push(hardened.stage);

@@ -68,8 +68,7 @@ pub(super) struct Hardened {
 impl Hardened {
     /// `scene` unchanged, and the reason.
     pub(super) fn needless(scene: ImportedScene, why: &str) -> Self {
-        let triangles = scene.scene.triangle_count() as u64;
-        let counts = Counts { triangles, vertices: 3 * triangles };
+        let counts = counts(&scene);
         let stage = StageReport {
             before: counts,
             after: counts,
@@ -77,6 +76,12 @@ impl Hardened {
         };
         Self { scene, pictures: None, stage }
     }
+}
+
+/// The size of `scene`, a soup.
+pub(super) fn counts(scene: &ImportedScene) -> Counts {
+    let triangles = scene.scene.triangle_count() as u64;
+    Counts { triangles, vertices: 3 * triangles }
 }
 
 /// Why `scene` need not be hardened, if it is solid.
@@ -87,11 +92,13 @@ pub(crate) fn needless(scene: &ImportedScene) -> Option<&'static str> {
     }
 }
 
-/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft pictures.
+/// Trains `soft`, read from `path`, solid: on `photos` if there are any, otherwise on its own soft pictures, which
+/// are transparent where they show the colour `behind` an object.
 ///
 /// Errors: no cameras to draw from, undecodable photos, a stopped run.
 pub(super) fn harden(
     (path, soft): (&Path, ImportedScene),
+    behind: Option<[f32; 3]>,
     photos: Option<&Dataset>,
     how: &DatasetOptions,
     options: &TrainOptions,
@@ -104,8 +111,8 @@ pub(super) fn harden(
     let made = match photos {
         Some(_) => None,
         None => {
-            let made = teacher::dataset(path, &soft, &drawing, how.photo_bytes(), drawn)?;
-            own = Some(pictures(&soft, made.views.iter().map(|view| view.camera).collect()));
+            let made = teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), drawn)?;
+            own = Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
             Some(made)
         }
     };

@@ -1,6 +1,6 @@
 //! Compares a hardened scene with the original; only the better file is written.
 
-use trisplat_bake::{Bake, BakeOptions, Views, pictures};
+use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, Views, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
 use trisplat_scene::{
     Asset, ImportedScene, Placement, Result,
@@ -22,8 +22,13 @@ pub(super) struct Unhardened {
 }
 
 impl Unhardened {
-    /// Of `scene`: with the held-out photos of `photos`, or with its soft pictures from places between those that hardening looks from.
-    pub(super) fn new(scene: &ImportedScene, photos: Option<&Dataset>, how: &DatasetOptions) -> Self {
+    /// Of `scene`, which may be an object before the colour `behind` it: with the held-out photos of `photos`, or with its soft pictures from places between those that hardening looks from.
+    pub(super) fn new(
+        scene: &ImportedScene,
+        behind: Option<[f32; 3]>,
+        photos: Option<&Dataset>,
+        how: &DatasetOptions,
+    ) -> Self {
         let placement = scene.provenance.placement;
         let views = match photos.filter(|photos| photos.views.iter().any(|view| view.test)) {
             Some(photos) => {
@@ -37,7 +42,7 @@ impl Unhardened {
                 let known = Viewpoints::of(scene, 0).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
                 let cameras = between(&between(&known));
                 let count = JUDGED.min(cameras.len());
-                pictures(scene, (0..count).map(|i| cameras[i * cameras.len() / count]).collect())
+                pictures(scene, behind, (0..count).map(|i| cameras[i * cameras.len() / count]).collect())
             }
         };
         let photo_size =
@@ -69,12 +74,16 @@ impl Unhardened {
             return Ok(hardened);
         }
         let mut plain_report = Report::new("bake");
+        plain_report
+            .stages
+            .extend(report.stages.iter().filter(|stage| stage.name == BackgroundDetails::STAGE).cloned());
         let plain = Bake::new(options).photos(photos).report(&mut plain_report).run([self.scene.clone()])?;
         let (psnr_before, psnr_after) = (self.psnr(&plain)?, self.psnr(&hardened)?);
         let views = self.views.len().min(JUDGED) as u64;
         let (photo_size, kept) = (self.photo_size, psnr_after >= psnr_before);
         let gain = HardenedGain { views, psnr_before, psnr_after, photo_size, kept };
         let is_training = |stage: &StageReport| stage.name == TrainDetails::STAGE;
+        let is_earlier = |stage: &StageReport| is_training(stage) || stage.name == BackgroundDetails::STAGE;
         if let Some(training) = report.stages.iter_mut().find(|stage| is_training(stage)) {
             let value = serde_json::to_value(gain).unwrap_or_default();
             training.details.insert("hardened".to_owned(), value);
@@ -82,7 +91,7 @@ impl Unhardened {
         if gain.kept {
             return Ok(hardened);
         }
-        report.stages.retain(is_training);
+        report.stages.retain(is_earlier);
         report.stages.append(&mut plain_report.stages);
         report.warnings.append(&mut plain_report.warnings);
         report.warnings.push(format!(

@@ -15,14 +15,16 @@ const HELD_OUT: usize = 8;
 
 /// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its
 /// file. With many cameras, fewer pictures are drawn from between them. Above `max_bytes` of memory, pictures
-/// are kept in a temporary file. Calls `drawn` after each picture with the numbers of finished and of all
-/// pictures.
+/// are kept in a temporary file. With a colour that is `behind` an object, pictures
+/// are transparent where they show it. Calls `drawn` after each
+/// picture with the numbers of finished and of all pictures.
 ///
 /// Errors: a scene without visible triangles; a full disk.
 pub fn dataset(
     path: &Path,
     scene: &ImportedScene,
     options: &SoftOptions,
+    behind: Option<[f32; 3]>,
     max_bytes: u64,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
@@ -31,9 +33,14 @@ pub fn dataset(
         return Err(Error::invalid("from", path.display(), wants));
     };
     let mut teacher = Teacher::new(scene.scene.to_soup(), &cameras, options);
-    let mut views = draw(&cameras, max_bytes, |camera| teacher.picture(camera), drawn)?;
+    let picture = |camera: &Camera| match behind {
+        Some(behind) => teacher.object_picture(camera, behind),
+        None => teacher.picture(camera),
+    };
+    let mut views = draw(&cameras, max_bytes, picture, drawn)?;
     for (i, view) in views.iter_mut().enumerate() {
         view.test = i % HELD_OUT == HELD_OUT / 2;
+        view.photo.set_cut(behind.is_some());
     }
     Ok(Dataset {
         path: PathBuf::from(path),

@@ -5,6 +5,7 @@
 //!
 //! In: a soft scene. Out: viewpoints around and inside it, and soft pictures from there.
 
+mod background;
 mod chosen;
 pub mod dataset;
 mod drawing;
@@ -13,6 +14,7 @@ mod survey;
 mod thin;
 mod viewpoints;
 
+pub use background::Background;
 pub use dataset::{beside, dataset};
 pub use drawing::Teacher;
 pub use viewpoints::between;

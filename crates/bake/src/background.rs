@@ -1,0 +1,150 @@
+//! Finds the background that a soft scene was trained on, and drops the triangles that show nothing but it.
+//!
+//! They would be shards on a page or before a sky. It runs on the scene as it was trained. Its result tells later
+//! stages to draw the object alone, so that fitting leaves no new ones.
+
+use super::teacher::{is_solid, viewpoints};
+use std::fmt;
+use std::str::FromStr;
+use trisplat_dataset::Background as Color;
+use trisplat_scene::{
+    ImportedScene, Scene,
+    report::{Outcome, StageDetails},
+};
+use trisplat_teacher::Background;
+
+/// Where the colour of the background comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum BackgroundFrom {
+    /// The borders of the scene's own pictures.
+    #[default]
+    Auto,
+    /// None: the scene fills its pictures.
+    Off,
+    /// Given.
+    Color(Color),
+}
+
+impl FromStr for BackgroundFrom {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "off" => Ok(Self::Off),
+            color => color.parse().map(Self::Color).map_err(|why: String| format!("{why}, or auto or off")),
+        }
+    }
+}
+
+impl fmt::Display for BackgroundFrom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Off => f.write_str("off"),
+            Self::Color(color) => color.fmt(f),
+        }
+    }
+}
+
+impl TryFrom<String> for BackgroundFrom {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<BackgroundFrom> for String {
+    fn from(background: BackgroundFrom) -> String {
+        background.to_string()
+    }
+}
+
+impl schemars::JsonSchema for BackgroundFrom {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "BackgroundFrom".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "description": "auto, off, black, white or #rrggbb",
+            "type": "string",
+            "pattern": "^(auto|off|black|white|#[0-9a-fA-F]{6})$",
+        })
+    }
+}
+
+/// The background that the scene was trained on.
+#[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BackgroundOptions {
+    /// Colour that a soft scene was trained on; `auto` finds it at the borders of its own pictures
+    pub background: BackgroundFrom,
+}
+
+impl BackgroundOptions {
+    /// Found at the borders.
+    pub const DEFAULT: Self = Self { background: BackgroundFrom::Auto };
+    /// None.
+    pub const OFF: Self = Self { background: BackgroundFrom::Off };
+}
+
+/// What was found; empty where the scene fills its pictures.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct BackgroundDetails {
+    /// The scene is an object: nothing is to be drawn beside it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub object: bool,
+    /// The colour it was trained on; absent where only the object is in view.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<String>,
+}
+
+impl BackgroundDetails {
+    /// The colour behind the object, sRGB-encoded: black where any will do. `None` where there is no object.
+    pub fn behind(&self) -> Option<[f32; 3]> {
+        let color = self.color.as_deref().and_then(|color| color.parse().ok());
+        self.object.then(|| color.unwrap_or(Color([0; 3])).to_f32())
+    }
+}
+
+impl StageDetails for BackgroundDetails {
+    const STAGE: &'static str = "background";
+}
+
+/// Drops the triangles of a soft `scene` that show only its background, unless there are `photos`.
+pub fn background(
+    scene: &mut ImportedScene,
+    photos: bool,
+    options: &BackgroundOptions,
+    details: &mut BackgroundDetails,
+) -> Outcome<()> {
+    let given = match options.background {
+        BackgroundFrom::Off => return Outcome::Skipped("`background` off"),
+        BackgroundFrom::Auto => None,
+        BackgroundFrom::Color(color) => Some(color.to_f32()),
+    };
+    let soup = match &scene.scene {
+        Scene::Mesh(_) => return Outcome::Skipped("the input is a mesh: its triangles are solid"),
+        Scene::Soup(soup) if is_solid(soup) => return Outcome::Skipped("the scene is solid already"),
+        Scene::Soup(_) if photos => return Outcome::Skipped("there are photos, or pictures already"),
+        Scene::Soup(soup) => soup,
+    };
+    let cameras = viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
+    let Some(found) = Background::of(soup, &cameras, given) else {
+        return Outcome::Skipped("the borders of its pictures have no common colour");
+    };
+    details.object = true;
+    details.color =
+        found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)).to_string());
+    let is_object = found.is_object;
+    if is_object.iter().all(|object| *object) || !is_object.contains(&true) {
+        return Outcome::Skipped("no triangle shows the background alone");
+    }
+    if let Scene::Soup(soup) = &mut scene.scene {
+        soup.retain(|i| is_object[i]);
+    }
+    Outcome::Changed(())
+}

@@ -1,0 +1,120 @@
+//! A soft object that was trained on black or white has triangles of that colour around it.
+
+use super::hostile::{random_triangle, soup_of};
+use super::teacher::{baked_with, ball, cameras, skipped};
+use glam::Vec3;
+use trisplat_bake::{BackgroundDetails, BackgroundFrom, BackgroundOptions, BakeOptions, BakePreset};
+use trisplat_raster::{
+    soft::SoftOptions,
+    solid::{SolidRasterOptions, SolidRasterizer},
+};
+use trisplat_scene::{Asset, ImportedScene, Soup, camera::Camera, math::metric};
+use trisplat_teacher::{Background, Teacher};
+
+const BLACK: [f32; 3] = [0.0; 3];
+const WHITE: [f32; 3] = [1.0; 3];
+/// Triangles of the ball.
+const BALL: usize = 3000;
+
+/// Cameras that see all of the ball, and what is around it.
+fn eyes() -> Vec<Camera> {
+    cameras().iter().map(|camera| camera.looking(camera.position() * 1.7, Vec3::ZERO, Vec3::NEG_Y)).collect()
+}
+
+/// Triangles of one colour far behind the ball, for every camera.
+fn shards(rgb: [f32; 3]) -> Soup {
+    let place = |i: u64| {
+        let y = 1.0 - 2.0 * (i as f32 + 0.5) / 1000.0;
+        let (angle, radius) = (i as f32 * 2.399_963, (1.0 - y * y).sqrt());
+        Vec3::new(radius * angle.cos(), y, radius * angle.sin()) * 8.0
+    };
+    colored(soup_of((0..1000).map(|i| (random_triangle(i, place(i), 3.0), 0.9, 0.3))), rgb)
+}
+
+/// The same in one colour.
+fn colored(mut soup: Soup, rgb: [f32; 3]) -> Soup {
+    soup.sh.fill(rgb.map(|c| (c - 0.5) / 0.282_094_8));
+    soup
+}
+
+/// The ball among triangles of the colour it was trained on.
+fn trained_on(rgb: [f32; 3]) -> Soup {
+    let mut soup = ball();
+    soup.append(shards(rgb));
+    soup
+}
+
+fn baked(soup: Soup, background: BackgroundFrom) -> (Asset, Option<BackgroundDetails>, Option<String>) {
+    let background = BackgroundOptions { background };
+    let scene = ImportedScene { cameras: eyes(), ..ImportedScene::from(soup) };
+    let (asset, report) = baked_with(scene, BakeOptions { background, ..BakeOptions::default() });
+    (asset, report.details(), skipped(&report, "background").map(str::to_owned))
+}
+
+/// PSNR of a baked scene over a colour, against the soft ball alone over that colour, from between the cameras, dB.
+fn psnr_over(asset: &Asset, background: [f32; 3]) -> f64 {
+    let eyes = eyes();
+    let mut teacher = Teacher::new(ball(), &eyes, &SoftOptions { background, ..SoftOptions::default() });
+    let drawing = SolidRasterOptions { background, samples: 4, ..SolidRasterOptions::default() };
+    let one = |i: u16| {
+        let angle = f32::from(i) * 0.4 + 0.2;
+        let camera = eyes[0].looking(Vec3::new(angle.sin(), 0.1, angle.cos()) * 5.0, Vec3::ZERO, Vec3::NEG_Y);
+        let solid = SolidRasterizer::new().render(&asset.mesh, &camera, &drawing);
+        metric::psnr(&teacher.picture(&camera).rgb, &solid.rgb, None)
+    };
+    (0..15).map(one).sum::<f64>() / 15.0
+}
+
+#[test]
+fn an_object_looks_right_on_backgrounds_that_it_was_not_trained_on() {
+    for (own, name) in [(BLACK, "black"), (WHITE, "white")] {
+        let (asset, details, skipped) = baked(trained_on(own), BackgroundFrom::Auto);
+        let found = BackgroundDetails { object: true, color: Some(name.to_owned()) };
+        assert_eq!((details, skipped), (Some(found), None));
+        let (with_shards, ..) = baked(trained_on(own), BackgroundFrom::Off);
+        let [on_black, on_white] = [BLACK, WHITE].map(|behind| psnr_over(&asset, behind));
+        let before = (psnr_over(&with_shards, BLACK) + psnr_over(&with_shards, WHITE)) / 2.0;
+        println!("{name}: {on_black:.2} on black, {on_white:.2} on white, {before:.2} over both before");
+        // The soft ball lets some of the background through, the solid one none.
+        assert!(on_black > 22.0 && on_white > 15.0, "{name}: {on_black:.2}, {on_white:.2} dB");
+        assert!((on_black + on_white) / 2.0 > before + 5.0, "{name}: {before:.2} dB before");
+    }
+}
+
+#[test]
+fn only_what_shows_the_background_alone_goes() {
+    let found = Background::of(&trained_on(BLACK), &eyes(), None).unwrap();
+    assert_eq!(found.rgb, Some(BLACK));
+    let [ball_kept, shards_kept] = [&found.is_object[..BALL], &found.is_object[BALL..]]
+        .map(|of| of.iter().filter(|kept| **kept).count());
+    // No camera sees some of the shards.
+    assert!(ball_kept == BALL && shards_kept < 450, "{ball_kept} {shards_kept}");
+    // A black plate hides the ball: without it, pictures change.
+    let corner = |x: f32, y: f32| Vec3::new(x, y, 1.3);
+    let plate = [corner(-0.6, -0.6), corner(0.6, -0.6), corner(0.0, 0.7)];
+    let mut marked = trained_on(BLACK);
+    marked.append(colored(soup_of([(plate, 0.99, 0.05)]), BLACK));
+    let found = Background::of(&marked, &eyes(), None).unwrap();
+    assert_eq!(found.is_object.last(), Some(&true));
+    // A given colour overrules the pictures: on white, black triangles are an object.
+    let given = Background::of(&trained_on(BLACK), &eyes(), Some(WHITE)).unwrap();
+    assert!(given.is_object.iter().all(|object| *object));
+}
+
+#[test]
+fn scenes_that_fill_their_pictures_stay_as_they_are() {
+    // Colours of the surroundings differ.
+    let mut surrounded = ball();
+    let mut around = shards(BLACK);
+    around.sh = soup_of(around.vertices.iter().map(|corners| (*corners, 0.9, 0.3))).sh;
+    surrounded.append(around);
+    let (auto, details, why) = baked(surrounded.clone(), BackgroundFrom::Auto);
+    assert_eq!(why.as_deref(), Some("the borders of its pictures have no common colour"));
+    assert_eq!(details, None);
+    assert!(auto.mesh == baked(surrounded, BackgroundFrom::Off).0.mesh);
+    // Without shards there is nothing to drop; the pictures show the object alone.
+    let (.., details, why) = baked(ball(), BackgroundFrom::Auto);
+    assert_eq!(details, Some(BackgroundDetails { object: true, color: None }));
+    assert_eq!(why.as_deref(), Some("no triangle shows the background alone"));
+    assert_eq!(BakeOptions::preset(BakePreset::Fast).background, BackgroundOptions::OFF);
+}
