@@ -27,6 +27,7 @@ mod resources;
 mod samples;
 mod schemas;
 mod splats;
+mod splats_bake;
 mod stops;
 mod train;
 mod train_teacher;

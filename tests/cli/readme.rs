@@ -28,6 +28,7 @@ fn prepare(folder: &Path) {
     std::fs::create_dir(folder.join("samples/soups")).unwrap();
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply")).unwrap();
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("soft.ply")).unwrap();
+    std::fs::write(folder.join("splats.ply"), splats()).unwrap();
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
     let triangles = (0..20).flat_map(|i| corners.map(|[x, y, z]| [x + i as f32, y, z])).flatten();
     let tensors = [
@@ -40,9 +41,19 @@ fn prepare(folder: &Path) {
     std::fs::write(folder.join("point_cloud_state_dict.pt"), checkpoint(&tensors, b"")).unwrap();
 }
 
+/// A block of opaque Gaussians.
+fn splats() -> String {
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let line = |i: usize| format!("{} {} {} 1 0 -1 4 -0.7 -0.7 -0.7 1 0 0 0\n", i % 4, i / 4 % 4, i / 16);
+    let lines: String = (0..64).map(line).collect();
+    format!("ply\nformat ascii 1.0\nelement vertex 64\n{properties}end_header\n{lines}")
+}
+
 /// What is added to a command so that it takes seconds and may replace the file of an earlier one.
 fn additions(arguments: &[&str]) -> &'static [&'static str] {
     match *arguments {
+        ["bake", "splats.ply", ..] => &["--force", "--harden=5"],
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],

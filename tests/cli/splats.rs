@@ -64,7 +64,7 @@ fn gaussians_are_described_and_drawn_from_the_cameras_beside_them_a_given_list_o
 fn what_only_triangles_have_is_refused_of_gaussians() {
     let folder = tempfile::tempdir().unwrap();
     let file = scene(folder.path());
-    let (output, glb) = (folder.path().join("pictures"), folder.path().join("a.glb"));
+    let output = folder.path().join("pictures");
     fails(folder.path(), &[&"render", &file, &"-o", &output], &["--orbit", "--cameras"]);
     let orbit = |more: [&'static str; 2], needles: &[&str]| {
         fails(
@@ -75,9 +75,10 @@ fn what_only_triangles_have_is_refused_of_gaussians() {
     };
     orbit(["--as", "solid"], &["--as", "Gaussians"]);
     orbit(["--show", "depth"], &["--show", "Gaussians"]);
+    let ply = folder.path().join("a.ply");
     fails(
         folder.path(),
-        &[&"bake", &file, &"-o", &glb],
-        &["splats.ply", "3D Gaussians (PLY)", "trisplat train"],
+        &[&"mesh", &file, &"-o", &ply],
+        &["splats.ply", "3D Gaussians (PLY)", "trisplat bake"],
     );
 }

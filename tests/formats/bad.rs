@@ -144,7 +144,7 @@ fn gaussians_are_refused_with_the_command_that_trains_triangles() {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let gaussians = Element::new("vertex", &names, vec![vec![Cell::F32(0.5); 7]; 9]);
     let message = error(format::read, &ply(Encoding::Little, &[gaussians]), "gaussians");
-    assert!(message.contains("Gaussians") && message.contains("trisplat train"), "{message}");
+    assert!(message.contains("Gaussians") && message.contains("trisplat bake"), "{message}");
 }
 
 #[test]

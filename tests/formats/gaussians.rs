@@ -65,7 +65,7 @@ fn every_format_of_gaussians_is_named_and_has_a_remedy() {
     for (name, kind, content) in cases {
         let message = refusal(folder.path(), name, &content);
         assert!(message.contains(&format!("{name}: holds 3D Gaussians ({kind})")), "{name}: {message}");
-        assert!(message.contains("trisplat train") && !message.contains('\n'), "{message}");
+        assert!(message.contains("trisplat bake") && !message.contains('\n'), "{message}");
     }
 }
 

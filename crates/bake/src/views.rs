@@ -15,6 +15,8 @@ use trisplat_scene::{
 const NEAR: f32 = 0.01;
 /// Samples per pixel along each axis when a choice depends on the picture.
 pub const SAMPLES: u32 = 2;
+/// Pictures covered to this share show surroundings, not an object.
+const SURROUNDED: f64 = 0.9;
 /// One photo in this many is held out when a stage evaluates what it fits, and ...
 const EVALUATION_EVERY: usize = 8;
 /// ... at most these.
@@ -66,6 +68,16 @@ impl Views {
                 || dataset.train().any(|v| v.photo.is_cut()),
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
             exposures: Exposures::default(),
+        }
+    }
+
+    /// The training pictures of `dataset`, which was drawn in the frame of the scene; it covers a share `covered` of them. Where that is
+    /// nearly all, the rest is a gap in surroundings and has no weight; else it is the background of an object.
+    pub fn of_pictures(dataset: &Dataset, options: &DatasetOptions, covered: f64) -> Self {
+        let views = Self { drawn: Some(covered), ..Self::new(dataset, options) };
+        match covered >= SURROUNDED {
+            true => Self { cut: Vec::new(), masked: false, ..views },
+            false => views,
         }
     }
 

@@ -76,6 +76,11 @@ impl Photo {
         Ok(Self::of(pixels.size, Drawn::Stored(Arc::clone(file), place)))
     }
 
+    /// The same as a picture of an object without background: see [`Photo::is_cut`].
+    pub fn cut_out(self) -> Self {
+        Self { cut: true, ..self }
+    }
+
     fn of(size: UVec2, drawn: Drawn) -> Self {
         Self {
             path: PathBuf::new(),
@@ -98,11 +103,6 @@ impl Photo {
         let whole = self.crop.map_or(self.size, |crop| crop.whole);
         let corner = corner + self.crop.map_or(UVec2::ZERO, |crop| crop.corner);
         Self { crop: Some(Crop { corner, whole }), size, ..self.clone() }
-    }
-
-    /// Says whether a drawn picture shows an object without background.
-    pub fn set_cut(&mut self, cut: bool) {
-        self.cut = cut;
     }
 
     /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.

@@ -16,14 +16,17 @@ pub enum Content {
     Splats(ImportedSplats),
 }
 
-/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians.
+/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians. These come with
+/// all their spherical harmonics, because they are drawn.
 ///
 /// # Errors
 /// Errors of the format's reader, or an unknown format.
 pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     let mut source = Source::open(path, &options.limits)?;
     match splats::format_of(&mut source)? {
-        Some(format) => splats::read_as(format, source, options).map(Content::Splats),
+        Some(format) => {
+            splats::read_as(format, source, &ReadOptions { sh_degree: 3, ..*options }).map(Content::Splats)
+        }
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
 }

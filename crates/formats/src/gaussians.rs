@@ -17,8 +17,8 @@ pub(super) const SPLAT: &str = ".splat";
 /// the format.
 pub(super) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
-        "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat info` and `trisplat render` read them as PLY, .splat, \
-         SPZ (versions 2 and 3) and SOG (version 2); for triangles use `trisplat train`, with the photos they were trained on or pictures drawn of them"
+        "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat bake` turns them into triangles, and `trisplat info` and \
+         `trisplat render` read them too: as PLY, .splat, SPZ (versions 2 and 3) and SOG (version 2)"
     );
     Error::unsupported(path, reason)
 }

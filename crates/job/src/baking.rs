@@ -1,6 +1,7 @@
 //! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages, report.
 
 use super::fitted::fitted;
+use super::gaussians::{self, Effort};
 use super::harden::{self, HardenOptions, Hardened};
 use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
@@ -9,8 +10,11 @@ use std::time::Instant;
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_formats::output::{self, Output, OutputFiles};
-use trisplat_scene::{Asset, Error, ImportedScene, Result, report::Report};
+use trisplat_formats::{
+    Content,
+    output::{self, Output, OutputFiles},
+};
+use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, report::Report};
 
 /// An input of a bake.
 #[derive(Debug, Clone)]
@@ -61,6 +65,12 @@ pub struct BakeJob {
     pub max_bytes: Option<u64>,
     /// Start of the report's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
+}
+
+/// What the inputs hold.
+enum Inputs {
+    Scenes(Vec<ImportedScene>),
+    Splats(Box<ImportedSplats>),
 }
 
 /// The scene to bake, and the photos or pictures that the bake may use.
@@ -175,7 +185,10 @@ impl BakeJob {
     fn scenes(&self, report: &mut Report, observer: &mut dyn BakeJobObserver) -> Result<Scenes> {
         let how = &self.dataset_options;
         let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
-        let inputs = self.read()?;
+        let inputs = match self.read()? {
+            Inputs::Scenes(scenes) => scenes,
+            Inputs::Splats(splats) => return self.solid_of(&splats, views, report, observer),
+        };
         let Some(hardening) = &self.harden else {
             return Ok(Scenes { scenes: inputs, views, unhardened: None });
         };
@@ -204,6 +217,24 @@ impl BakeJob {
         Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures), unhardened })
     }
 
+    /// The solid scene of Gaussians. Making it is a stage of `report`.
+    fn solid_of(
+        &self,
+        splats: &ImportedSplats,
+        views: Option<Views>,
+        report: &mut Report,
+        observer: &mut dyn BakeJobObserver,
+    ) -> Result<Scenes> {
+        self.harden.as_ref().map_or(Ok(()), HardenOptions::validate)?;
+        report.warnings.extend(splats.warnings.iter().cloned());
+        let effort = Effort::of(self.options.preset, self.harden.as_ref());
+        let amount = (effort, self.options.prune.max_triangles);
+        let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
+        let solid = gaussians::solid((self.path(), splats), photos, how, amount, observer)?;
+        report.stages.push(solid.stage);
+        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), unhardened: None })
+    }
+
     /// The first file, for messages.
     fn path(&self) -> &Path {
         match self.inputs.first() {
@@ -213,17 +244,30 @@ impl BakeJob {
     }
 
     /// Reads every input. Readers run one after the other, so that memory holds one file's spare buffers at a time.
-    fn read(&self) -> Result<Vec<ImportedScene>> {
+    fn read(&self) -> Result<Inputs> {
         let is_stream = |input: &&BakeInput| matches!(input, BakeInput::File(p) if p.as_os_str() == "-");
         if self.inputs.iter().filter(is_stream).count() > 1 {
             return Err(Error::invalid("inputs", "- -", "standard input once"));
         }
         let options = self.dataset_options.read_options(self.sh_degree());
-        let read = |input: &BakeInput| match input {
-            BakeInput::File(path) => formats::read(path, &options),
-            BakeInput::Scene(scene) => Ok(ImportedScene::clone(scene)),
-        };
-        self.inputs.iter().map(read).collect()
+        let mut scenes = Vec::new();
+        for input in &self.inputs {
+            scenes.push(match input {
+                BakeInput::Scene(scene) => ImportedScene::clone(scene),
+                BakeInput::File(path) => match formats::read_content(path, &options)? {
+                    Content::Scene(scene) => scene,
+                    Content::Splats(splats) if self.inputs.len() == 1 => {
+                        return Ok(Inputs::Splats(Box::new(splats)));
+                    }
+                    Content::Splats(_) => {
+                        let reason =
+                            "holds 3D Gaussians, which are baked alone: bake it to a .glb, then merge that";
+                        return Err(Error::unsupported(path, reason));
+                    }
+                },
+            });
+        }
+        Ok(Inputs::Scenes(scenes))
     }
 
     /// The SH degree to read: only the teacher draws more than degree 0.

@@ -19,6 +19,9 @@ pub const MOST_PICTURES: f64 = 0.9;
 /// Most triangles of a hardened scene, as a multiple of the soft scene's.
 const GROWTH: f64 = 1.25;
 
+/// Steps from Gaussians, as a multiple of those from soft triangles.
+const GAUSSIANS_NEED: u64 = 4;
+
 /// Options for hardening a soft scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HardenOptions {
@@ -36,6 +39,11 @@ impl HardenOptions {
     /// Options with this number of steps.
     pub fn of_steps(harden_steps: u64) -> Self {
         Self { harden_steps }
+    }
+
+    /// Steps that Gaussians need: their first triangles are only near the surface.
+    pub(super) fn steps_from_gaussians(&self) -> u64 {
+        self.harden_steps.saturating_mul(GAUSSIANS_NEED)
     }
 
     /// Checks the ranges.
@@ -119,6 +127,21 @@ pub(super) fn harden(
     let Some(dataset) = made.as_ref().or(photos) else {
         unreachable!("pictures are drawn where there are no photos");
     };
+    let (scene, stage) = train(soft, dataset, how, options, clock, observer)?;
+    Ok(Hardened { scene, pictures: own, stage })
+}
+
+/// Trains `soft` solid on `dataset`; `clock` began with the stage.
+///
+/// Errors: undecodable photos, a stopped run.
+pub(super) fn train(
+    soft: ImportedScene,
+    dataset: &Dataset,
+    how: &DatasetOptions,
+    options: &TrainOptions,
+    clock: Instant,
+    observer: &mut dyn BakeJobObserver,
+) -> Result<(ImportedScene, StageReport)> {
     let run = TrainRun::new(dataset, options).with_dataset_options(how);
     let run = TrainRun { from: Some(soft), ..run }.start()?;
     let triangles = run.triangles();
@@ -128,5 +151,5 @@ pub(super) fn harden(
         return Err(Error::invalid("harden", value, "all of its steps; nothing was written"));
     }
     let stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
-    Ok(Hardened { scene: trained.into(), pictures: own, stage })
+    Ok((trained.into(), stage))
 }

@@ -13,6 +13,7 @@ mod describe;
 mod evaluating;
 mod event;
 mod fitted;
+mod gaussians;
 mod harden;
 mod inputs;
 mod making;

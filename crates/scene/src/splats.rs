@@ -141,11 +141,11 @@ impl Splats {
         Err(Error::invalid("splats", format!("out of range at Gaussian {first}"), wants))
     }
 
-    /// Triangles in place of the Gaussians of at least this opacity, each in the plane of the two longer axes: where the scene is
-    /// and how large its parts are, but not how it looks.
-    pub fn to_soup(&self, least_opacity: f32) -> Soup {
+    /// Triangles in place of the `chosen` Gaussians, each in the plane of the two longer axes: where the scene is and how large
+    /// its parts are, but not how it looks.
+    pub fn to_soup(&self, chosen: impl IntoIterator<Item = usize>) -> Soup {
         let mut soup = Soup::default();
-        for i in (0..self.len()).filter(|i| self.opacity[*i] >= least_opacity) {
+        for i in chosen {
             soup.vertices.push(self.triangle(i));
             soup.opacity.push(self.opacity[i]);
             soup.sigma.push(1.0);
@@ -185,8 +185,15 @@ impl ImportedSplats {
 
     /// Triangles where the Gaussians are, with the same placement and cameras, for choosing viewpoints.
     pub fn stand_in(&self) -> ImportedScene {
+        let splats = &self.splats;
+        let chosen = (0..splats.len()).filter(|i| splats.opacity[*i] >= Self::STAND_IN_OPACITY);
+        self.with(splats.to_soup(chosen))
+    }
+
+    /// `triangles` with the same placement and cameras.
+    pub fn with(&self, triangles: Soup) -> ImportedScene {
         ImportedScene {
-            scene: Scene::Soup(self.splats.to_soup(Self::STAND_IN_OPACITY)),
+            scene: Scene::Soup(triangles),
             provenance: self.provenance.clone(),
             warnings: Vec::new(),
             cameras: self.cameras.iter().map(|(_, camera)| *camera).collect(),
@@ -242,11 +249,10 @@ mod tests {
 
     #[test]
     fn a_triangle_lies_in_the_plane_of_the_two_longer_axes() {
-        let soup = splats(1).to_soup(0.1);
+        let soup = splats(1).to_soup([0]);
         let [a, b, c] = soup.vertices[0];
         assert!((a.y - 0.3 * CORNER_SIGMAS).abs() < 1e-6, "{a}");
         assert!([a, b, c].iter().all(|corner| corner.x.abs() < 1e-6));
         assert!(((a + b + c) / 3.0).length() < 1e-6 && (b.z - c.z).abs() > 0.7);
-        assert!(splats(1).to_soup(0.6).is_empty());
     }
 }

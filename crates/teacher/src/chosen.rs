@@ -56,20 +56,24 @@ pub(super) struct Search {
     survey: Survey,
     unit: Unit,
     up: Vec3,
+    /// Look from below as often as from above, because nobody knows where up is.
+    any_side: bool,
 }
 
 impl Search {
     /// Prepares to look at `scene`; `None` when it has no extent.
-    pub(super) fn new(scene: &ImportedScene) -> Option<Self> {
+    /// `any_side`: look from below as often as from above, unless the scene knows where up is.
+    pub(super) fn new(scene: &ImportedScene, any_side: bool) -> Option<Self> {
         let (unit, soup) = in_units(scene)?;
         let up = scene.provenance.up.unwrap_or_default().to_y_up().transpose() * glam::DVec3::Y;
-        Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3() })
+        let any_side = any_side && scene.provenance.up.is_none();
+        Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }
 
     /// Where to look from; `None` when the scene shows nothing from anywhere.
     pub(super) fn viewpoints(self) -> Option<Chosen> {
-        let Self { mut survey, unit, up } = self;
-        let around = good_views(&mut survey, around(unit.reach, up), |sight| {
+        let Self { mut survey, unit, up, any_side } = self;
+        let around = good_views(&mut survey, around(unit.reach, up, any_side), |sight| {
             sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
         });
         let mut inside = Vec::new();
@@ -145,9 +149,13 @@ fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
     Some(*values.select_nth_unstable_by((last as f32 * share) as usize, f32::total_cmp).1)
 }
 
-/// Rings of cameras that show everything within `reach`.
-fn around(reach: f32, up: Vec3) -> Vec<Camera> {
+/// Rings of cameras that show everything within `reach`, or cameras on all sides.
+fn around(reach: f32, up: Vec3, any_side: bool) -> Vec<Camera> {
     let distance = reach / (AROUND_FOV.to_radians() / 2.0).sin();
+    if any_side {
+        let from = |i| camera(direction(i, PICTURES) * distance, Vec3::ZERO, up, AROUND_FOV, SIDE);
+        return (0..PICTURES).map(from).collect();
+    }
     let (x, per_ring) = (up.any_orthonormal_vector(), PICTURES / RINGS.len());
     let y = up.cross(x);
     let place = |(ring, k): (usize, usize)| {
@@ -252,7 +260,7 @@ mod tests {
     #[test]
     fn a_thing_is_seen_from_around() {
         let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
-        let Some(chosen) = Search::new(&thing.into()).and_then(Search::viewpoints) else {
+        let Some(chosen) = Search::new(&thing.into(), false).and_then(Search::viewpoints) else {
             panic!("a thing can be looked at")
         };
         assert!(!chosen.inside && chosen.cameras.len() == PICTURES);
@@ -265,7 +273,7 @@ mod tests {
     #[test]
     fn nothing_can_be_seen_of_points() {
         let points = Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
-        assert!(Search::new(&points.into()).and_then(Search::viewpoints).is_none());
-        assert!(Search::new(&Soup::default().into()).is_none());
+        assert!(Search::new(&points.into(), false).and_then(Search::viewpoints).is_none());
+        assert!(Search::new(&Soup::default().into(), false).is_none());
     }
 }

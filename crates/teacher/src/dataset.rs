@@ -15,9 +15,8 @@ const HELD_OUT: usize = 8;
 
 /// Draws `scene`, read from `path`, with `options` and makes a data set of the pictures, in the frame of its
 /// file. With many cameras, fewer pictures are drawn from between them. Above `max_bytes` of memory, pictures
-/// are kept in a temporary file. With a colour that is `behind` an object, pictures
-/// are transparent where they show it. Calls `drawn` after each
-/// picture with the numbers of finished and of all pictures.
+/// are kept in a temporary file. With a colour that is `behind` an object, pictures are transparent where they
+/// show it. Calls `drawn` after each picture with the numbers of finished and of all pictures.
 ///
 /// Errors: a scene without visible triangles; a full disk.
 pub fn dataset(
@@ -37,10 +36,22 @@ pub fn dataset(
         Some(behind) => teacher.object_picture(camera, behind),
         None => teacher.picture(camera),
     };
-    let mut views = draw(&cameras, max_bytes, picture, drawn)?;
+    drawn_for(path, &cameras, max_bytes, picture, drawn)
+}
+
+/// A data set of the `picture` of each of `cameras`, for a scene that was read from `path`. `max_bytes` and `drawn` as for [`dataset`].
+///
+/// Errors: a full disk.
+pub fn drawn_for(
+    path: &Path,
+    cameras: &[Camera],
+    max_bytes: u64,
+    picture: impl FnMut(&Camera) -> RgbImage,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Dataset> {
+    let mut views = draw(cameras, max_bytes, picture, drawn)?;
     for (i, view) in views.iter_mut().enumerate() {
         view.test = i % HELD_OUT == HELD_OUT / 2;
-        view.photo.set_cut(behind.is_some());
     }
     Ok(Dataset {
         path: PathBuf::from(path),
@@ -66,13 +77,27 @@ pub fn beside(
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
+    let mut teachers: Vec<_> =
+        scenes.iter().map(|scene| Placed::new(scene, &cameras, photos.origin, options)).collect();
+    drawn_beside(photos, share, max_bytes, |camera| mean_picture(&mut teachers, camera), drawn)
+}
+
+/// The same with any `picture`, of a camera in the world of `photos`.
+///
+/// Errors: a full disk.
+pub fn drawn_beside(
+    photos: &Dataset,
+    share: f64,
+    max_bytes: u64,
+    picture: impl FnMut(&Camera) -> RgbImage,
+    drawn: &mut dyn FnMut(usize, usize),
+) -> Result<Dataset> {
+    let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
     let between = stored::between(&cameras);
     let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
     let count = wanted.min(between.len());
     let chosen: Vec<Camera> = (0..count).map(|i| between[i * between.len() / count]).collect();
-    let mut teachers: Vec<_> =
-        scenes.iter().map(|scene| Placed::new(scene, &cameras, photos.origin, options)).collect();
-    let pictures = draw(&chosen, max_bytes, |camera| mean_picture(&mut teachers, camera), drawn)?;
+    let pictures = draw(&chosen, max_bytes, picture, drawn)?;
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
 }
 
@@ -109,7 +134,7 @@ fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> RgbImage {
     RgbImage::from_rgb(camera.size, &mean)
 }
 
-/// A view of each of `cameras` with its `picture`, none held out.
+/// A view of each of `cameras` with its `picture`, none held out. A picture with an alpha shows an object without background.
 fn draw(
     cameras: &[Camera],
     max_bytes: u64,
@@ -121,7 +146,9 @@ fn draw(
     let mut views = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {
         let picture = picture(camera);
+        let is_cut = picture.alpha.is_some();
         let photo = if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
+        let photo = if is_cut { photo.cut_out() } else { photo };
         views.push(View { name: format!("teacher_{i:05}"), camera: *camera, photo, test: false });
         drawn(i + 1, cameras.len());
     }

@@ -84,11 +84,7 @@ impl Teacher {
 
     /// The picture of `camera`, with the covered share of each pixel as its weight.
     pub fn weighted_picture(&mut self, camera: &Camera) -> RgbImage {
-        let frame = self.frame(camera);
-        let cover = |t: &f32| ((1.0 - t).clamp(0.0, 1.0) * 255.0).round() as u8;
-        let alpha: Vec<u8> = frame.transmittance.iter().map(cover).collect();
-        let covered = alpha.iter().all(|a| *a == 255);
-        RgbImage { alpha: (!covered).then_some(alpha), ..frame.to_pixels() }
+        self.frame(camera).to_cut_pixels()
     }
 
     /// For each triangle, the mean of `values` of the pixels of all pictures, by its blending weight there; 1 for

@@ -3,19 +3,20 @@
 //! They are drawn from the cameras that the scene stores and from between them. For a scene without cameras
 //! viewpoints are chosen: around an object, or within a room.
 //!
-//! In: a soft scene. Out: viewpoints around and inside it, and soft pictures from there.
+//! In: a soft scene, or Gaussians. Out: viewpoints around and inside it, and pictures from there.
 
 mod background;
 mod chosen;
 pub mod dataset;
 mod drawing;
+mod gaussians;
 mod stored;
 mod survey;
 mod thin;
 mod viewpoints;
 
 pub use background::Background;
-pub use dataset::{beside, dataset};
+pub use dataset::{beside, dataset, drawn_beside, drawn_for};
 pub use drawing::Teacher;
-pub use viewpoints::between;
-pub use viewpoints::{ViewpointKind, Viewpoints};
+pub use gaussians::GaussianTeacher;
+pub use viewpoints::{ViewpointKind, Viewpoints, between};

@@ -37,8 +37,17 @@ impl Viewpoints {
     /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
     /// chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
+        Self::from_sides(scene, max_bytes, false)
+    }
+
+    /// The same. Chosen cameras around an object look at it from all sides, from below too, unless the scene knows where up is.
+    pub fn of_any_side(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
+        Self::from_sides(scene, max_bytes, true)
+    }
+
+    fn from_sides(scene: &ImportedScene, max_bytes: u64, any_side: bool) -> Option<Self> {
         if scene.cameras.is_empty() {
-            let chosen = Search::new(scene)?.viewpoints()?;
+            let chosen = Search::new(scene, any_side)?.viewpoints()?;
             let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
             return Some(Self { kind, cameras: chosen.cameras });
         }

@@ -31,8 +31,14 @@ const fn centres() -> [f32; LANES] {
     out
 }
 
-/// Draws all rows of tiles.
-pub(super) fn frame(ellipses: &[Ellipse], rows: &Rows, size: UVec2, options: &GaussianOptions) -> Frame {
+/// Draws all rows of tiles. Adds the blending weight of each Gaussian, summed over the pixels, to `weights`.
+pub(super) fn frame(
+    ellipses: &[Ellipse],
+    rows: &Rows,
+    size: UVec2,
+    options: &GaussianOptions,
+    weights: Option<&mut [f32]>,
+) -> Frame {
     let pixels = size.x as usize * size.y as usize;
     let mut frame = Frame {
         size,
@@ -42,14 +48,15 @@ pub(super) fn frame(ellipses: &[Ellipse], rows: &Rows, size: UVec2, options: &Ga
     };
     let band = size.x as usize * LINES;
     let bands = frame.rgb.par_chunks_mut(band).zip(frame.transmittance.par_chunks_mut(band));
-    bands.enumerate().for_each(|(row, (rgb, transmittance))| {
+    let weigh = weights.is_some();
+    let draw_row = |(row, (rgb, transmittance)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
         let of_row = rows.tiles(row);
         let height = rgb.len() / size.x as usize;
         let draw = |tile: usize| {
             let corner = UVec2::new(tile as u32, row as u32) * TILE;
             let width = (size.x - corner.x).min(TILE) as usize;
             let entries = of_row.of(tile);
-            dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height })
+            dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height, weigh })
         };
         let tiles: Vec<TilePixels> = (0..rows.count.x as usize).into_par_iter().map(draw).collect();
         for (line, (rgb, transmittance)) in
@@ -63,7 +70,17 @@ pub(super) fn frame(ellipses: &[Ellipse], rows: &Rows, size: UVec2, options: &Ga
                 *rgb = [0, 1, 2].map(|c| left.mul_add(behind[c], tile.rgb[c][line][lane]));
             }
         }
-    });
+        let of_tile = |(i, tile): (usize, &TilePixels)| {
+            let sums = of_row.of(i).iter().zip(&tile.weights);
+            sums.map(|(entry, sum)| (ellipses[*entry as usize].gaussian, *sum)).collect::<Vec<_>>()
+        };
+        tiles.iter().enumerate().flat_map(of_tile).collect()
+    };
+    let sums: Vec<Vec<(u32, f32)>> = bands.enumerate().map(draw_row).collect();
+    if let Some(weights) = weights {
+        // In the order of tiles, for the same bits with any number of threads.
+        sums.into_iter().flatten().for_each(|(gaussian, sum)| weights[gaussian as usize] += sum);
+    }
     frame
 }
 
@@ -71,6 +88,8 @@ pub(super) fn frame(ellipses: &[Ellipse], rows: &Rows, size: UVec2, options: &Ga
 struct TilePixels {
     transmittance: [[f32; LANES]; LINES],
     rgb: [[[f32; LANES]; LINES]; 3],
+    /// Sums of the blending weights of the entries; empty unless asked for.
+    weights: Vec<f32>,
 }
 
 /// One tile.
@@ -82,6 +101,8 @@ struct DrawTile<'a> {
     /// The part of the tile that lies in the picture.
     width: usize,
     height: usize,
+    /// Whether to sum the entries' weights.
+    weigh: bool,
 }
 
 impl Work for DrawTile<'_> {
@@ -89,7 +110,11 @@ impl Work for DrawTile<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> TilePixels {
-        let mut pixels = TilePixels { transmittance: [[0.0; LANES]; LINES], rgb: [[[0.0; LANES]; LINES]; 3] };
+        let mut pixels = TilePixels {
+            transmittance: [[0.0; LANES]; LINES],
+            rgb: [[[0.0; LANES]; LINES]; 3],
+            weights: vec![0.0; if self.weigh { self.entries.len() } else { 0 }],
+        };
         for line in &mut pixels.transmittance[..self.height] {
             line[..self.width].fill(1.0);
         }
@@ -101,23 +126,27 @@ impl Work for DrawTile<'_> {
             if let Some(ahead) = self.entries.get(k + AHEAD) {
                 prefetch(&self.ellipses[*ahead as usize]);
             }
-            self.blend::<L>(&self.ellipses[*entry as usize], &mut pixels, &mut alive);
+            let sum = self.blend::<L>(&self.ellipses[*entry as usize], &mut pixels, &mut alive);
+            if let Some(weight) = pixels.weights.get_mut(k) {
+                *weight = sum;
+            }
         }
         pixels
     }
 }
 
 impl DrawTile<'_> {
-    /// Adds one ellipse to the lines that have not ended.
+    /// Adds one ellipse to the lines that have not ended. Returns the sum of its weights if it is asked for.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, ellipse: &Ellipse, pixels: &mut TilePixels, alive: &mut u32) {
+    fn blend<L: Lanes>(&self, ellipse: &Ellipse, pixels: &mut TilePixels, alive: &mut u32) -> f32 {
         let offset = self.corner - ellipse.middle;
         let half = ellipse.half_height();
         // Lines whose pixel centres lie within the height; more are harmless, because each pixel is tested.
         let first = (-half - offset.y - 0.5).floor().max(0.0) as usize;
         let last = (half - offset.y - 0.5).ceil().min(LINES as f32 - 1.0);
+        let mut sums = L::splat(0.0);
         if last < 0.0 {
-            return;
+            return 0.0;
         }
         let across = (L::load(&CENTRES) + L::splat(offset.x)) * L::splat(ellipse.along);
         let rgb = [L::splat(ellipse.rgb[0]), L::splat(ellipse.rgb[1]), L::splat(ellipse.rgb[2])];
@@ -141,9 +170,16 @@ impl DrawTile<'_> {
                 weight.mul_add(color, L::load(&channel[line])).store(&mut channel[line]);
             }
             after.store(&mut pixels.transmittance[line]);
+            sums = sums + weight;
             if L::bits(end.le(after)) == 0 {
                 *alive &= !(1 << line);
             }
         }
+        if !self.weigh {
+            return 0.0;
+        }
+        let mut lanes = [0.0; LANES];
+        sums.store(&mut lanes);
+        lanes.iter().sum()
     }
 }

@@ -25,6 +25,8 @@ pub(super) struct Ellipse {
     pub(super) rgb: [f32; 3],
     /// Depth of the middle, > 0.
     pub(super) depth: f32,
+    /// Which Gaussian of the scene it is.
+    pub(super) gaussian: u32,
 }
 
 impl Ellipse {
@@ -96,6 +98,7 @@ impl Projector<'_> {
             level: (splats.opacity[i] * kept).log2(),
             rgb: [0.0; 3],
             depth: at.z,
+            gaussian: i as u32,
         };
         let reach = ellipse.reach_squared();
         if !(reach >= 0.0 && ellipse.along.is_finite() && ellipse.shear.is_finite() && ellipse.down > 0.0) {

@@ -27,6 +27,14 @@ impl Frame {
     pub fn to_pixels(&self) -> RgbImage {
         RgbImage::from_rgb(self.size, &self.rgb)
     }
+
+    /// The same, with the covered share of each pixel as its alpha, unless all are covered.
+    pub fn to_cut_pixels(&self) -> RgbImage {
+        let cover = |t: &f32| ((1.0 - t).clamp(0.0, 1.0) * 255.0).round() as u8;
+        let alpha: Vec<u8> = self.transmittance.iter().map(cover).collect();
+        let covered = alpha.iter().all(|a| *a == 255);
+        RgbImage { alpha: (!covered).then_some(alpha), ..self.to_pixels() }
+    }
 }
 
 /// Gradient of a loss L with respect to a [`Frame`]; empty means zero, except `d_rgb`, which is always needed.

@@ -1,0 +1,131 @@
+//! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of them.
+
+use super::harden::{HardenOptions, Hardened, train};
+use super::observer::BakeJobObserver;
+use glam::UVec2;
+use std::path::Path;
+use std::time::Instant;
+use trisplat_bake::{BakePreset, Views};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::{Error, ImportedSplats, Result, camera::Camera, placed};
+use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
+use trisplat_train::{TrainOptions, TrainPreset};
+
+/// Share of the triangles that the training begins with; it adds the others where they are missing.
+const FIRST_SHARE: f64 = 0.5;
+/// Share of the training pictures that are drawn between the photos, if there are photos.
+const SHARE_BETWEEN: f64 = 0.5;
+
+/// How often cameras are put between neighbours, while there is room for more pictures.
+const ROUNDS_BETWEEN: usize = 3;
+
+/// What goes into the triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Effort {
+    steps: u64,
+    /// Most triangles, unless they are given.
+    triangles: u64,
+    /// Pictures, and their longer side, px.
+    pictures: usize,
+    longer_px: u32,
+}
+
+impl Effort {
+    const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
+    const DEFAULT: Self = Self { steps: 2500, triangles: 50_000, pictures: 100, longer_px: 480 };
+    const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
+
+    /// Of a bake with this preset, hardened or not.
+    pub(super) fn of(preset: BakePreset, harden: Option<&HardenOptions>) -> Self {
+        match (harden, preset) {
+            (Some(harden), _) => Self { steps: harden.steps_from_gaussians(), ..Self::HARDENED },
+            (None, BakePreset::Fast) => Self::FAST,
+            (None, _) => Self::DEFAULT,
+        }
+    }
+
+    /// The training is that of photos, not that of a soft scene: the first triangles lie right but overlap, so they must move.
+    fn training(&self, most: Option<u64>) -> TrainOptions {
+        let preset = TrainOptions::preset(TrainPreset::Solid);
+        TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
+    }
+}
+
+/// The solid scene of `splats`, read from `path`, with at most `most` triangles. It is trained on pictures from the cameras beside the file,
+/// those of `photos`, or chosen ones; with photos, on these too.
+///
+/// Errors: nothing to see from anywhere; undecodable photos; a stopped run.
+pub(super) fn solid(
+    (path, splats): (&Path, &ImportedSplats),
+    photos: Option<&Dataset>,
+    how: &DatasetOptions,
+    (effort, most): (Effort, Option<u64>),
+    observer: &mut dyn BakeJobObserver,
+) -> Result<Hardened> {
+    let clock = Instant::now();
+    let mut teacher = GaussianTeacher::new(&splats.splats);
+    let mut drew = |done, all| observer.drew(done, all);
+    let placement = splats.provenance.placement;
+    let (max_bytes, drawn) = (how.photo_bytes(), &mut drew);
+    let dataset = match photos {
+        Some(photos) => {
+            let to_file = |camera: &Camera| placed::to_file(camera, &placement, photos.origin);
+            // What each Gaussian contributes to the photos.
+            photos.train().for_each(|view| drop(teacher.picture(&to_file(&effort.limited(&view.camera)))));
+            let picture = |camera: &Camera| teacher.picture(&to_file(camera));
+            drawn_beside(photos, SHARE_BETWEEN, max_bytes, picture, drawn)?
+        }
+        None => {
+            let cameras = effort.cameras(path, splats)?;
+            drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), drawn)?
+        }
+    };
+    let options = effort.training(most);
+    let first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
+    if first.is_empty() {
+        return Err(shows_nothing(path));
+    }
+    let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
+    let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
+    Ok(Hardened { scene, pictures, stage })
+}
+
+impl Effort {
+    /// The cameras of the pictures, in the frame of the file: those that it stores with others between them, or chosen ones.
+    fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
+        let mut stand_in = splats.stand_in();
+        stand_in.cameras = self.chosen(&stand_in.cameras);
+        let mut found = Viewpoints::of_any_side(&stand_in, 0).ok_or_else(|| shows_nothing(path))?;
+        if found.kind != ViewpointKind::Stored {
+            // The most telling ones come first.
+            found.cameras.truncate(self.pictures);
+            return Ok(self.chosen(&found.cameras));
+        }
+        for _ in 0..ROUNDS_BETWEEN {
+            let room = self.pictures.saturating_sub(found.cameras.len());
+            let more = between(&found.cameras);
+            let known = found.cameras.clone();
+            found.cameras.extend(more.into_iter().filter(|camera| !known.contains(camera)).take(room));
+        }
+        Ok(found.cameras)
+    }
+
+    /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most the allowed size.
+    fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
+        let count = cameras.len().min(self.pictures);
+        (0..count).map(|i| self.limited(&cameras[i * cameras.len() / count])).collect()
+    }
+
+    fn limited(&self, camera: &Camera) -> Camera {
+        let longer = camera.size.max_element();
+        if longer <= self.longer_px {
+            return *camera;
+        }
+        camera.resized((camera.size * self.longer_px / longer).max(UVec2::ONE))
+    }
+}
+
+fn shows_nothing(path: &Path) -> Error {
+    let wants = "photos of it (`dataset`), or its cameras in `cameras.json` beside it: nothing is seen of it from anywhere";
+    Error::invalid("inputs", path.display(), wants)
+}

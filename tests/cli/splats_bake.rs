@@ -1,0 +1,125 @@
+//! Gaussian splats become triangles: a ball of Gaussians, judged from places that no picture was drawn from.
+
+use super::{fails, stderr};
+use glam::Vec3;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::metric;
+
+/// Width and height of pictures, px.
+const SIDE: u32 = 144;
+/// Least mean PSNR from unseen places, dB. Triangles that are not trained reach 16 at best.
+const FLOOR: f64 = 23.0;
+
+/// Directions spread over the sphere.
+fn direction(i: usize, count: usize) -> Vec3 {
+    let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+    let (sin, cos) = (i as f32 * 2.399_963).sin_cos();
+    let radius = (1.0 - y * y).sqrt();
+    Vec3::new(radius * cos, y, radius * sin)
+}
+
+/// A ball of flat Gaussians in eight patches of colour.
+fn ball(folder: &Path) -> PathBuf {
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let count = 2500;
+    let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
+    names.split(' ').for_each(|name| writeln!(ply, "property float {name}").unwrap());
+    ply += "end_header\n";
+    for i in 0..count {
+        let p = direction(i, count);
+        let patch = [p.x > 0.0, p.y > 0.0, p.z > 0.0].map(|side| if side { 0.9 } else { -0.9 });
+        let turn = glam::Quat::from_rotation_arc(Vec3::Z, p);
+        let [r, g, b] = patch;
+        let [x, y, z, w] = turn.to_array();
+        // Standard deviations of 0.045, and of 0.003 outwards.
+        writeln!(ply, "{} {} {} {r} {g} {b} 4 -3.1 -3.1 -5.8 {w} {x} {y} {z}", p.x, p.y, p.z).unwrap();
+    }
+    let path = folder.join("ball.ply");
+    std::fs::write(&path, ply).unwrap();
+    path
+}
+
+/// A list of cameras that look at the middle from `count` directions, turned by `turn`.
+fn cameras(path: &Path, count: usize, turn: f32) {
+    let one = |i: usize| {
+        let eye = glam::Quat::from_rotation_x(turn) * direction(i, count) * 4.0;
+        let ahead = -eye.normalize();
+        let right = ahead.cross(Vec3::new(0.1, 1.0, 0.2)).normalize();
+        let down = ahead.cross(right);
+        let row = |k: usize| [right[k], down[k], ahead[k]];
+        serde_json::json!({
+            "img_name": format!("view_{i:02}.png"), "width": SIDE, "height": SIDE, "position": eye.to_array(),
+            "rotation": [row(0), row(1), row(2)], "fx": 240.0, "fy": 240.0,
+        })
+    };
+    let list: Vec<_> = (0..count).map(one).collect();
+    std::fs::write(path, serde_json::to_string(&list).unwrap()).unwrap();
+}
+
+fn run(folder: &Path, threads: u32, arguments: &[&str]) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    let done = command
+        .current_dir(folder)
+        .env("RAYON_NUM_THREADS", threads.to_string())
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{}", stderr(&done));
+}
+
+/// Pictures of `file` over a background from the cameras of `held.json`.
+fn pictures(folder: &Path, file: &str, background: &str) -> Vec<RgbImage> {
+    run(
+        folder,
+        2,
+        &["render", file, "--cameras", "held.json", "--background", background, "-o", "pictures", "-f"],
+    );
+    (0..6).map(|i| RgbImage::load(&folder.join(format!("pictures/view_{i:02}.png"))).unwrap()).collect()
+}
+
+/// Fails where `file` does not look like the ball over black and over white.
+fn looks_like_the_ball(folder: &Path, file: &str) {
+    for background in ["black", "white"] {
+        let (wanted, found) = (pictures(folder, "ball.ply", background), pictures(folder, file, background));
+        let score = |(a, b): (&RgbImage, &RgbImage)| metric::psnr(&a.rgb, &b.rgb, None);
+        let mean = wanted.iter().zip(&found).map(score).sum::<f64>() / wanted.len() as f64;
+        assert!(mean > FLOOR, "{file} over {background}: {mean:.2} dB");
+    }
+}
+
+#[test]
+fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_white() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ball(folder);
+    cameras(&folder.join("held.json"), 6, 0.7);
+    let bake = ["bake", "ball.ply", "--preset", "fast", "--max-triangles", "3000", "-f", "-o"];
+    run(folder, 2, &[&bake[..], &["chosen.glb"]].concat());
+    looks_like_the_ball(folder, "chosen.glb");
+
+    cameras(&folder.join("ball.cameras.json"), 24, 0.0);
+    for (threads, file) in [(1, "listed.glb"), (3, "again.glb")] {
+        run(folder, threads, &[&bake[..], &[file, "--report", "report.json"]].concat());
+    }
+    looks_like_the_ball(folder, "listed.glb");
+    let [one, three] = ["listed.glb", "again.glb"].map(|file| std::fs::read(folder.join(file)).unwrap());
+    assert!(one == three, "the same bytes for any number of threads");
+    let report = std::fs::read_to_string(folder.join("report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert_eq!(report["stages"][0]["name"], "train");
+    assert!(report["stages"][0]["after"]["triangles"].as_u64().unwrap() <= 3000);
+}
+
+#[test]
+fn gaussians_that_cannot_be_baked_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, glb) = (ball(folder.path()), folder.path().join("a.glb"));
+    fails(folder.path(), &[&"bake", &file, &file, &"-o", &glb], &["ball.ply", "baked alone", "merge"]);
+    // Nothing is seen of Gaussians that are points.
+    let text = std::fs::read_to_string(&file).unwrap().replace(" -3.1 -3.1 -5.8 ", " -99 -99 -99 ");
+    std::fs::write(&file, text).unwrap();
+    fails(folder.path(), &[&"bake", &file, &"-o", &glb], &["ball.ply", "dataset", "cameras.json"]);
+}
