@@ -85,7 +85,7 @@ fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let low = read_in(folder.path(), "a.ply", &ply(&names, "float", &[row]), &ReadOptions::with_degree(0));
-    assert_eq!(low.expect("valid").splats.sh.len(), 1);
+    assert_eq!(low.expect("valid").splats.sh.len(), 4, "all degrees: they are drawn");
 }
 
 #[test]
