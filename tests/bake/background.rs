@@ -94,7 +94,6 @@ fn no_background_can_tell_which_one_an_object_was_trained_on() {
         let (with_shards, ..) = baked(trained_on(own), BackgroundFrom::Off);
         let ((psnr, _), (_, shards), (_, before)) =
             (over(&asset, own), over(&asset, other), over(&with_shards, other));
-        println!("{name}: {psnr:.2} dB on it; shards on the other {before:.3} before, {shards:.3} now");
         assert!(psnr > 22.0, "{name}: {psnr:.2} dB");
         assert!(before > 0.5 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
     }
