@@ -38,7 +38,7 @@ pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<As
 ///
 /// ```
 /// # use glam::Vec3;
-/// use trisplat_bake::{Bake, BakeOptions, prune::PruneDetails};
+/// use trisplat_bake::{Bake, BakeOptions, PruneDetails};
 /// use trisplat_scene::report::Report;
 /// # use trisplat_scene::Soup;
 /// # let triangle = Soup {

@@ -42,7 +42,7 @@ impl CardScene {
         self.backend.gpu()
     }
 
-    /// The view of `camera`, as [`SoftRasterizer::render`](trisplat_raster::soft::Soft::render) draws it: colour and
+    /// The view of `camera`, as [`SoftRasterizer::render`](trisplat_raster::soft::SoftRasterizer::render) draws it: colour and
     /// transmittance.
     ///
     /// Errors: the card is lost, or lacks memory.
