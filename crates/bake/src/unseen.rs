@@ -3,7 +3,7 @@
 //! Triangles are ranked by the area they cover in all photos together, after everything in front of them, in
 //! pixels. Triangles outside every picture are kept, because nothing hides them from other views. Hidden
 //! triangles are kept when they are few: they cost little, and close gaps in other views. With a budget of
-//! triangles, the visible ones are then ranked by importance (see [`super::decimate`]).
+//! triangles, the visible ones are then ranked by importance (see `decimate`).
 
 use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};

@@ -163,7 +163,7 @@ impl Views {
         &self.points
     }
 
-    /// How the photos' cameras draw `mesh`: see [`drawing`].
+    /// How the photos' cameras draw `mesh`: see `drawing`.
     pub fn drawing(&self, mesh: &Mesh, samples: u32) -> SolidRasterOptions {
         SolidRasterOptions { background: self.background, ..drawing(&self.cameras, mesh, samples) }
     }

@@ -48,7 +48,7 @@ pub struct OpenBackend {
 pub struct OpenRun<'a> {
     /// The run.
     pub run: StartedRun<'a, Box<dyn TrainBackend>>,
-    /// Its card, as in [`OpenBackend`].
+    /// Its card, as in `OpenBackend`.
     pub card: Option<String>,
     /// A note for the user.
     pub warnings: Vec<String>,

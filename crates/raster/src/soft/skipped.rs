@@ -39,7 +39,7 @@ impl AddAssign for SoftWork {
 }
 
 impl SoftRasterizer {
-    /// Draws a frame twice, like [`render`](Soft::render) and to the last layer, and counts. `None` for a
+    /// Draws a frame twice, like [`render`](SoftRasterizer::render) and to the last layer, and counts. `None` for a
     /// frame drawn in slabs.
     pub fn work(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> Option<SoftWork> {
         self.render(soup, camera, options);

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. `pace`
-//! may change the number of remaining steps only at a [milestone](super::timeline), so that options can
+//! may change the number of remaining steps only at a milestone (`timeline.rs`), so that options can
 //! describe the run.
 
 mod calibrate;
