@@ -88,6 +88,8 @@ async function see({
   if (inputs.length > 0) await still();
   for (const input of inputs) await seenInput(page, client, input, input.seen, still);
   if (soft) {
+    // On a phone the choices are folded away.
+    if (await page.isVisible("#fold")) await page.click("#fold");
     await page.check("input[name=look][value=soft]");
     await page.waitForFunction(() => !document.getElementById("soft").hidden, null, { timeout: 120_000 });
   }

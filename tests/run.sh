@@ -136,7 +136,7 @@ fi
 section 'the program as WebAssembly'
 if ! has clang-19 && has apt-get && apt-cache show clang-19 >/dev/null 2>&1; then (apt_install 'WebAssembly' clang-19) || true; fi
 # Without full optimisation: the same bytes, sooner built.
-if web/build.sh dev; then
+if web/build.sh quick; then
     required=$required,web
 else
     echo 'SKIPPED: web/build.sh could not build it'
