@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
-use trisplat_bake::{BackgroundOptions, BakeOptions, TeacherOptions, bake, is_solid};
+use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
 use trisplat_eval::SceneRenderer;
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
 use trisplat_job::{BakeInput, BakeJob, HardenOptions, describe};
@@ -96,7 +96,7 @@ fn resolved(options: Map<String, Value>) -> Result<BakeOptions> {
 
 /// The same for a bake that looks at no pictures.
 fn quick(options: Map<String, Value>) -> Result<BakeOptions> {
-    Ok(BakeOptions { teacher: TeacherOptions::OFF, background: BackgroundOptions::OFF, ..resolved(options)? })
+    Ok(BakeOptions { teacher: TeacherOptions::OFF, ..resolved(options)? })
 }
 
 /// A scene as an engine draws it, and its placement in the frame of the scene's file.

@@ -31,18 +31,8 @@ use trisplat_scene::{Provenance, Scene, Soup, math::color::srgb_from_linear};
 
 const TARGETS: [&str; 8] = ["gltf", "godot", "godot3", "unity", "unreal", "blender", "web", "playcanvas"];
 /// Flags under which the output holds every triangle of a valid source unchanged.
-const EVERYTHING: [&str; 10] = [
-    "--set",
-    "solid=none",
-    "--set",
-    "min_opacity=0",
-    "--set",
-    "max_sigma=0",
-    "--set",
-    "background=off",
-    "--teacher",
-    "off",
-];
+const EVERYTHING: [&str; 8] =
+    ["--set", "solid=none", "--set", "min_opacity=0", "--set", "max_sigma=0", "--teacher", "off"];
 
 /// A path below the package.
 fn here(path: &str) -> PathBuf {
@@ -281,7 +271,7 @@ fn judges_see_real_scenes() {
         let files = files.each_ref().map(String::as_str);
         let exact = bakes(folder.path(), &source, &files, &EVERYTHING);
         let solid = folder.path().join(format!("{name}.solid.glb"));
-        let triangles = bake(&source, &solid, &["--set", "background=off", "--teacher", "off"]).to_string();
+        let triangles = bake(&source, &solid, &["--teacher", "off"]).to_string();
         for judge in JUDGES {
             assert_as_source(judge, &source, &exact, &[]);
             let flags = ["--expect-shrunk", "--triangles", &triangles];

@@ -4,7 +4,7 @@ mod package;
 
 use super::arrange::arrange;
 use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
-use super::background::{BackgroundDetails, background};
+use super::background::{BackgroundDetails, BackgroundFrom, background};
 use super::collision::collision;
 use super::color::color;
 use super::counts::{count, count_mesh};
@@ -20,7 +20,7 @@ use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{recognise_shell, spared, take_shell};
 use super::solid::solid;
-use super::teacher::{is_solid, teacher};
+use super::teacher::{TeacherWhen, is_solid, teacher};
 use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
@@ -214,9 +214,14 @@ impl<'a> Recipe<'a> {
             return Ok(loaded);
         }
         let (options, photos) = (&self.options.background, self.views.is_some());
+        let draws_none =
+            self.options.teacher.teacher == TeacherWhen::Off && options.background == BackgroundFrom::Auto;
         let measure = |loaded: &ImportedScene| count(&loaded.scene);
         self.report.stage(self.observer, loaded, measure, |loaded, details| {
-            Ok(background(loaded, photos, options, details))
+            Ok(match draws_none {
+                true => Outcome::Skipped("`teacher` off: no pictures are drawn"),
+                false => background(loaded, photos, options, details),
+            })
         })
     }
 
