@@ -68,6 +68,7 @@ fn the_reference_of_the_stress_test_equals_the_oracle() {
 
 #[test]
 fn the_gradient_of_the_reference_equals_dual_numbers_through_the_oracle() {
+    let mut compared = 0;
     for case in cases().into_iter().step_by(2).filter(|case| case.value(Axis::Layers) < 10.0) {
         let StressScene { soup, camera, options } = StressScene::new(&case);
         let options = SoftOptions { ratio_least: 0.0, ..options };
@@ -84,6 +85,16 @@ fn the_gradient_of_the_reference_equals_dual_numbers_through_the_oracle() {
         let got = exact.backward(&soup, &camera, &options, &d);
         for (t, got) in got.iter().enumerate().filter(|(t, _)| !exact.kinked[*t]) {
             let want = exact_grad(&soup, t, &camera, &options, &d);
+            // At a clamped colour the oracle's slope is 0, while a gradient passes if it raises the colour (docs/numerics.md).
+            let clamped: Vec<usize> = (11..14).filter(|n| want[*n] == 0.0).collect();
+            if !clamped.is_empty() {
+                assert!(
+                    clamped.iter().all(|n| got.numbers()[*n] <= 0.0),
+                    "{case:?}, {t}: a colour is lowered"
+                );
+                continue;
+            }
+            compared += 1;
             let groups = [0..9, 9..10, 10..11, 11..want.len()];
             for group in groups {
                 let size = want[group.clone()].iter().fold(1e-12, |m, x| f64::max(m, x.abs()));
@@ -99,6 +110,7 @@ fn the_gradient_of_the_reference_equals_dual_numbers_through_the_oracle() {
             }
         }
     }
+    assert!(compared > 60, "{compared} triangles compared");
 }
 
 #[test]

@@ -149,9 +149,13 @@ mod tests {
         let began = Instant::now();
         program.stop();
         assert!(began.elapsed() < PATIENCE);
-        // Ended, or waiting to be reaped.
-        let state = std::fs::read_to_string(format!("/proc/{started}/stat")).unwrap_or_default();
-        assert!(state.is_empty() || state.contains(") Z"), "{state}");
+        // Ended, or waiting to be reaped; a killed process may still have to be scheduled.
+        let state = || std::fs::read_to_string(format!("/proc/{started}/stat")).unwrap_or_default();
+        let ended = || state().is_empty() || state().contains(") Z");
+        while !ended() && began.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        assert!(ended(), "{}", state());
         assert!(running().is_empty() || !running().contains(&program.child.id()));
     }
 
