@@ -89,7 +89,7 @@ fn over(asset: &Asset, background: [f32; 3]) -> (f64, f64) {
 fn no_background_can_tell_which_one_an_object_was_trained_on() {
     for (own, other, name) in [(BLACK, WHITE, "black"), (WHITE, BLACK, "white")] {
         let (asset, details, skipped) = baked(trained_on(own), BackgroundFrom::Auto);
-        let found = BackgroundDetails { object: true, color: Some(name.to_owned()) };
+        let found = BackgroundDetails { object: true, color: Some(name.parse().unwrap()) };
         assert_eq!((details, skipped), (Some(found), None));
         let (with_shards, ..) = baked(trained_on(own), BackgroundFrom::Off);
         let ((psnr, _), (_, shards), (_, before)) =

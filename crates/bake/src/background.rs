@@ -3,7 +3,7 @@
 //! They would be shards on a page or before a sky. It runs on the scene as it was trained. Its result tells later
 //! stages to draw the object alone, so that fitting leaves no new ones.
 
-use super::teacher::{is_solid, viewpoints};
+use super::teacher::{HAS_PHOTOS, soft_soup, viewpoints};
 use std::fmt;
 use std::str::FromStr;
 use trisplat_dataset::Background as Color;
@@ -99,14 +99,13 @@ pub struct BackgroundDetails {
     pub object: bool,
     /// The colour it was trained on; absent where only the object is in view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub color: Option<String>,
+    pub color: Option<Color>,
 }
 
 impl BackgroundDetails {
     /// The colour behind the object, sRGB-encoded: black where any will do. `None` where there is no object.
     pub fn behind(&self) -> Option<[f32; 3]> {
-        let color = self.color.as_deref().and_then(|color| color.parse().ok());
-        self.object.then(|| color.unwrap_or(Color([0; 3])).to_f32())
+        self.object.then(|| self.color.unwrap_or(Color([0; 3])).to_f32())
     }
 }
 
@@ -126,19 +125,17 @@ pub fn background(
         BackgroundFrom::Auto => None,
         BackgroundFrom::Color(color) => Some(color.to_f32()),
     };
-    let soup = match &scene.scene {
-        Scene::Mesh(_) => return Outcome::Skipped("the input is a mesh: its triangles are solid"),
-        Scene::Soup(soup) if is_solid(soup) => return Outcome::Skipped("the scene is solid already"),
-        Scene::Soup(_) if photos => return Outcome::Skipped("there are photos, or pictures already"),
-        Scene::Soup(soup) => soup,
+    let soup = match soft_soup(&scene.scene) {
+        Ok(_) if photos => return Outcome::Skipped(HAS_PHOTOS),
+        Ok(soup) => soup,
+        Err(why) => return Outcome::Skipped(why),
     };
     let cameras = viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
     let Some(found) = Background::of(soup, &cameras, given) else {
         return Outcome::Skipped("the borders of its pictures have no common colour");
     };
     details.object = true;
-    details.color =
-        found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)).to_string());
+    details.color = found.rgb.map(|rgb| Color(rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)));
     let is_object = found.is_object;
     if is_object.iter().all(|object| *object) || !is_object.contains(&true) {
         return Outcome::Skipped("no triangle shows the background alone");

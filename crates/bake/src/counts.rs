@@ -3,7 +3,7 @@
 use trisplat_scene::{Asset, Scene, mesh::Mesh, report::Counts};
 
 /// Of a soup or a mesh.
-pub(super) fn count(scene: &Scene) -> Counts {
+pub fn count(scene: &Scene) -> Counts {
     match scene {
         Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
         Scene::Mesh(mesh) => count_mesh(mesh),

@@ -64,6 +64,7 @@ pub use bvh::{BvhDetails, BvhOptions, bvh};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use collision::{CollisionDetails, CollisionOptions, collision};
 pub use color::{ColorDetails, color};
+pub use counts::count;
 pub use crop::CropDetails;
 pub use decimate::{Decimation, enlarge, rank_by_size};
 pub use exposure::ExposureDetails;

@@ -11,6 +11,7 @@ use super::views::{SAMPLES, Views, drawing};
 use glam::UVec2;
 use trisplat_formats::info::Softness;
 use trisplat_raster::{soft::SoftOptions, solid::SolidRasterizer};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{
     ImportedScene, Result, Scene, Soup,
     camera::Camera,
@@ -117,16 +118,13 @@ pub fn teacher(
     if options.teacher == TeacherWhen::Off {
         return Ok(Outcome::Skipped("`teacher` off"));
     }
-    let soup = match &scene.scene {
-        Scene::Mesh(_) => return Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
-        Scene::Soup(soup) if is_solid(soup) => {
-            return Ok(Outcome::Skipped("the scene is solid already"));
-        }
-        Scene::Soup(soup) => soup,
+    let soup = match soft_soup(&scene.scene) {
+        Ok(soup) => soup,
+        Err(why) => return Ok(Outcome::Skipped(why)),
     };
     if photos {
         details.softness = softness_from(soup, &scene.cameras, solidly)?;
-        return Ok(Outcome::Skipped("there are photos, or pictures already"));
+        return Ok(Outcome::Skipped(HAS_PHOTOS));
     }
     let Some(viewpoints) = viewpoints(scene) else {
         return Ok(Outcome::Skipped("the scene stores no cameras and shows nothing from anywhere"));
@@ -142,6 +140,18 @@ pub fn teacher(
     details.covered = Some(drawn.covered());
     *views = Some(drawn);
     Ok(Outcome::Changed(()))
+}
+
+/// Why a scene with photos needs no pictures of its own.
+pub(super) const HAS_PHOTOS: &str = "there are photos, or pictures already";
+
+/// The soup of a soft scene, or why there is none.
+pub(super) fn soft_soup(scene: &Scene) -> std::result::Result<&Soup, &'static str> {
+    match scene {
+        Scene::Mesh(_) => Err("the input is a mesh: its triangles are solid"),
+        Scene::Soup(soup) if is_solid(soup) => Err("the scene is solid already"),
+        Scene::Soup(soup) => Ok(soup),
+    }
 }
 
 /// The cameras for a bake's pictures; of chosen viewpoints the most telling ones.
@@ -200,7 +210,7 @@ fn within_budget(cameras: Vec<Camera>) -> Vec<Camera> {
     }
     let share = MOST_PIXELS as f64 / pixels as f64;
     let count = ((cameras.len() as f64 * share) as usize).max(1);
-    (0..count).map(|i| no_larger(&cameras[i * cameras.len() / count])).collect()
+    evenly_spaced(cameras.len(), count).map(|i| no_larger(&cameras[i])).collect()
 }
 
 /// The camera, with a smaller picture where one of its own size would alone be too large.
@@ -250,11 +260,11 @@ fn softness_from(soup: &Soup, cameras: &[Camera], solidly: &SolidOptions) -> Res
     let (drawing, mut solid) = (drawing(cameras, &mesh, SAMPLES), SolidRasterizer::new());
     let count = SOFTNESS_VIEWS.min(cameras.len());
     let psnr = |i: usize| {
-        let camera = small(&cameras[i * cameras.len() / count]);
+        let camera = small(&cameras[i]);
         let (soft, solid) = (teacher.picture(&camera), solid.render(&mesh, &camera, &drawing));
         metric::psnr(&soft.rgb, &solid.rgb, None)
     };
-    let psnr = (0..count).map(psnr).sum::<f64>() / count as f64;
+    let psnr = evenly_spaced(cameras.len(), count).map(psnr).sum::<f64>() / count as f64;
     Ok(Some(Softness { psnr, pictures: count as u64 }))
 }
 

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos, exposure::Exposures};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{
     Placement, Result, camera::Camera, image::RgbImage, math::median::median, math::metric, mesh::Mesh,
     placed,
@@ -241,8 +242,7 @@ impl Views {
 
     /// At most `count` photos, evenly spaced in their order.
     pub fn evenly_spaced(&self, count: usize) -> Vec<usize> {
-        let count = count.min(self.len());
-        (0..count).map(|i| i * self.len() / count).collect()
+        evenly_spaced(self.len(), count).collect()
     }
 
     /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.

@@ -7,7 +7,7 @@ use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
+use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, count, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::{
@@ -202,9 +202,12 @@ impl BakeJob {
                 let training = hardening.training(soft.scene.triangle_count(), most);
                 let photos = self.photos.as_ref();
                 let (options, has_photos) = (&self.options.background, photos.is_some());
-                let soft = report.stage(observer, soft, harden::counts, |soft, details| {
-                    Ok(background(soft, has_photos, options, details))
-                })?;
+                let soft = report.stage(
+                    observer,
+                    soft,
+                    |soft| count(&soft.scene),
+                    |soft, details| Ok(background(soft, has_photos, options, details)),
+                )?;
                 let behind = report.details::<BackgroundDetails>().and_then(|found| found.behind());
                 // `max_bytes` holds for the hardened scene only.
                 if self.max_bytes.is_none() {

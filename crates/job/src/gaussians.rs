@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{Error, ImportedSplats, Result, camera::Camera, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset};
@@ -112,8 +113,7 @@ impl Effort {
 
     /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most the allowed size.
     fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
-        let count = cameras.len().min(self.pictures);
-        (0..count).map(|i| self.limited(&cameras[i * cameras.len() / count])).collect()
+        evenly_spaced(cameras.len(), self.pictures).map(|i| self.limited(&cameras[i])).collect()
     }
 
     fn limited(&self, camera: &Camera) -> Camera {

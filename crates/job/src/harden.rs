@@ -3,11 +3,11 @@
 use super::observer::BakeJobObserver;
 use std::path::Path;
 use std::time::Instant;
-use trisplat_bake::{Views, is_solid, pictures};
+use trisplat_bake::{Views, count, is_solid, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::{
     Error, ImportedScene, Result, Scene,
-    report::{Counts, StageDetails, StageReport},
+    report::{StageDetails, StageReport},
 };
 use trisplat_teacher as teacher;
 use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
@@ -76,7 +76,7 @@ pub(super) struct Hardened {
 impl Hardened {
     /// `scene` unchanged, and the reason.
     pub(super) fn needless(scene: ImportedScene, why: &str) -> Self {
-        let counts = counts(&scene);
+        let counts = count(&scene.scene);
         let stage = StageReport {
             before: counts,
             after: counts,
@@ -84,12 +84,6 @@ impl Hardened {
         };
         Self { scene, pictures: None, stage }
     }
-}
-
-/// The size of `scene`, a soup.
-pub(super) fn counts(scene: &ImportedScene) -> Counts {
-    let triangles = scene.scene.triangle_count() as u64;
-    Counts { triangles, vertices: 3 * triangles }
 }
 
 /// Why `scene` need not be hardened, if it is solid.

@@ -2,6 +2,7 @@
 
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, Views, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{
     Asset, ImportedScene, Placement, Result,
     report::{Report, StageDetails, StageReport},
@@ -41,8 +42,8 @@ impl Unhardened {
             None => {
                 let known = Viewpoints::of(scene, 0).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
                 let cameras = between(&between(&known));
-                let count = JUDGED.min(cameras.len());
-                pictures(scene, behind, (0..count).map(|i| cameras[i * cameras.len() / count]).collect())
+                let judged = evenly_spaced(cameras.len(), JUDGED).map(|i| cameras[i]);
+                pictures(scene, behind, judged.collect())
             }
         };
         let photo_size =

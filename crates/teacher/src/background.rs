@@ -5,6 +5,7 @@
 
 use super::drawing::{Teacher, is_drawn};
 use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{Soup, camera::Camera, math::median::median};
 
 /// Most pictures that are compared, and their longer side, px.
@@ -34,9 +35,8 @@ impl Background {
     /// The background of `soup`, as `cameras` see it; a `given` colour overrules the pictures. `None` where the
     /// borders of the pictures have no common colour, as in a scene that fills them.
     pub fn of(soup: &Soup, cameras: &[Camera], given: Option<[f32; 3]>) -> Option<Self> {
-        let count = cameras.len().min(MOST_PICTURES);
-        let camera = |i: usize| cameras[i * cameras.len() / count].within(SIDE);
-        let cameras: Vec<Camera> = (0..count).map(camera).collect();
+        let chosen = evenly_spaced(cameras.len(), MOST_PICTURES);
+        let cameras: Vec<Camera> = chosen.map(|i| cameras[i].within(SIDE)).collect();
         let drawn: Vec<usize> = (0..soup.len()).filter(|i| is_drawn(&soup.vertices[*i])).collect();
         let part = soup.picked(&drawn);
         let rgb = match given {

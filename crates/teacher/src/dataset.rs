@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetKind, Photo, PictureFile, View};
 use trisplat_raster::soft::SoftOptions;
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{Error, ImportedScene, Result, camera::Camera, image::RgbImage, placed};
 
 /// One picture in this many is held out, to score the solid scene.
@@ -95,8 +96,7 @@ pub fn drawn_beside(
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
     let between = stored::between(&cameras);
     let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
-    let count = wanted.min(between.len());
-    let chosen: Vec<Camera> = (0..count).map(|i| between[i * between.len() / count]).collect();
+    let chosen: Vec<Camera> = evenly_spaced(between.len(), wanted).map(|i| between[i]).collect();
     let pictures = draw(&chosen, max_bytes, picture, drawn)?;
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
 }

@@ -4,6 +4,7 @@ pub mod color;
 pub mod color_fit;
 pub mod curve;
 pub mod eigen;
+pub mod evenly_spaced;
 pub mod finite;
 pub mod lanes;
 pub mod median;
