@@ -143,7 +143,6 @@ fn the_package_holds_what_a_build_needs_and_nothing_else() {
     let files = String::from_utf8(done.stdout).unwrap();
     for needed in [
         "src/main.rs",
-        "page/dist/page.html",
         "schemas/bake.schema.json",
         "samples/soups/studio.ply",
         "LICENSE-MIT",
