@@ -8,6 +8,7 @@
 )]
 
 mod browser;
+mod editors;
 mod engines;
 mod floats;
 mod framing;

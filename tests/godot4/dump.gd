@@ -1,11 +1,12 @@
-# Writes what Godot 4 made of scene.glb to dump.bin, one record a vertex in the order of the file: position as
+# Writes what Godot 4 made of scene.ply, or of scene.glb where there is none, to dump.bin, one record a vertex in the order of the file: position as
 # three floats, colour as three bytes. Prints one line a mesh node: name, vertices, colours and material flags; and one a body: name and
 # triangles of its shape.
 extends SceneTree
 
 func _init():
 	var out = FileAccess.open("res://dump.bin", FileAccess.WRITE)
-	var root = load("res://scene.glb").instantiate()
+	var path = "res://scene.ply" if ResourceLoader.exists("res://scene.ply") else "res://scene.glb"
+	var root = load(path).instantiate()
 	for node in root.get_children():
 		if node is StaticBody3D:
 			print("body ", node.name, " ", node.get_child(0).shape.get_faces().size() / 3)
