@@ -105,6 +105,8 @@ fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_
         run(folder, threads, &[&bake[..], &[file, "--report", "report.json"]].concat());
     }
     looks_like_the_ball(folder, "listed.glb");
+    run(folder, 2, &["mesh", "ball.ply", "--texture", "--max-triangles", "2000", "-o", "surface.glb"]);
+    looks_like_the_ball(folder, "surface.glb");
     let [one, three] = ["listed.glb", "again.glb"].map(|file| std::fs::read(folder.join(file)).unwrap());
     assert!(one == three, "the same bytes for any number of threads");
     let report = std::fs::read_to_string(folder.join("report.json")).unwrap();

@@ -12,15 +12,19 @@ use trisplat_formats::{
     self as formats, OutputTarget, ReadOptions,
     output::{self, Output, OutputOptions},
 };
-use trisplat_scene::{Asset, Error, ImportedScene, Provenance, Result, Scene, Soup, report::Report};
+use trisplat_scene::{
+    Asset, Error, ImportedScene, ImportedSplats, Provenance, Result, Scene, Soup, report::Report,
+};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
 pub struct EvalStep {
-    /// "soft", "solid" or "file".
+    /// "soft", "solid", "file" or "splats".
     pub name: &'static str,
     /// Number of triangles.
     pub triangles: u64,
+    /// Number of Gaussians.
+    pub splats: u64,
     /// Size of the file, if one was written.
     pub bytes: Option<u64>,
     /// Draws it.
@@ -65,6 +69,29 @@ pub fn steps(
     }
 }
 
+/// The one step of Gaussians, which are drawn as their trainers draw them.
+///
+/// Errors: a mode of drawing triangles.
+pub fn steps_of_splats(
+    loaded: ImportedSplats,
+    options: &RenderOptions,
+    dataset: &Dataset,
+    background: [f32; 3],
+) -> Result<Vec<EvalStep>> {
+    check_splats(options)?;
+    let (splats, placement) = (loaded.splats.len() as u64, loaded.provenance.placement);
+    let renderer = SceneRenderer::splats(loaded.splats, &placement, Some(dataset), background);
+    Ok(vec![EvalStep { name: "splats", triangles: 0, splats, bytes: None, renderer }])
+}
+
+/// Refuses modes that only triangles have.
+pub fn check_splats(options: &RenderOptions) -> Result<()> {
+    match options.mode {
+        Some(_) => Err(Error::invalid("as", "given", "no value for Gaussians, which are drawn in one way")),
+        None => Ok(()),
+    }
+}
+
 /// The error of a mesh where only a soup can be drawn.
 pub fn no_soup(path: &Path) -> Error {
     let reason =
@@ -104,7 +131,7 @@ impl StepFactory<'_> {
     fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
         let triangles = soup.len() as u64;
         let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
-        EvalStep { name: "soft", triangles, bytes: None, renderer }
+        EvalStep { name: "soft", triangles, splats: 0, bytes: None, renderer }
     }
 
     fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
@@ -112,6 +139,6 @@ impl StepFactory<'_> {
         let triangles = mesh.face_count() as u64;
         let renderer =
             SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
-        EvalStep { name, triangles, bytes, renderer }
+        EvalStep { name, triangles, splats: 0, bytes, renderer }
     }
 }

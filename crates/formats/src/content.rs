@@ -5,7 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::splats;
 use std::path::Path;
-use trisplat_scene::{ImportedScene, ImportedSplats, Result};
+use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,4 +29,14 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
         }
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
+}
+
+/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot be read holds none, nor does standard input,
+/// which is read once.
+pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
+    if path.as_os_str() == "-" {
+        return false;
+    }
+    let format = Source::open(path, limits).and_then(|mut source| splats::format_of(&mut source));
+    format.is_ok_and(|format| format.is_some())
 }
