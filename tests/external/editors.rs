@@ -102,21 +102,17 @@ fn blender_imports_a_scene_by_the_extension() {
     loaded.take_backdrop();
     let Scene::Mesh(mesh) = loaded.scene else { panic!("a GLB is a mesh") };
     assert_eq!(said["drawn"], mesh.face_count());
-    let records = |bytes: &[u8]| {
-        let mut records: Vec<[u8; 15]> =
-            bytes.chunks_exact(15).map(|record| record.try_into().unwrap()).collect();
-        records.sort();
-        records
-    };
-    let mut wants = Vec::new();
+    let dump = fs::read(at("dump.bin")).unwrap();
+    let mut records = dump.chunks_exact(15);
     for face in 0..mesh.face_count() {
         for (position, color) in mesh.corners(face).into_iter().zip(mesh.corner_colors(face)) {
-            wants.extend(position.to_array().into_iter().flat_map(f32::to_le_bytes));
-            wants.extend(color.map(|channel| (255.0 * srgb_from_linear(channel)).round() as u8));
+            let (place, codes) = records.next().unwrap().split_at(12);
+            let got = [0, 4, 8].map(|i| f32::from_le_bytes(place[i..i + 4].try_into().unwrap()));
+            assert_eq!(got, position.to_array(), "corner of face {face}");
+            // Blender rounds colours between two codes in its own way.
+            let wants = color.map(|channel| (255.0 * srgb_from_linear(channel)).round() as u8);
+            assert!((0..3).all(|c| wants[c].abs_diff(codes[c]) <= 1), "{wants:?} {codes:?} of face {face}");
         }
     }
-    assert!(
-        records(&fs::read(at("dump.bin")).unwrap()) == records(&wants),
-        "a position or a colour is another"
-    );
+    assert_eq!(records.len(), 0);
 }

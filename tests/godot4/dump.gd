@@ -15,6 +15,7 @@ func _init():
 		var arrays = node.mesh.surface_get_arrays(0)
 		var positions = arrays[Mesh.ARRAY_VERTEX]
 		var colors = arrays[Mesh.ARRAY_COLOR]
+		var indices = arrays[Mesh.ARRAY_INDEX]
 		var material = node.mesh.surface_get_material(0)
 		var shows = material.vertex_color_use_as_albedo and material.vertex_color_is_srgb
 		var unlit = material.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED
@@ -24,7 +25,8 @@ func _init():
 			print("lit ", node.name, " ", shows and both_sides and normals.size() == positions.size())
 		print("node ", node.name, " ", positions.size(), " ", colors.size(), " ", shows and unlit and both_sides)
 		for first in range(0, positions.size(), 3):
-			for i in [first, first + 2, first + 1]: # the import turns triangles round
+			for corner in [first, first + 2, first + 1]: # the import turns triangles round
+				var i = corner if indices == null else indices[corner]
 				var at = node.transform * positions[i]
 				for value in [at.x, at.y, at.z]:
 					out.store_float(value)
