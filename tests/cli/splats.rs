@@ -103,6 +103,7 @@ fn gaussians_are_scored_on_photos_as_their_trainers_draw_them() {
     assert_eq!((step["name"].as_str(), step["splats"].as_u64()), (Some("splats"), Some(2)));
     // Equal pictures have at most this.
     assert!(step["mean"]["psnr"].as_f64().unwrap() > 80.0, "{step}");
-    let as_triangles: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"eval", &file, &dataset, &"--as", &"solid"];
+    let as_triangles: [&dyn AsRef<std::ffi::OsStr>; 7] =
+        [&"eval", &file, &dataset, &"--split", &"all", &"--as", &"solid"];
     fails(folder.path(), &as_triangles, &["--as", "Gaussians"]);
 }
