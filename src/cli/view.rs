@@ -7,7 +7,7 @@ use std::sync::Arc;
 use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_eval::{BakedScene, SceneRenderer};
-use trisplat_formats::{self as formats, Content};
+use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera,
@@ -90,11 +90,8 @@ pub(super) fn load(
     progress: &dyn Fn(&str),
 ) -> Result<WindowScene> {
     progress("reading");
-    let (loaded, splats) = match formats::read_content(&files.file, &how.read_options(3))? {
-        Content::Scene(loaded) => (loaded, None),
-        // Triangles in their place, until the camera rests and they are drawn themselves.
-        Content::Splats(loaded) => (loaded.stand_in(), Some(loaded.splats)),
-    };
+    // Triangles in place of Gaussians, until the camera rests and they are drawn themselves.
+    let (loaded, splats) = formats::read_content(&files.file, &how.read_options(3))?.stand_in();
     let photos = match &files.dataset {
         Some(path) => {
             progress("reading the data set");

@@ -10,10 +10,10 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
 use trisplat_eval::SceneRenderer;
-use trisplat_formats::{self as formats, Content, ReadOptions, gltf, info};
+use trisplat_formats::{self as formats, ReadOptions, gltf, info};
 use trisplat_job::{BakeInput, BakeJob, HardenOptions, describe};
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, Splats,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,
     guard::{self, is_guarded},
     input,
@@ -69,7 +69,7 @@ fn run(job: Job) -> Result<()> {
         Job::Picture { input, output, view, size, background, options } => {
             let camera = view.camera(UVec2::from(size));
             camera.validate(&Limits::DEFAULT)?;
-            let (loaded, splats) = triangles_of(formats::read_content(&input, &ReadOptions::default())?);
+            let (loaded, splats) = formats::read_content(&input, &ReadOptions::default())?.stand_in();
             let file_placement = loaded.provenance.placement;
             let mut renderer = match (splats, &loaded.scene) {
                 (Some(splats), _) => SceneRenderer::splats(splats, &file_placement, None, background),
@@ -111,19 +111,11 @@ fn shown(loaded: ImportedScene, options: &BakeOptions) -> Result<(Asset, Placeme
     Ok((asset, placement))
 }
 
-/// The triangles to display, and the Gaussians that they stand for.
-fn triangles_of(content: Content) -> (ImportedScene, Option<Splats>) {
-    match content {
-        Content::Scene(loaded) => (loaded, None),
-        Content::Splats(loaded) => (loaded.stand_in(), Some(loaded.splats)),
-    }
-}
-
 /// Reports the content of `input` and its rotation, and writes a scene for display.
 fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
     let (info, content) = info::info_of_content(input, &ReadOptions::with_degree(0))?;
     say("info", info);
-    let (loaded, _) = triangles_of(content);
+    let (loaded, _) = content.stand_in();
     say("soft", matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)));
     let (asset, placement) = shown(loaded, options)?;
     say("to_view", matrix(&placement));

@@ -99,7 +99,7 @@ fn file_psnr(loaded: &ImportedScene, dataset: &Dataset, mut views: Option<Views>
     let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
     let (triangles, placement) = (file.mesh.face_count() as u64, file.provenance.placement);
     let renderer = SceneRenderer::solid(file.mesh, &placement, Some(dataset), [0.0; 3], 4);
-    let mut steps = [EvalStep { name: "file", triangles, splats: 0, bytes: Some(bytes), renderer }];
+    let mut steps = [EvalStep { name: "file", triangles, bytes: Some(bytes), renderer }];
     let held_out: Vec<_> = dataset.test().collect();
     evaluate(&mut steps, &held_out, 1 << 26, &[], false, |_, _, _| Ok(())).unwrap()[0].mean.psnr
 }

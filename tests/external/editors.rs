@@ -1,25 +1,13 @@
 //! The add-ons of `editors`, installed in the editors that run here.
 
 use super::{assert_same_scene, have, here, project, runs, studio};
+use crate::folders::copy_folder;
 use serde_json::Value;
 use std::fs;
-use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 use trisplat_formats::{ReadOptions, read};
 use trisplat_scene::{Scene, math::color::srgb_from_linear};
-
-/// Copies the files of a folder and of those in it.
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let (path, name) = entry.map(|entry| (entry.path(), entry.file_name())).unwrap();
-        match path.is_dir() {
-            true => copy(&path, &to.join(name)),
-            false => drop(fs::copy(&path, to.join(name)).unwrap()),
-        }
-    }
-}
 
 /// Godot imports a dropped scene by the add-on: the same nodes, positions, colours and ground as from a GLB that was baked by hand.
 #[test]
@@ -32,7 +20,7 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     let folder = project("tests/godot4", "godot");
     let at = |name: &str| folder.path().join(name);
     fs::remove_file(at("scene.glb.import")).unwrap();
-    copy(&here("editors/godot/addons"), &at("addons"));
+    copy_folder(&here("editors/godot/addons"), &at("addons"));
     // Godot may run where this program's folder is not.
     fs::copy(env!("CARGO_BIN_EXE_trisplat"), at("trisplat")).unwrap();
     fs::copy(studio(), at("scene.ply")).unwrap();

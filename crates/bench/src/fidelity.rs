@@ -261,7 +261,7 @@ impl FidelityBench<'_> {
         let bytes = std::fs::metadata(path).ok().map(|m| m.len());
         let placement = &loaded.provenance.placement;
         let renderer = SceneRenderer::soft(soup, placement, Some(self.dataset), self.background);
-        Ok(EvalStep { name: "soft", triangles, splats: 0, bytes, renderer })
+        Ok(EvalStep { name: "soft", triangles, bytes, renderer })
     }
 
     /// Bakes a case once, writes it for its targets and measures the files; returns what was baked.
@@ -333,7 +333,7 @@ impl FidelityBench<'_> {
         let (mesh, placement) = (asset.mesh.clone(), &asset.provenance.placement);
         let triangles = mesh.face_count() as u64;
         let renderer = SceneRenderer::solid(mesh, placement, Some(self.dataset), self.background, ssaa);
-        EvalStep { name, triangles, splats: 0, bytes: Some(bytes), renderer }
+        EvalStep { name, triangles, bytes: Some(bytes), renderer }
     }
 
     fn evaluate(&self, step: EvalStep) -> Result<StepScore> {

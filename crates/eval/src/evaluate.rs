@@ -167,7 +167,7 @@ pub fn evaluate(
         let change = scores.last().map(|before| mean.minus(&before.mean));
         let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        let splats = (step.splats > 0).then_some(step.splats);
+        let splats = step.renderer.splat_count();
         scores.push(StepScore {
             name,
             triangles,

@@ -23,8 +23,6 @@ pub struct EvalStep {
     pub name: &'static str,
     /// Number of triangles.
     pub triangles: u64,
-    /// Number of Gaussians.
-    pub splats: u64,
     /// Size of the file, if one was written.
     pub bytes: Option<u64>,
     /// Draws it.
@@ -79,9 +77,9 @@ pub fn steps_of_splats(
     background: [f32; 3],
 ) -> Result<Vec<EvalStep>> {
     check_splats(options)?;
-    let (splats, placement) = (loaded.splats.len() as u64, loaded.provenance.placement);
+    let placement = loaded.provenance.placement;
     let renderer = SceneRenderer::splats(loaded.splats, &placement, Some(dataset), background);
-    Ok(vec![EvalStep { name: "splats", triangles: 0, splats, bytes: None, renderer }])
+    Ok(vec![EvalStep { name: "splats", triangles: 0, bytes: None, renderer }])
 }
 
 /// Refuses modes that only triangles have.
@@ -131,7 +129,7 @@ impl StepFactory<'_> {
     fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
         let triangles = soup.len() as u64;
         let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
-        EvalStep { name: "soft", triangles, splats: 0, bytes: None, renderer }
+        EvalStep { name: "soft", triangles, bytes: None, renderer }
     }
 
     fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
@@ -139,6 +137,6 @@ impl StepFactory<'_> {
         let triangles = mesh.face_count() as u64;
         let renderer =
             SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
-        EvalStep { name, triangles, splats: 0, bytes, renderer }
+        EvalStep { name, triangles, bytes, renderer }
     }
 }

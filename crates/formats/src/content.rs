@@ -5,7 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::splats;
 use std::path::Path;
-use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result};
+use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +14,16 @@ pub enum Content {
     Scene(ImportedScene),
     /// Gaussians.
     Splats(ImportedSplats),
+}
+
+impl Content {
+    /// The triangles to display, and the Gaussians that they stand for: see [`ImportedSplats::stand_in`].
+    pub fn stand_in(self) -> (ImportedScene, Option<Splats>) {
+        match self {
+            Self::Scene(loaded) => (loaded, None),
+            Self::Splats(loaded) => (loaded.stand_in(), Some(loaded.splats)),
+        }
+    }
 }
 
 /// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians. These come with

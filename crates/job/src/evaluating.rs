@@ -136,7 +136,11 @@ impl<'a> ReadyEval<'a> {
         mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
-        let covered = match self.steps.first_mut().filter(|step| self.job.coverage && step.splats == 0) {
+        let covered = match self
+            .steps
+            .first_mut()
+            .filter(|step| self.job.coverage && step.renderer.splat_count().is_none())
+        {
             Some(step) => {
                 let training: Vec<&View> = self.dataset.train().collect();
                 let depth = |camera: &_| step.renderer.surface_depth(camera);

@@ -180,6 +180,14 @@ impl SceneRenderer {
         Self::Splats(Box::new(SplatsScene { splats, options, placed }))
     }
 
+    /// Number of Gaussians; `None` of triangles.
+    pub fn splat_count(&self) -> Option<u64> {
+        match self {
+            Self::Splats(scene) => Some(scene.splats.len() as u64),
+            Self::Soft(_) | Self::Solid(_) => None,
+        }
+    }
+
     /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
     pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
         let Self::Soft(scene) = self else { return Vec::new() };
