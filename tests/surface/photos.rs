@@ -22,7 +22,7 @@ fn photos_alone_become_a_textured_surface() {
     let texture = TextureOptions { texture: TextureWhen::On, ..TextureOptions::default() };
     let options = MeshOptions { surface, texture, ..MeshOptions::default() };
     let mut job = MeshJob::new(None, Some(dataset.clone()), options);
-    job.budget = Seconds(6.0);
+    job.budget = Seconds(15.0);
     let mut report = Report::new("mesh");
     let asset = job.run(&mut report, &mut (), &mut ()).unwrap().unwrap();
     asset.mesh.validate().unwrap();
