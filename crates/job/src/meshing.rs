@@ -29,14 +29,17 @@ pub struct MeshJob {
     pub dataset_options: DatasetOptions,
     /// Options of the stages.
     pub options: MeshOptions,
-    /// CPU time of that training.
-    pub budget: Seconds,
+    /// Options of that training.
+    pub train: TrainOptions,
+    /// CPU time of that training; `None`: the steps of `train`, so equal jobs make equal bytes.
+    pub budget: Option<Seconds>,
 }
 
 impl MeshJob {
     /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
     pub fn new(scene: Option<Content>, photos: Option<Dataset>, options: MeshOptions) -> Self {
-        Self { scene, photos, dataset_options: DatasetOptions::default(), options, budget: TRAINING }
+        let (dataset_options, train) = (DatasetOptions::default(), TrainOptions::default());
+        Self { scene, photos, dataset_options, options, train, budget: Some(TRAINING) }
     }
 
     /// Makes the surface and writes it as its options say; the ending of `path` chooses the format. Existing files are replaced.
@@ -77,9 +80,12 @@ impl MeshJob {
                 solid.scene
             }
             (None, Some(photos)) => {
-                let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
+                let mut job = TrainJob::new(photos.clone(), self.train);
                 job.dataset_options = self.dataset_options.clone();
-                job.budget = Some(Budget::cpu(Seconds(cpu_secs() + self.budget.0)));
+                match self.budget {
+                    Some(budget) => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + budget.0))),
+                    None => job.options = job.options.giving(&["steps"]),
+                }
                 let done = match job.run(trains) {
                     Err(Error::Stopped { .. }) => return Ok(None),
                     done => done?,
