@@ -13,12 +13,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Every line of every ```sh block of the two pages.
+/// Every line of every ```sh block of the two pages, once.
 fn commands() -> Vec<String> {
     let page = |name| std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap();
     let pages = [page("README.md"), page("docs/commands.md")].join("\n");
     let blocks = pages.split("```sh\n").skip(1).map(|rest| rest.split("```").next().unwrap());
-    blocks.flat_map(str::lines).map(|l| l.split('#').next().unwrap().trim().to_owned()).collect()
+    let lines = blocks.flat_map(str::lines).map(|l| l.split('#').next().unwrap().trim().to_owned());
+    let mut seen = BTreeSet::new();
+    lines.filter(|line| seen.insert(line.clone())).collect()
 }
 
 /// What the README's examples take for granted: the samples, somebody's photos and an author's checkpoint.
@@ -60,7 +62,7 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["train", ..] => &["--force", "--steps", "60"],
         ["mesh", "photos", ..] => &["--max-size", "96"],
         ["eval", ..] => &["--ssaa", "1"],
-        ["make", ..] => &["--force", "--budget", "6s", "--max-size", "60", "--max-triangles", "500"],
+        ["make", ..] => &["--force", "--steps", "200", "--max-size", "60", "--max-triangles", "500"],
         ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
         ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
         ["bench", "cost", ..] => &["--steps", "20", "--max-triangles", "300", "--max-size", "64"],

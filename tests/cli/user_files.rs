@@ -195,7 +195,7 @@ fn photos_of_one_stem_are_all_taken() {
 
 /// A short run on small pictures; the fake program finds the poses.
 const MAKE: [&str; 11] =
-    ["make", "photos", "-o", "m.glb", "--max-size", "60", "--budget", "8s", "--max-triangles", "500", "-f"];
+    ["make", "photos", "-o", "m.glb", "--max-size", "60", "--steps", "200", "--max-triangles", "500", "-f"];
 
 #[test]
 fn a_users_scene_in_the_working_folder_is_not_replaced() {

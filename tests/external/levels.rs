@@ -10,7 +10,7 @@ use tempfile::TempDir;
 /// A sample in three levels for a target, in chunks; the triangles of each and of its backdrop.
 fn levels(folder: &Path, input: &Path, name: &str, target: &str) -> [[u64; 2]; 3] {
     let scene = folder.join(name);
-    let flags = ["--target", target, "--lod", "0.5,0.1", "--set", "chunk_triangles=1000", "--teacher", "off"];
+    let flags = ["--target", target, "--lod", "0.5,0.1", "--set", "chunk_triangles=1000"];
     bake(input, &scene, &flags);
     ["glb", "lod1.glb", "lod2.glb"].map(|ending| {
         let document = gltf::Gltf::open(scene.with_extension(ending)).unwrap();

@@ -27,7 +27,7 @@ fn photos_alone_become_a_file_through_pycolmap() {
     let mut photos = trisplat(folder.path(), &["render", "--as", "solid", "--orbit", "24", "--width", "400"]);
     assert!(photos.arg(&sample).args(["-o", "photos", "-q"]).status().unwrap().success());
     let make = || {
-        let words = ["make", "photos", "-o", "scene.glb", "--budget", "8s", "--max-triangles", "2000"];
+        let words = ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-triangles", "2000"];
         let mut command = trisplat(folder.path(), &words);
         command.args(["--max-size", "200"]).env("TRISPLAT_POSES", &python).stderr(Stdio::piped());
         command

@@ -36,7 +36,7 @@ fn streams(flags: &[&str]) {
     let Some(chromium) = chromium().filter(|_| have("3d-tiles-renderer", there)) else { return };
     let folder = TempDir::new().unwrap();
     let tileset = folder.path().join("studio.tileset.json");
-    let flags = [&["--set", "tile_triangles=1000", "--teacher", "off"], flags].concat();
+    let flags = [&["--set", "tile_triangles=1000"], flags].concat();
     let triangles = bake(&studio(), &tileset, &flags);
     let set: Value = serde_json::from_slice(&fs::read(&tileset).unwrap()).unwrap();
     let volume: Vec<f64> = serde_json::from_value(set["root"]["boundingVolume"]["box"].clone()).unwrap();
