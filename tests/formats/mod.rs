@@ -14,4 +14,5 @@ mod page;
 mod real;
 mod soup_ply;
 mod speed;
+mod splats;
 mod tileset;

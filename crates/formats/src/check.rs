@@ -3,22 +3,21 @@
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
 //! finding, with their number and the first few places.
 
-mod findings;
-mod gltf;
 mod tileset;
 mod triangles;
 
-pub use findings::{Finding, Severity};
+pub use trisplat_exchange::findings::{Finding, Severity};
 
-use super::gltf::container::ContainerFile;
 use super::read::{detect, read_as};
-use super::{Format, ReadOptions, Source, bvh, foreign, html};
-use findings::{Findings, Positions};
+use super::{bvh, html};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tileset::CheckedTile;
+use trisplat_exchange::findings::{Findings, Positions};
+use trisplat_exchange::{Format, ReadOptions, Source, foreign};
+use trisplat_gltf::{self as gltf, document_json};
 use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, mesh::Mesh};
 
 /// Everything found in one file.
@@ -78,7 +77,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
 /// The text of a file when it is a tileset.
 fn tileset_json(format: Format, source: &mut Source, limits: &Limits) -> Option<Vec<u8>> {
     let mut again = (format == Format::Gltf).then(|| source.again().ok())??;
-    let json = ContainerFile::read(&mut again, limits).ok()?.json;
+    let json = document_json(&mut again, limits).ok()?;
     foreign::is_tileset_json(&json).then_some(json)
 }
 

@@ -1,10 +1,10 @@
 //! Reads a file of any format, triangles or Gaussians.
 
 use super::read::{detect, read_as};
-use super::read_options::ReadOptions;
-use super::source::Source;
-use super::splats;
 use std::path::Path;
+use trisplat_exchange::ReadOptions;
+use trisplat_exchange::Source;
+use trisplat_exchange::splats;
 use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// What a file holds.

@@ -1,20 +1,19 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
 use super::content::Content;
-use super::format::Format;
-use super::gltf::container::ContainerFile;
-use super::gltf::document::{self, Document};
 use super::html;
 use super::read::{detect, read_as};
-use super::read_options::ReadOptions;
-use super::source::Source;
-use super::splats;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use trisplat_exchange::Format;
+use trisplat_exchange::ReadOptions;
+use trisplat_exchange::Source;
+use trisplat_exchange::splats;
+use trisplat_gltf::{GltfInfo, gltf_info};
 use trisplat_scene::{
-    FaceTexture, ImportedScene, Limits, Provenance, Result, Scene, Soup, Splats, StoredPicture,
+    FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
     math::color::srgb_from_linear,
     math::median::median,
     mesh::{Colors, Mesh},
@@ -188,25 +187,6 @@ fn is_one_page(pages: &u32) -> bool {
     *pages == 1
 }
 
-/// What a glTF document holds.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct GltfInfo {
-    /// The program that wrote it.
-    pub generator: Option<String>,
-    /// Extensions it uses.
-    pub extensions_used: Vec<String>,
-    /// Extensions a reader must know.
-    pub extensions_required: Vec<String>,
-    /// Number of nodes.
-    pub nodes: u64,
-    /// Number of meshes.
-    pub meshes: u64,
-    /// Number of primitives of all meshes.
-    pub primitives: u64,
-    /// Number of materials.
-    pub materials: u64,
-}
-
 /// The triangles that would pass the bake's first stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BakeInfo {
@@ -305,20 +285,6 @@ fn mesh_info(mesh: &Mesh) -> Info {
         texture: mesh.texture.as_ref().map(TextureInfo::of),
         ..Info::new(SceneKind::Mesh, mesh.face_count(), mesh.vertex_count(), BoundingBox::of(used), colors)
     }
-}
-
-fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
-    let container = ContainerFile::read(&mut source, limits)?;
-    let document: Document = document::parse(&source.path, &container.json, limits)?;
-    Ok(GltfInfo {
-        nodes: document.nodes.len() as u64,
-        meshes: document.meshes.len() as u64,
-        primitives: document.meshes.iter().map(|mesh| mesh.primitives.len() as u64).sum(),
-        materials: document.materials.len() as u64,
-        generator: document.asset.generator,
-        extensions_used: document.extensions_used,
-        extensions_required: document.extensions_required,
-    })
 }
 
 impl Info {

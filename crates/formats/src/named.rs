@@ -2,10 +2,11 @@
 //! pictures, cameras beside Gaussians.
 
 use super::content::holds_splats;
-use super::format::Format;
-use super::source::{Source, is_packed};
-use super::{gltf, obj, splats};
 use std::path::{Path, PathBuf};
+use trisplat_exchange::Format;
+use trisplat_exchange::{Source, is_packed};
+use trisplat_exchange::{obj, splats};
+use trisplat_gltf as gltf;
 use trisplat_scene::Limits;
 
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its

@@ -4,15 +4,17 @@ mod beside;
 mod of_levels;
 mod stale;
 
-use super::gltf::{GltfOptions, TextureFormat};
 use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
-use super::{bvh, gltf, html, obj, ply};
+use super::{bvh, html};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use trisplat_exchange::{obj, ply};
+use trisplat_gltf as gltf;
+use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},

@@ -1,10 +1,9 @@
 //! Reads a file of any format.
 
-use super::format::Format;
-use super::read_options::ReadOptions;
-use super::source::Source;
-use super::{gaussians, gltf, html, obj, off, ply, pt};
+use super::html;
 use std::path::Path;
+use trisplat_exchange::{Format, ReadOptions, Source, gaussians, obj, off, ply, pt};
+use trisplat_gltf as gltf;
 use trisplat_scene::{Error, ImportedScene, Result, guard::guarded};
 
 /// The accepted formats, for messages.

@@ -4,11 +4,11 @@
 //! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one
 //! is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
 
-use super::gltf::{GltfOptions, to_glb_bytes, uri};
 use super::tileset::{self, TilesetTile};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use trisplat_gltf::{GltfOptions, to_glb_bytes, uri};
 use trisplat_scene::{
     Asset, Error, Provenance, Result, Tile,
     atomic::{AtomicFile, MadeFolders, sweep_folder},

@@ -1,8 +1,8 @@
 //! Triangles that an engine draws badly or not at all, in any format.
 
-use super::findings::{Findings, Severity};
 use glam::Vec3;
 use rayon::prelude::*;
+use trisplat_exchange::findings::{Findings, Severity};
 use trisplat_scene::{
     Soup,
     mesh::{Colors, Mesh},

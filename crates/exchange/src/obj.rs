@@ -1,0 +1,437 @@
+//! Wavefront OBJ with vertex colours, `v x y z r g b`, sRGB-encoded as usual, or with the picture of a
+//! material: read and written.
+//!
+//! The crate `tobj` is not used: it shifts colours when only some vertices have one, cuts every polygon as if
+//! it were convex, and does not name the faulty line. Our tests compare with it, and one of them fails when
+//! its colours are fixed.
+
+mod materials;
+
+use super::blocks::write_blocks;
+use super::channel::Clamped;
+use super::faces::Faces;
+use super::far::{FarPositions, note_origin};
+use super::finish::finish;
+use super::lines::{Lines, clip, number};
+use super::provenance;
+use super::read_options::ReadOptions;
+use super::source::Source;
+use glam::{DVec3, Vec2, Vec3};
+use materials::Materials;
+use trisplat_scene::{
+    Asset, Error, FaceTexture, ImportedScene, Result, Scene,
+    math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear},
+    math::srgb8::srgb8_from_linear,
+    mesh::{Colors, Mesh},
+};
+
+pub use materials::named_files;
+use std::io::{self, Write};
+use std::sync::LazyLock;
+
+/// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
+/// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if
+/// one paints the whole mesh. Normals, lines and points are skipped.
+///
+/// Errors: `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
+/// three corners.
+pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
+    let path = &source.path;
+    let mut lines = Lines::new(&source)?;
+    let mut draft = ObjDraft::default();
+    while lines.advance()? {
+        draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
+        options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
+        options.limits.vertices(path.display(), draft.positions.len().max(draft.places.len()) as u64)?;
+    }
+    if draft.faces.len() == 0 {
+        return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
+    }
+    if let Some((line, vertex)) = draft.ahead.filter(|(_, vertex)| *vertex > draft.positions.len() as i64) {
+        let reason = format!("names vertex {vertex}, but there are {} vertices", draft.positions.len());
+        return Err(Error::malformed(path, format!("line {line}"), reason));
+    }
+    let mut warnings = Vec::new();
+    let comments = draft.comments.iter().map(String::as_str);
+    let provenance = provenance::from_comments(comments, &mut warnings);
+    let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
+    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    note_origin(&mut loaded, origin);
+    finish(path, loaded)
+}
+
+/// A mesh during reading.
+#[derive(Default)]
+struct ObjDraft {
+    positions: FarPositions,
+    /// sRGB-encoded. Empty until the first vertex that has a colour.
+    colors: Vec<[f32; 3]>,
+    uncolored: usize,
+    faces: Faces,
+    /// The corners of the face being read.
+    corners: Vec<u32>,
+    /// The largest vertex number (from 1) used before its vertex was read, and its line.
+    ahead: Option<(u64, i64)>,
+    comments: Vec<String>,
+    /// Texture coordinates, from the lower left corner.
+    places: Vec<Vec2>,
+    /// Vertices and texture coordinates (by number) of all corners; empty until the first face with texture
+    /// coordinates.
+    placed: Vec<(u32, u32)>,
+    /// End of each face's corners in that list. `[F]`
+    placed_until: Vec<usize>,
+    materials: Materials,
+}
+
+/// The number for a corner without texture coordinates.
+const NOWHERE: u32 = u32::MAX;
+
+impl ObjDraft {
+    fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
+        let mut words = lines.words();
+        match words.next() {
+            Some("v") => self.take_vertex(words),
+            Some("f") => self.take_face(words, lines.line_number()),
+            Some("vt") => self.take_place(words),
+            Some("mtllib") => {
+                self.materials.library(lines.rest());
+                Ok(())
+            }
+            Some("usemtl") => {
+                self.materials.begin(lines.rest(), self.faces.len());
+                Ok(())
+            }
+            None => {
+                self.comments.extend(lines.text().strip_prefix('#').map(str::to_owned));
+                Ok(())
+            }
+            Some(_) => Ok(()),
+        }
+    }
+
+    /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
+    fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+        let (mut row, mut count) = ([0.0f64; 7], 0);
+        for word in words {
+            *row.get_mut(count).ok_or("has more numbers than x y z r g b a")? = number(word)?;
+            count += 1;
+        }
+        let [x, y, z, r, g, b, _] = row;
+        match count {
+            3 | 4 => self.uncolored += 1,
+            6 | 7 if self.colors.is_empty() => self.colors.resize(self.positions.len(), [1.0; 3]),
+            6 | 7 => {}
+            _ => return Err(format!("has {count} numbers; expected x y z or x y z r g b")),
+        }
+        self.positions.push(DVec3::new(x, y, z));
+        if count >= 6 {
+            self.colors.push([r, g, b].map(|channel| channel as f32));
+        } else if !self.colors.is_empty() {
+            self.colors.push([1.0; 3]);
+        }
+        Ok(())
+    }
+
+    /// `u`, `u v` or `u v w`.
+    fn take_place<'w>(
+        &mut self,
+        mut words: impl Iterator<Item = &'w str>,
+    ) -> std::result::Result<(), String> {
+        let mut next = || words.next().map_or(Ok(0.0), number::<f32>);
+        self.places.push(Vec2::new(next()?, next()?));
+        Ok(())
+    }
+
+    fn take_face<'w>(
+        &mut self,
+        words: impl Iterator<Item = &'w str>,
+        line: u64,
+    ) -> std::result::Result<(), String> {
+        let in_face = |face: usize, reason: String| format!("face {face} {reason}");
+        self.corners.clear();
+        let before = self.placed.len();
+        for word in words {
+            let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
+            self.corners.push(corner);
+            if let Some(place) = self.place(word) {
+                // Earlier faces have none.
+                self.placed_until.resize(self.faces.len(), before);
+                self.placed.push((corner, place));
+            }
+        }
+        self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))?;
+        self.materials.add_face();
+        if !self.placed.is_empty() {
+            self.placed_until.push(self.placed.len());
+        }
+        Ok(())
+    }
+
+    /// Number of the texture coordinates, from 0, of `5/1`, `5/1/1` or `5/-1`.
+    fn place(&self, corner: &str) -> Option<u32> {
+        let place = corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
+        let from_one = if place < 0 { self.places.len() as i64 + 1 + place } else { place };
+        Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
+    }
+
+    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite where a corner
+    /// has none. Empty when no corner has any. `[T]`
+    fn places_of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
+        if self.placed.is_empty() {
+            return Vec::new();
+        }
+        let of = |(triangle, face): (&[u32; 3], &u32)| {
+            let face = *face as usize;
+            let first = if face == 0 { 0 } else { self.placed_until[face - 1] };
+            let corners = &self.placed[first..self.placed_until[face]];
+            triangle.map(|vertex| {
+                let place = corners.iter().find(|corner| corner.0 == vertex).map(|corner| corner.1);
+                let place = place.and_then(|place| self.places.get(place as usize));
+                place.map_or(Vec2::NAN, |place| Vec2::new(place.x, 1.0 - place.y))
+            })
+        };
+        triangles.iter().zip(face_of).map(of).collect()
+    }
+
+    /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
+    fn corner(&mut self, word: &str, line: u64) -> std::result::Result<u32, String> {
+        let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
+        let vertex =
+            vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", clip(word)))?;
+        let known = self.positions.len() as i64;
+        let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
+        if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {
+            self.ahead = Some((line, from_one));
+        }
+        match u32::try_from(from_one - 1) {
+            Ok(index) => Ok(index),
+            Err(_) => Err(format!("names vertex {vertex}, but there are {known} vertices before it")),
+        }
+    }
+
+    /// The mesh, and the origin subtracted from its positions.
+    fn mesh(
+        mut self,
+        path: &std::path::Path,
+        options: &ReadOptions,
+        warnings: &mut Vec<String>,
+    ) -> Result<(Mesh, DVec3)> {
+        let (positions, origin) = std::mem::take(&mut self.positions).relative();
+        let faces = std::mem::take(&mut self.faces);
+        let count = faces.len();
+        let triangles = faces.triangulate(&positions);
+        let mut mesh = Mesh { positions, ..Mesh::default() };
+        let painted = self.colors.is_empty() && !self.materials.of_face.is_empty();
+        let mut places = Vec::new();
+        if painted {
+            let face_of = triangles.repeat((0..count as u32).collect());
+            places = self.places_of(triangles.indices.as_chunks::<3>().0, &face_of);
+            self.materials.of_face = triangles.repeat(std::mem::take(&mut self.materials.of_face));
+        }
+        mesh.indices = triangles.into_indices(mesh.positions.len());
+        if self.colors.is_empty() {
+            if !(painted && self.materials.apply(&mut mesh, &places, path, options, warnings)) {
+                warnings.push("the file has no colours: every triangle is white".into());
+                mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+            }
+        } else {
+            if self.uncolored > 0 {
+                warnings.push(format!("{} vertices without a colour are white", self.uncolored));
+            }
+            let mut clamped = Clamped::default();
+            let mut colors = self.colors;
+            for color in &mut colors {
+                *color = color.map(|x| linear_from_srgb(clamped.channel(x)));
+            }
+            clamped.report(path, warnings)?;
+            mesh.colors = Colors::Vertex(colors);
+        }
+        Ok((mesh, origin))
+    }
+}
+
+/// Writes an OBJ to `out`, with sRGB vertex colours or with the texture whose picture is called `picture`, and its material to `mtl`, which
+/// `out` names as `mtl_name`. Numbers are the shortest that read back equal.
+///
+/// With colours per face, each triangle gets three vertices of its own. OBJ has no opacity at vertices, so
+/// none is written. Normals, where the mesh has them, are one for each face. The faces of a backdrop come
+/// last, in a group of that name. Errors are those of `out` and `mtl`.
+pub fn write(
+    out: &mut dyn Write,
+    mtl: &mut dyn Write,
+    mtl_name: &str,
+    picture: Option<&str>,
+    asset: &Asset,
+) -> io::Result<()> {
+    let mesh = &asset.mesh;
+    let lit = !mesh.normals.is_empty();
+    let joined = mesh.texture.as_ref().map(FaceTexture::joined);
+    let texture = joined.as_ref().zip(picture);
+    writeln!(mtl, "newmtl trisplat\nKd 1 1 1\nillum {}", u8::from(lit))?;
+    if let Some((_, picture)) = texture {
+        writeln!(mtl, "map_Kd -clamp on {picture}")?;
+    }
+    let comment = provenance::to_comment(&asset.provenance);
+    if !comment.is_empty() {
+        writeln!(out, "# {comment}")?;
+    }
+    writeln!(out, "mtllib {mtl_name}")?;
+    let own = match (&mesh.colors, texture) {
+        // Colours would be multiplied with the texture.
+        (_, Some(_)) => {
+            write_blocks(out, mesh.vertex_count(), |v, block| push_vector(block, b"v", mesh.positions[v]))?;
+            mesh.indices.is_empty()
+        }
+        (Colors::Vertex(colors), None) => {
+            write_blocks(out, mesh.vertex_count(), |v, block| {
+                push_vertex(block, mesh.positions[v], colors[v]);
+            })?;
+            mesh.indices.is_empty()
+        }
+        (Colors::Face(colors), None) => {
+            write_blocks(out, mesh.face_count(), |face, block| {
+                for corner in mesh.corners(face) {
+                    push_vertex(block, corner, colors[face]);
+                }
+            })?;
+            true
+        }
+    };
+    // Per vertex if all faces agree, else per corner.
+    let shared = texture.and_then(|(texture, _)| texture.of_vertices(&mesh.indices, mesh.vertex_count()));
+    if let Some((texture, _)) = texture {
+        let uvs = shared.as_deref().unwrap_or(texture.uvs.as_flattened());
+        write_blocks(out, uvs.len(), |i, block| push_place(block, uvs[i]))?;
+    }
+    write_blocks(out, mesh.normals.len(), |face, block| push_vector(block, b"vn", mesh.normals[face]))?;
+    out.write_all(b"usemtl trisplat\n")?;
+    let behind = asset.scene_faces();
+    let grouped = behind < mesh.face_count();
+    if grouped && behind > 0 {
+        out.write_all(b"g scene\n")?;
+    }
+    write_blocks(out, mesh.face_count(), |face, block| {
+        if grouped && face == behind {
+            block.extend_from_slice(b"g backdrop\n");
+        }
+        let corners = if own { [0, 1, 2].map(|c| 3 * face as u32 + c) } else { mesh.face(face) };
+        block.push(b'f');
+        for (k, corner) in corners.into_iter().enumerate() {
+            block.push(b' ');
+            push_integer(block, u64::from(corner) + 1);
+            if texture.is_some() {
+                let place = if shared.is_some() { u64::from(corner) } else { (3 * face + k) as u64 };
+                block.push(b'/');
+                push_integer(block, place + 1);
+            }
+            if lit {
+                block.extend_from_slice(if texture.is_some() { b"/" } else { b"//" });
+                push_integer(block, face as u64 + 1);
+            }
+        }
+        block.push(b'\n');
+    })
+}
+
+/// Texture coordinates of a corner, from the lower left.
+fn push_place(block: &mut Vec<u8>, uv: Vec2) {
+    block.extend_from_slice(b"vt ");
+    push_float(block, uv.x);
+    block.push(b' ');
+    push_float(block, 1.0 - uv.y);
+    block.push(b'\n');
+}
+
+/// A line of a keyword and three numbers.
+fn push_vector(block: &mut Vec<u8>, keyword: &[u8], vector: Vec3) {
+    push_numbers(block, keyword, vector);
+    block.push(b'\n');
+}
+
+fn push_numbers(block: &mut Vec<u8>, keyword: &[u8], vector: Vec3) {
+    block.extend_from_slice(keyword);
+    for axis in vector.to_array() {
+        block.push(b' ');
+        push_float(block, axis);
+    }
+}
+
+fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
+    push_numbers(block, b"v", position);
+    for channel in linear {
+        block.push(b' ');
+        push_srgb(block, channel);
+    }
+    block.push(b'\n');
+}
+
+fn push_float(block: &mut Vec<u8>, value: f32) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(value);
+    block.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+/// An sRGB-encoded channel. A value from an 8-bit code is written as exactly that code, because engines that
+/// truncate would otherwise show the code below it.
+fn push_srgb(block: &mut Vec<u8>, linear: f32) {
+    static CODES: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
+        let text = |code: u8| {
+            let mut text = Vec::new();
+            push_float(&mut text, f32::from(code) / 255.0);
+            text
+        };
+        (0..=255).map(text).collect()
+    });
+    let code = srgb8_from_linear(linear);
+    let exact = linear_of_srgb8()[usize::from(code)];
+    if (linear - exact).abs() <= 1e-6 * exact {
+        block.extend_from_slice(&CODES[usize::from(code)]);
+    } else {
+        push_float(block, srgb_from_linear(linear));
+    }
+}
+
+fn push_integer(block: &mut Vec<u8>, mut value: u64) {
+    let mut digits = [b'0'; 20];
+    let mut at = digits.len();
+    loop {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+        if value == 0 {
+            break;
+        }
+    }
+    block.extend_from_slice(&digits[at..]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_survive_readers_that_cut_instead_of_rounding() {
+        for code in 0..=255u8 {
+            let mut text = Vec::new();
+            push_srgb(&mut text, linear_of_srgb8()[usize::from(code)]);
+            let value: f32 = String::from_utf8_lossy(&text).parse().expect("a number");
+            assert_eq!((value * 255.0) as u8, code);
+        }
+    }
+
+    #[test]
+    fn integers_and_floats_are_written_short_and_read_back_equal() {
+        for value in [0, 7, 10, 4_294_967_295, u64::MAX] {
+            let mut text = Vec::new();
+            push_integer(&mut text, value);
+            assert_eq!(String::from_utf8_lossy(&text), value.to_string());
+        }
+        for value in [0.0f32, -1.0, 0.1, 1e-45, f32::MAX, -1.234_567_9e-8, 16_777_216.0] {
+            let mut text = Vec::new();
+            push_float(&mut text, value);
+            let text = String::from_utf8_lossy(&text).into_owned();
+            assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()), "{text}");
+            assert!(text.len() <= 15, "{text}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! PLY: our soup PLY, and triangle meshes with vertex or face colours.
+
+mod column;
+mod corners;
+mod encode;
+pub mod header;
+mod mesh;
+mod packed_splats;
+mod soup;
+mod splats;
+mod table;
+mod tables;
+mod transcode;
+mod views;
+
+pub use column::Column;
+pub use mesh::write_mesh;
+pub use soup::{SoupWriter, write_soup};
+pub use tables::points;
+
+use super::far::note_origin;
+use super::finish::finish;
+use super::gaussians;
+use super::provenance;
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::splats::build;
+use glam::DVec3;
+use header::{Element, Header};
+use std::path::Path;
+use transcode::Wanted;
+use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene};
+
+/// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
+/// linear, alpha (of a face, or the least of its corners) as opacity, and polygons as triangles.
+///
+/// Only data that `options` select are kept. Errors: `Malformed` for a broken file, naming the place;
+/// `Unsupported` for Gaussians and point clouds.
+pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
+    let header = header::read(&mut source)?;
+    let path = &source.path;
+    let faces = faces(path, &header)?;
+    let mut warnings = Vec::new();
+    let comments = header.comments.iter().map(String::as_str);
+    let provenance = provenance::from_comments(comments, &mut warnings);
+    let is_soup = soup::is_soup(faces);
+    // Faces of a soup are triangles, because each has one opacity and one σ.
+    let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
+    let tables = tables::locate(&source, &header, wanted, &options.limits)?;
+    let cameras = tables.views.as_ref().map(|table| views::read(table, &options.limits));
+    let cameras = cameras.transpose()?.unwrap_or_default();
+    // Cameras are in single precision, so a soup with cameras is near its origin already.
+    let origin = if cameras.is_empty() { corners::origin(&tables.vertices)? } else { DVec3::ZERO };
+    let scene = if is_soup {
+        let mut soup = soup::read(path, faces, &tables, origin, options)?;
+        if soup.shell.is_empty() {
+            let comments = header.comments.iter().map(String::as_str);
+            soup.set_shell(0..provenance::shell_of_comments(comments));
+        }
+        Scene::Soup(soup)
+    } else {
+        Scene::Mesh(mesh::read(path, &tables, origin, &options.limits, &mut warnings)?)
+    };
+    let mut loaded = ImportedScene { scene, provenance, warnings, cameras };
+    note_origin(&mut loaded, origin);
+    finish(path, loaded)
+}
+
+/// Whether a PLY holds Gaussians instead of triangles.
+///
+/// Errors: a broken header.
+pub fn holds_splats(source: &mut Source) -> Result<bool> {
+    let header = header::read(source)?;
+    source.rewind().map_err(|e| Error::io(&source.path, e))?;
+    let has_faces = header.element("face").is_some_and(|faces| faces.rows > 0);
+    Ok(!has_faces && header.element("vertex").is_some_and(splats::are_in))
+}
+
+/// The Gaussians in a PLY file, plain or compressed.
+///
+/// Errors: `Malformed` for a broken file, naming the place.
+pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    let header = header::read(&mut source)?;
+    let mut warnings = Vec::new();
+    let comments = header.comments.iter().map(String::as_str);
+    let provenance = provenance::from_comments(comments, &mut warnings);
+    let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
+    let (splats, origin) = match packed {
+        true => (packed_splats::read(&source, &header, options)?, DVec3::ZERO),
+        false => splats::read(&source, &header, options)?,
+    };
+    build::finish(&source.path, splats, provenance, warnings, origin)
+}
+
+/// The face element, or why the file has no usable triangles.
+fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
+    let Some(vertices) = header.element("vertex") else {
+        return Err(Error::malformed(path, "header", "has no element vertex"));
+    };
+    let faces = header.element("face").filter(|faces| faces.rows > 0);
+    match faces {
+        Some(faces) => Ok(faces),
+        None if splats::are_in(vertices) => Err(gaussians::refusal(path, "PLY")),
+        None if header.element("tristrips").is_some() => {
+            Err(Error::unsupported(path, "holds triangle strips; save it with separate triangles"))
+        }
+        None if header.element("face").is_some() => {
+            Err(Error::malformed(path, "element face", "has no rows: there are no triangles in the file"))
+        }
+        None => Err(Error::unsupported(
+            path,
+            "is a point cloud: it has no element face; give a triangle mesh or a trained scene",
+        )),
+    }
+}

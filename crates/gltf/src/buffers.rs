@@ -1,0 +1,186 @@
+//! The bytes behind buffers: the binary chunk, files beside the document, data URIs.
+//!
+//! A binary chunk is never held in memory: elements are read from the file into their final place.
+
+use super::container::{ContainerFile, GlbChunk};
+use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
+use super::uri;
+use gltf_json::Buffer;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use trisplat_exchange::{ReadOptions, Source};
+use trisplat_scene::{Error, Result, input};
+
+/// Every buffer of a document, opened on first use.
+pub(crate) struct Buffers<'a> {
+    path: PathBuf,
+    /// The glTF file itself.
+    file: Arc<File>,
+    bin: Option<GlbChunk>,
+    declared: &'a [Buffer],
+    opened: Vec<Option<OpenBuffer>>,
+    /// Bytes that may still be unpacked.
+    budget: u64,
+    options: ReadOptions,
+}
+
+/// The place of a buffer's bytes.
+enum OpenBuffer {
+    /// A part of the glTF file.
+    Chunk { start: u64 },
+    /// A file beside it.
+    Beside(File),
+    /// In the document.
+    Inline(Vec<u8>),
+}
+
+impl<'a> Buffers<'a> {
+    pub(crate) fn new(
+        source: Source,
+        container: &ContainerFile,
+        declared: &'a [Buffer],
+        options: &ReadOptions,
+    ) -> Self {
+        Self {
+            budget: FREE_UNPACKED_BYTES + MAX_UNPACK_RATIO * source.len,
+            path: source.path,
+            file: source.file,
+            bin: container.bin(),
+            declared,
+            opened: (0..declared.len()).map(|_| None).collect(),
+            options: *options,
+        }
+    }
+
+    /// The file of the buffers, for messages.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length of a buffer in the document.
+    pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
+        match self.declared.get(buffer) {
+            Some(buffer) => Ok(buffer.byte_length.0),
+            None => Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("does not exist: the file has {}", self.declared.len()),
+            )),
+        }
+    }
+
+    /// Subtracts `bytes` from the limit of unpacked bytes.
+    pub(crate) fn spend(&mut self, bytes: u64) -> Result<()> {
+        match self.budget.checked_sub(bytes) {
+            Some(rest) => {
+                self.budget = rest;
+                Ok(())
+            }
+            None => Err(Error::unsupported(
+                &self.path,
+                format!(
+                    "unpacks to more than {MAX_UNPACK_RATIO} times its size, which no valid file does; \
+                     if it shows one mesh many times, bake that mesh alone"
+                ),
+            )),
+        }
+    }
+
+    /// Fills `bytes` from `offset` of a buffer; both must lie within it.
+    pub(crate) fn read(&mut self, buffer: usize, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        let length = self.length(buffer)?;
+        let end = offset.checked_add(bytes.len() as u64).filter(|end| *end <= length);
+        if end.is_none() {
+            return Err(Error::malformed(
+                &self.path,
+                format!("buffer {buffer}"),
+                format!("has {length} bytes, but {} are wanted from byte {offset}", bytes.len()),
+            ));
+        }
+        self.open(buffer)?;
+        let (mut file, start) = match &self.opened[buffer] {
+            Some(OpenBuffer::Chunk { start }) => (&*self.file, *start),
+            Some(OpenBuffer::Beside(file)) => (file, 0),
+            Some(OpenBuffer::Inline(inline)) => {
+                bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);
+                return Ok(());
+            }
+            None => return Ok(()),
+        };
+        let read = file.seek(SeekFrom::Start(start + offset)).and_then(|_| file.read_exact(bytes));
+        read.map_err(|e| Error::io(&self.path, e))
+    }
+
+    /// Opens a buffer and checks that all its bytes exist.
+    pub(crate) fn open(&mut self, buffer: usize) -> Result<()> {
+        self.length(buffer)?;
+        if self.opened[buffer].is_none() {
+            self.opened[buffer] = Some(self.find(buffer)?);
+        }
+        Ok(())
+    }
+
+    fn find(&self, buffer: usize) -> Result<OpenBuffer> {
+        let wanted = self.length(buffer)?;
+        let place = format!("buffer {buffer}");
+        let (opened, has) = match &self.declared[buffer].uri {
+            None => {
+                let bin = self.bin.filter(|_| buffer == 0).ok_or_else(|| {
+                    Error::malformed(&self.path, &place, "has no uri and is not the binary chunk")
+                })?;
+                (OpenBuffer::Chunk { start: bin.start }, bin.length)
+            }
+            Some(uri) if uri::is_data(uri) => {
+                let inline = uri::data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
+                let has = inline.len() as u64;
+                (OpenBuffer::Inline(inline), has)
+            }
+            Some(uri) => self.open_beside(uri, &place)?,
+        };
+        if has < wanted {
+            return Err(Error::malformed(
+                &self.path,
+                place,
+                format!("promises {wanted} bytes, but only {has} are there: truncated?"),
+            ));
+        }
+        Ok(opened)
+    }
+
+    /// The bytes of a picture at `uri`: in it, or in a file beside the document.
+    pub(crate) fn picture(&mut self, uri: &str, place: &str) -> Result<Vec<u8>> {
+        if uri::is_data(uri) {
+            return uri::data(uri).map_err(|reason| Error::malformed(&self.path, place, reason));
+        }
+        let (opened, len) = self.open_beside(uri, place)?;
+        self.spend(len)?;
+        let mut bytes = Vec::new();
+        if let OpenBuffer::Beside(mut file) = opened {
+            file.read_to_end(&mut bytes).map_err(|e| Error::io(&self.path, e))?;
+        }
+        Ok(bytes)
+    }
+
+    fn open_beside(&self, uri: &str, place: &str) -> Result<(OpenBuffer, u64)> {
+        let refuse = |why: &str| Err(Error::unsupported(&self.path, format!("{place} is at {uri:?}, {why}")));
+        if self.path.as_os_str() == "-" {
+            return refuse("which standard input cannot reach; give the file by name, or a .glb");
+        }
+        let name = uri::unescaped(uri);
+        let outside = uri.contains(':') || uri.starts_with("//") || Path::new(&name).is_absolute();
+        if outside || name.contains('\0') {
+            return refuse("which is not beside it; download it and name it by a relative path");
+        }
+        if input::leaves_folder(Path::new(&name)) && !self.options.allow_outside {
+            return refuse("outside the folder of the file; if that is right, give `allow_outside`");
+        }
+        let path = self.path.parent().unwrap_or(Path::new("")).join(name);
+        match input::open(&path, &self.options.limits) {
+            Ok((file, len)) => Ok((OpenBuffer::Beside(file), len)),
+            Err(Error::Unsupported { reason, .. }) => refuse(&format!("which {reason}")),
+            Err(error) => Err(error),
+        }
+    }
+}

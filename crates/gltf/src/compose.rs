@@ -1,0 +1,420 @@
+//! The JSON document of a scene, composed of `gltf-json`'s types.
+
+use super::container::stream_offsets;
+use super::content::{Content, Picture};
+use super::exact;
+use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
+use super::extras::SceneExtras;
+use super::options::{ColorEncoding, GltfOptions, TextureFormat};
+use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
+use super::uri;
+use glam::{DVec3, Mat3, Quat, UVec2};
+use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf_json::buffer::{Stride, Target, View};
+use gltf_json::camera::{Camera, Perspective, Type as CameraType};
+use gltf_json::extensions::material::Unlit;
+use gltf_json::image::MimeType;
+use gltf_json::material::{PbrMetallicRoughness, StrengthFactor};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::scene::UnitQuaternion;
+use gltf_json::texture::{Info, MagFilter, MinFilter, Sampler, Texture, WrappingMode};
+use gltf_json::validation::Checked::Valid;
+use gltf_json::validation::USize64;
+use gltf_json::{
+    Accessor, Asset, Buffer, Image, Index, Material, Mesh, Node, Root, Scene, Value, extensions,
+};
+use serde::Serialize;
+use serde_json::value::{RawValue, to_raw_value};
+use serde_json::{Map, Result};
+use trisplat_scene::camera::Viewpoint;
+
+/// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
+pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
+    let root = root(content, bin_name)?;
+    exact::text(&root, bin_name.is_some())
+}
+
+fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
+    let Content { options, parts, .. } = content;
+    let quantised = parts.iter().any(|part| part.grid.is_some());
+    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
+    let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
+    let required: Vec<String> = required.collect();
+    let (mut buffer_views, buffers) = buffers(content, bin_name)?;
+    let mut accessors = Vec::with_capacity(buffer_views.len());
+    let streams = buffer_views.len();
+    buffer_views.extend(content.pictures.iter().map(picture_view));
+    let pages = 0..content.pictures.len();
+    let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
+    let textures = pages.clone().map(texture).collect();
+    let samplers = pages.take(1).map(|_| sampler()).collect();
+    let painted = painted(parts);
+    let materials: Vec<Material> = painted.iter().map(|of| material(content, *of)).collect();
+    let unlit = materials.iter().any(|material| material.extensions.is_some());
+    // A file with only a backdrop, or a tile, has no viewpoint.
+    let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
+    let camera_node = viewpoint.map(viewpoint_node);
+    let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
+    let meshes = parts
+        .iter()
+        .map(|part| {
+            let material = painted.iter().position(|of| *of == (part.kind, part.page));
+            mesh(part, material, options, &mut accessors)
+        })
+        .collect::<Result<_>>()?;
+    Ok(Root {
+        asset: Asset {
+            generator: Some(trisplat_scene::report::generator()),
+            extras: Some(extras(content, bin_name.is_some())?),
+            ..Asset::default()
+        },
+        extensions_used: unlit
+            .then(|| UNLIT.to_owned())
+            .into_iter()
+            .chain(required.iter().cloned())
+            .collect(),
+        extensions_required: required,
+        scene: Some(index(0)),
+        scenes: vec![Scene {
+            extensions: None,
+            extras: None,
+            name: None,
+            nodes: (0..parts.len() + usize::from(camera_node.is_some())).map(index).collect(),
+        }],
+        nodes: parts.iter().enumerate().map(|(i, part)| node(i, part)).chain(camera_node).collect(),
+        cameras: cameras.into_iter().collect(),
+        meshes,
+        materials,
+        images,
+        samplers,
+        textures,
+        accessors,
+        buffer_views,
+        buffers,
+        ..Root::default()
+    })
+}
+
+/// `gltf-json` counts in 32 bits, and so does a mesh.
+fn index<T>(number: usize) -> Index<T> {
+    Index::new(number as u32)
+}
+
+fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
+    let Content { asset, options, .. } = content;
+    let extras = SceneExtras {
+        provenance: &asset.provenance,
+        color_encoding: options.colors,
+        position_encoding: options.positions,
+        note: (!options.colors.is_linear())
+            .then_some("COLOR_0 is sRGB-encoded, not linear as glTF 2.0 requires: for Godot only"),
+    };
+    if !pretty {
+        return to_raw_value(&extras);
+    }
+    // Existing text is two levels deep and is not indented again.
+    RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
+}
+
+/// What has a material of its own: the scene and its backdrop on each page, the backdrop last.
+fn painted(parts: &[ScenePart]) -> Vec<(PartKind, usize)> {
+    let mut painted: Vec<(PartKind, usize)> = Vec::new();
+    for kind in [PartKind::Scene, PartKind::Backdrop] {
+        let mut pages: Vec<usize> =
+            parts.iter().filter(|part| part.kind == kind).map(|part| part.page).collect();
+        pages.sort_unstable();
+        pages.dedup();
+        painted.extend(pages.into_iter().map(|page| (kind, page)));
+    }
+    painted
+}
+
+/// The scene's material, seen from both sides, or the backdrop's, seen from its front.
+fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
+    let name = &content.options.material_name;
+    // Godot takes the end of a material's name as a hint.
+    let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
+    let plain = if kind == PartKind::Backdrop { BACKDROP } else { plain };
+    let number = if page == 0 { String::new() } else { format!("_{page}") };
+    // Surfaces far behind a scene have their own light.
+    let lit = kind == PartKind::Scene && content.parts.iter().any(|part| part.lit);
+    Material {
+        name: Some(format!("{plain}{number}{hint}")),
+        double_sided: kind == PartKind::Scene,
+        // As matt as possible, also for viewers that do not know unlit.
+        pbr_metallic_roughness: PbrMetallicRoughness {
+            metallic_factor: StrengthFactor(0.0),
+            roughness_factor: StrengthFactor(1.0),
+            base_color_texture: (!content.pictures.is_empty()).then(|| Info {
+                index: index(page),
+                tex_coord: 0,
+                extensions: None,
+                extras: None,
+            }),
+            ..PbrMetallicRoughness::default()
+        },
+        extensions: (!lit).then(|| extensions::material::Material {
+            unlit: Some(Unlit {}),
+            ..extensions::material::Material::default()
+        }),
+        ..Material::default()
+    }
+}
+
+/// The place of a page's picture: never compressed, so in the file's own buffer.
+fn picture_view(picture: &Picture) -> View {
+    View {
+        buffer: index(0),
+        byte_length: USize64(picture.bytes.len() as u64),
+        byte_offset: Some(USize64(picture.start)),
+        byte_stride: None,
+        name: None,
+        target: None,
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// The picture of a page, in a view.
+fn image(view: Index<View>, page: usize, format: TextureFormat) -> Image {
+    Image {
+        buffer_view: Some(view),
+        mime_type: Some(MimeType(format.media_type().to_owned())),
+        name: Some(page_name(page)),
+        uri: None,
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// With mip levels and without repetition.
+fn sampler() -> Sampler {
+    Sampler {
+        mag_filter: Some(Valid(MagFilter::Linear)),
+        min_filter: Some(Valid(MinFilter::LinearMipmapLinear)),
+        wrap_s: Valid(WrappingMode::ClampToEdge),
+        wrap_t: Valid(WrappingMode::ClampToEdge),
+        ..Sampler::default()
+    }
+}
+
+fn texture(page: usize) -> Texture {
+    Texture {
+        name: Some(page_name(page)),
+        sampler: Some(index(0)),
+        source: index(page),
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// Name of the texture of a page and of its picture.
+fn page_name(page: usize) -> String {
+    if page == 0 { "texture".to_owned() } else { format!("texture_{page}") }
+}
+
+fn node(mesh: usize, part: &ScenePart) -> Node {
+    Node {
+        name: Some(part.name.clone()),
+        mesh: Some(index(mesh)),
+        translation: part.grid.map(|grid| grid.origin.to_array()),
+        scale: part.grid.map(|grid| grid.scale.to_array()),
+        ..Node::default()
+    }
+}
+
+/// The node of the camera at the first viewpoint: it looks along -z, with +y up in the picture.
+fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
+    let rotation = viewpoint.camera(UVec2::ONE).rotation;
+    let turned = Mat3::from_cols(rotation.row(0), -rotation.row(1), -rotation.row(2));
+    Node {
+        name: Some(VIEWPOINT.to_owned()),
+        camera: Some(index(0)),
+        translation: Some(DVec3::from(viewpoint.eye).as_vec3().to_array()),
+        rotation: Some(UnitQuaternion(Quat::from_mat3(&turned).normalize().to_array())),
+        ..Node::default()
+    }
+}
+
+/// Its camera, whose range contains the scene.
+fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
+    let eye = DVec3::from(viewpoint.eye);
+    let corners = content.parts.iter().flat_map(|part| [part.bounds.min, part.bounds.max]);
+    let farthest = corners.map(|corner| corner.as_dvec3().distance(eye)).fold(0.0, f64::max);
+    let near = (f64::from(viewpoint.distance()) * NEAR).max(f64::from(f32::MIN_POSITIVE)) as f32;
+    Camera {
+        name: Some(VIEWPOINT.to_owned()),
+        perspective: Some(Perspective {
+            aspect_ratio: None,
+            yfov: viewpoint.fov.to_radians() as f32,
+            zfar: Some((FAR * farthest) as f32).filter(|far| far.is_finite() && *far > near),
+            znear: near,
+            extensions: None,
+            extras: None,
+        }),
+        orthographic: None,
+        type_: Valid(CameraType::Perspective),
+        extensions: None,
+        extras: None,
+    }
+}
+
+/// Name of the first viewpoint's node and camera.
+const VIEWPOINT: &str = "viewpoint";
+/// Its near plane as a share of the target's distance, and its far plane as a multiple of the farthest
+/// corner's.
+const NEAR: f64 = 0.01;
+const FAR: f64 = 2.0;
+
+/// The mesh of a part; its accessors are appended, one per buffer view.
+fn mesh(
+    part: &ScenePart,
+    material: Option<usize>,
+    options: &GltfOptions,
+    accessors: &mut Vec<Accessor>,
+) -> Result<Mesh> {
+    let mut primitive = Primitive {
+        attributes: Default::default(),
+        extensions: None,
+        extras: None,
+        indices: None,
+        material: material.map(index),
+        mode: Valid(Mode::Triangles),
+        targets: None,
+    };
+    for stream in part.streams() {
+        let number = index(accessors.len());
+        match stream {
+            Stream::Positions => {
+                primitive.attributes.insert(Valid(Semantic::Positions), number);
+            }
+            Stream::Normals => {
+                primitive.attributes.insert(Valid(Semantic::Normals), number);
+            }
+            Stream::Colors => {
+                primitive.attributes.insert(Valid(Semantic::Colors(0)), number);
+            }
+            Stream::TexCoords => {
+                primitive.attributes.insert(Valid(Semantic::TexCoords(0)), number);
+            }
+            Stream::Indices => primitive.indices = Some(number),
+        }
+        accessors.push(accessor(accessors.len(), part, stream, options)?);
+    }
+    let name = Some(part.name.clone());
+    Ok(Mesh { extensions: None, extras: None, name, primitives: vec![primitive], weights: None })
+}
+
+fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Result<Accessor> {
+    let (component_type, shape) = match (stream, options.colors) {
+        (Stream::Positions, _) if part.grid.is_some() => (ComponentType::U16, Type::Vec3),
+        (Stream::Positions, _) => (ComponentType::F32, Type::Vec3),
+        (Stream::Normals, _) if part.grid.is_some() => (ComponentType::I8, Type::Vec3),
+        (Stream::Normals, _) => (ComponentType::F32, Type::Vec3),
+        (Stream::Colors, ColorEncoding::U16Linear) => (ComponentType::U16, Type::Vec4),
+        (Stream::Colors, ColorEncoding::U8Linear | ColorEncoding::U8Srgb) => (ComponentType::U8, Type::Vec4),
+        (Stream::Colors, ColorEncoding::F32Linear | ColorEncoding::F32Srgb) => {
+            (ComponentType::F32, Type::Vec4)
+        }
+        (Stream::TexCoords, _) => (ComponentType::U16, Type::Vec2),
+        (Stream::Indices, _) if part.has_short_indices() => (ComponentType::U16, Type::Scalar),
+        (Stream::Indices, _) => (ComponentType::U32, Type::Scalar),
+    };
+    let bound = |corner: glam::Vec3| match part.grid {
+        Some(grid) => serde_json::to_value(grid.code(corner).to_array()),
+        None => corner.to_array().into_iter().map(shortest).collect(),
+    };
+    let bounds = (stream == Stream::Positions).then_some(part.bounds);
+    Ok(Accessor {
+        buffer_view: Some(index(view)),
+        byte_offset: None,
+        count: USize64::from(part.count(stream)),
+        component_type: Valid(GenericComponentType(component_type)),
+        extensions: None,
+        extras: None,
+        type_: Valid(shape),
+        min: bounds.map(|b| bound(b.min)).transpose()?,
+        max: bounds.map(|b| bound(b.max)).transpose()?,
+        name: None,
+        normalized: matches!(stream, Stream::Colors | Stream::Normals | Stream::TexCoords)
+            && component_type != ComponentType::F32,
+        sparse: None,
+    })
+}
+
+/// A number that prints as the shortest text that reads back as the same f32. JSON numbers are 64 bits wide:
+/// 0.1 itself would print as 0.10000000149011612.
+fn shortest(x: f32) -> Result<Value> {
+    serde_json::from_str(&serde_json::to_string(&x)?)
+}
+
+/// The views, one per stream, and the buffers: the file's own and, when compressed, the one that exists only
+/// after decoding.
+fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<Buffer>)> {
+    let Content { options, parts, .. } = content;
+    let (starts, decoded_bytes) =
+        stream_offsets(all_streams(parts).map(|(part, stream)| part.bytes(stream, options)));
+    let mut views = Vec::with_capacity(starts.len());
+    for (i, (part, stream)) in all_streams(parts).enumerate() {
+        let strided = matches!(stream, Stream::Positions | Stream::Normals) && part.grid.is_some();
+        views.push(View {
+            buffer: index(usize::from(content.compressed.is_some())),
+            byte_length: USize64(part.bytes(stream, options)),
+            byte_offset: Some(USize64(starts[i])),
+            byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
+            name: None,
+            target: Some(Valid(match stream {
+                Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
+                    Target::ArrayBuffer
+                }
+                Stream::Indices => Target::ElementArrayBuffer,
+            })),
+            extensions: compressed_view(content, i, part, stream)?,
+            extras: None,
+        });
+    }
+    let buffer = |bytes: u64| Buffer {
+        byte_length: USize64(bytes),
+        name: None,
+        uri: None,
+        extensions: None,
+        extras: None,
+    };
+    let mut buffers = vec![Buffer { uri: bin_name.map(uri::from_file_name), ..buffer(content.bin_bytes) }];
+    if options.meshopt {
+        let others = meshopt(&FallbackBuffer { fallback: true })?;
+        let extensions = Some(extensions::buffer::Buffer { others });
+        buffers.push(Buffer { extensions, ..buffer(decoded_bytes) });
+    }
+    Ok((views, buffers))
+}
+
+/// The place of the compressed bytes of stream `i`.
+fn compressed_view(
+    content: &Content,
+    i: usize,
+    part: &ScenePart,
+    stream: Stream,
+) -> Result<Option<extensions::buffer::View>> {
+    let Some(streams) = &content.compressed else { return Ok(None) };
+    let mode = match stream {
+        Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
+            CompressionMode::Attributes
+        }
+        Stream::Indices => CompressionMode::Triangles,
+    };
+    let others = meshopt(&CompressedView {
+        buffer: 0,
+        byte_offset: content.starts[i],
+        byte_length: streams[i].len() as u64,
+        byte_stride: part.stride(stream, content.options),
+        count: part.count(stream) as u64,
+        mode: mode.name().to_owned(),
+        filter: None,
+    })?;
+    Ok(Some(extensions::buffer::View { others }))
+}
+
+fn meshopt(object: &impl Serialize) -> Result<Map<String, Value>> {
+    Ok(std::iter::once((MESHOPT.to_owned(), serde_json::to_value(object)?)).collect())
+}

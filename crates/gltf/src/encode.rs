@@ -1,0 +1,227 @@
+//! The bytes of a stream: positions, normals, colours and indices as glTF stores them, little-endian.
+
+use super::options::{ColorEncoding, GltfOptions};
+use super::part::{PartVertices, ScenePart, Stream};
+use glam::{Vec2, Vec3};
+use std::io::{self, Write};
+use std::ops::Range;
+use std::sync::LazyLock;
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::Colors;
+
+/// Bytes encoded before they are written.
+const BLOCK_BYTES: u64 = 1 << 20;
+
+/// Writes one stream in blocks of about 1 MiB; `scratch` is reused from call to call.
+pub(crate) fn write(
+    out: &mut dyn Write,
+    part: &ScenePart,
+    stream: Stream,
+    options: &GltfOptions,
+    scratch: &mut Vec<u8>,
+) -> io::Result<()> {
+    if let Some(bytes) = contiguous_bytes(part, stream) {
+        return out.write_all(bytes);
+    }
+    let stride = part.stride(stream, options);
+    let count = part.count(stream);
+    // Whole triangles, so that a block starts with a face.
+    let step = (BLOCK_BYTES / stride) as usize / 3 * 3;
+    for start in (0..count).step_by(step) {
+        let range = start..count.min(start + step);
+        scratch.resize(range.len() * stride as usize, 0);
+        fill(scratch, part, stream, range, options);
+        out.write_all(scratch)?;
+    }
+    Ok(())
+}
+
+/// All bytes of one stream.
+pub(crate) fn bytes(part: &ScenePart, stream: Stream, options: &GltfOptions) -> Vec<u8> {
+    let mut bytes = vec![0; part.bytes(stream, options) as usize];
+    fill(&mut bytes, part, stream, 0..part.count(stream), options);
+    bytes
+}
+
+/// The stream's bytes if memory has them in this form: float positions of a run of vertices.
+fn contiguous_bytes<'a>(part: &ScenePart<'a>, stream: Stream) -> Option<&'a [u8]> {
+    match (&part.vertices, stream, part.grid) {
+        (PartVertices::Run(run), Stream::Positions, None) if cfg!(target_endian = "little") => {
+            Some(bytemuck::cast_slice(&part.mesh.positions[run.clone()]))
+        }
+        _ => None,
+    }
+}
+
+/// Fills `out` with the elements `range` of a stream; a range of vertices starts with a face.
+fn fill(out: &mut [u8], part: &ScenePart, stream: Stream, range: Range<usize>, options: &GltfOptions) {
+    let mesh = part.mesh;
+    match stream {
+        Stream::Positions => match part.grid {
+            Some(grid) => vertices(out, &mesh.positions, part, range, |p| -> [u8; 8] {
+                let code = grid.code(p);
+                bytes_of([code.x, code.y, code.z, 0].map(u16::to_le_bytes))
+            }),
+            None => vertices(out, &mesh.positions, part, range, |p| -> [u8; 12] {
+                bytes_of(p.to_array().map(f32::to_le_bytes))
+            }),
+        },
+        Stream::Normals if part.grid.is_some() => fill_normals(out, part, range, |n| -> [u8; 4] {
+            let [x, y, z] = n.to_array().map(|x| (127.0 * x).round() as i8);
+            [x, y, z, 0].map(|byte| byte.to_le_bytes()[0])
+        }),
+        Stream::Normals => {
+            fill_normals(out, part, range, |n| -> [u8; 12] { bytes_of(n.to_array().map(f32::to_le_bytes)) })
+        }
+        Stream::Colors => fill_colors(out, part, range, options.colors),
+        Stream::TexCoords => fill_tex_coords(out, part, range),
+        Stream::Indices => {
+            let first = 3 * part.faces.start;
+            let local = mesh.indices[first + range.start..first + range.end].iter().map(|&v| part.local(v));
+            if part.has_short_indices() {
+                cells(out, local, |i| (i as u16).to_le_bytes());
+            } else {
+                cells(out, local, |i| (i as u32).to_le_bytes());
+            }
+        }
+    }
+}
+
+/// Encodes a normal once and stores it for every vertex that has it.
+fn fill_normals<const N: usize>(
+    out: &mut [u8],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn(Vec3) -> [u8; N],
+) {
+    if part.indexed {
+        return vertices(out, &part.vertex_normals, part, range, code);
+    }
+    faces(out, &part.mesh.normals, part, range, code);
+}
+
+/// Coordinates in [0, 1] as 16-bit numbers; three per face without shared vertices.
+fn fill_tex_coords(out: &mut [u8], part: &ScenePart, range: Range<usize>) {
+    let Some(texture) = &part.mesh.texture else { return };
+    let code = |uv: Vec2| -> [u8; 4] {
+        bytes_of(uv.to_array().map(|x| (nearest(x.clamp(0.0, 1.0), 65535.0) as u16).to_le_bytes()))
+    };
+    if part.indexed {
+        return vertices(out, &part.vertex_uvs, part, range, code);
+    }
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    cells(out, texture.uvs[faces].as_flattened().iter().copied(), code);
+}
+
+fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: ColorEncoding) {
+    match encoding {
+        ColorEncoding::U16Linear => colors(out, part, range, |c| -> [u8; 8] {
+            let [r, g, b] = c.map(|x| nearest(x, 65535.0) as u16);
+            bytes_of([r, g, b, u16::MAX].map(u16::to_le_bytes))
+        }),
+        ColorEncoding::U8Linear => colors(out, part, range, |c| {
+            let [r, g, b] = c.map(|x| nearest(x, 255.0) as u8);
+            [r, g, b, u8::MAX]
+        }),
+        ColorEncoding::U8Srgb => colors(out, part, range, |c| {
+            let [r, g, b] = c.map(srgb8_from_linear);
+            [r, g, b, u8::MAX]
+        }),
+        ColorEncoding::F32Linear => colors(out, part, range, |c| -> [u8; 16] {
+            let [r, g, b] = c.map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 });
+            bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
+        }),
+        ColorEncoding::F32Srgb => colors(out, part, range, |c| -> [u8; 16] {
+            let [r, g, b] = c.map(|x| CODES[usize::from(srgb8_from_linear(x))]);
+            bytes_of([r, g, b, 1.0].map(f32::to_le_bytes))
+        }),
+    }
+}
+
+/// The nearest of `steps` whole steps, before truncation; exact, because the product fits f64.
+fn nearest(x: f32, steps: f64) -> f64 {
+    f64::from(x) * steps + 0.5
+}
+
+/// Encodes a colour once and stores it for every vertex that has it.
+fn colors<const N: usize>(
+    out: &mut [u8],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn([f32; 3]) -> [u8; N],
+) {
+    match &part.mesh.colors {
+        Colors::Face(colors) => faces(out, colors, part, range, code),
+        Colors::Vertex(colors) => vertices(out, colors, part, range, code),
+    }
+}
+
+/// Stores the array's values of the faces of the vertices `range` of a part, three times each.
+fn faces<T: Copy, const N: usize>(
+    out: &mut [u8],
+    values: &[T],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn(T) -> [u8; N],
+) {
+    let faces = part.faces.start + range.start / 3..part.faces.start + range.end / 3;
+    for (triangle, &value) in out.chunks_exact_mut(3 * N).zip(&values[faces]) {
+        let code = code(value);
+        triangle.chunks_exact_mut(N).for_each(|corner| corner.copy_from_slice(&code));
+    }
+}
+
+/// Stores the array's values of the vertices `range` of a part.
+fn vertices<T: Copy, const N: usize>(
+    out: &mut [u8],
+    values: &[T],
+    part: &ScenePart,
+    range: Range<usize>,
+    code: impl Fn(T) -> [u8; N],
+) {
+    match &part.vertices {
+        PartVertices::Run(run) => {
+            cells(out, values[run.start + range.start..run.start + range.end].iter().copied(), code);
+        }
+        PartVertices::Picked(ids) => cells(out, ids[range].iter().map(|&id| values[id as usize]), code),
+    }
+}
+
+/// Stores one cell of N bytes for every value.
+fn cells<T, const N: usize>(out: &mut [u8], values: impl Iterator<Item = T>, code: impl Fn(T) -> [u8; N]) {
+    for (cell, value) in out.chunks_exact_mut(N).zip(values) {
+        cell.copy_from_slice(&code(value));
+    }
+}
+
+fn bytes_of<const M: usize, const K: usize, const N: usize>(parts: [[u8; K]; M]) -> [u8; N] {
+    const { assert!(M * K == N) };
+    let mut bytes = [0; N];
+    bytes.copy_from_slice(parts.as_flattened());
+    bytes
+}
+
+/// The smallest float not below code / 255: an importer that truncates 255 x gets the code back.
+static CODES: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|code| {
+        let near = code as f32 / 255.0;
+        if f64::from(near) * 255.0 < code as f64 { near.next_up() } else { near }
+    })
+});
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::math::color::linear_from_srgb;
+
+    #[test]
+    fn truncating_a_float_code_gives_the_code() {
+        for code in 0..=255u8 {
+            let x = CODES[usize::from(code)];
+            assert!((0.0..=1.0).contains(&x));
+            assert_eq!((f64::from(x) * 255.0) as u8, code);
+            assert_eq!((x * 255.0) as u8, code);
+            assert_eq!(srgb8_from_linear(linear_from_srgb(x)), code);
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! glTF 2.0 and GLB, written and read.
+//!
+//! In: assets. Out: bytes of glTF, byte for byte as engines want them. In: bytes of glTF. Out: scenes.
+//!
+//! ```text
+//! written: Asset ──► part (one mesh and node per chunk: bounds, grid, streams) ──► content ──► compose (the JSON)
+//!                                                                       │                        │
+//!                                        encode ──► meshopt (optional) ─┴──► write ◄─────────────┘
+//! read:    container ──► document ──► nodes (which mesh is where)
+//!              │                        │
+//!           buffers ──► accessor ──► merge ──► read ──► Mesh
+//!                          └──► textures ──┘
+//! ```
+//!
+//! The writer writes unlit, double-sided, opaque triangles with a colour per vertex or one texture. The
+//! reader reads these files in all variants, and files of other programs with vertex colours or one picture.
+//! The document is composed of `gltf-json`'s types; the module `document` explains why reading uses types of
+//! this crate.
+
+mod accessor;
+mod buffers;
+mod check;
+mod compose;
+mod container;
+mod content;
+mod document;
+mod encode;
+mod exact;
+mod extensions;
+mod extras;
+mod grid;
+mod info;
+mod limits;
+mod merge;
+mod meshopt;
+mod named;
+mod nodes;
+mod options;
+mod part;
+mod read;
+mod textures;
+pub mod uri;
+mod write;
+
+pub use check::check;
+pub use container::{Container, check_size, document_json, glb_size, stream_offsets};
+pub use info::{GltfInfo, gltf_info};
+pub use named::named_files;
+pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
+pub use part::{backdrop_nodes, scene_nodes};
+pub use read::read;
+pub use write::{Written, to_glb_bytes, write_glb, write_gltf};

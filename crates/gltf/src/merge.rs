@@ -1,0 +1,509 @@
+//! Merges the primitives of all meshes into one mesh.
+
+use super::accessor::Accessors;
+use super::document::{Document, Material, Primitive};
+use super::extensions::DRACO;
+use super::nodes::MeshInstance;
+use super::textures::PaintedPrimitives;
+use glam::{DMat4, DVec3, Vec3};
+use gltf_json::accessor::ComponentType;
+use gltf_json::material::{AlphaCutoff, AlphaMode};
+use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
+use gltf_json::validation::Checked;
+use rayon::prelude::*;
+use trisplat_exchange::far::{is_far, origin_of, sampled};
+use trisplat_scene::{
+    Error, Limits, Result,
+    math::color::linear_from_srgb,
+    mesh::{Colors, Mesh},
+};
+
+/// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
+const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
+
+/// A mesh that grows by one primitive at a time.
+pub(crate) struct MergedMesh<'a> {
+    document: &'a Document,
+    accessors: Accessors<'a>,
+    /// The file says that every material's COLOR_0 is sRGB-encoded.
+    srgb: bool,
+    positions: Vec<Vec3>,
+    /// One per face while `flat`, else one per vertex.
+    colors: Vec<[f32; 3]>,
+    /// No faces share vertices and each has one colour.
+    flat: bool,
+    indices: Vec<u32>,
+    /// Empty while every face is opaque.
+    opacity: Vec<f32>,
+    faces: usize,
+    clamped: usize,
+    warnings: Vec<String>,
+    limits: Limits,
+    painted: PaintedPrimitives,
+}
+
+/// The faces of one primitive.
+struct PrimitiveFaces {
+    /// Vertex numbers of its faces within the primitive; none when they come in order.
+    indices: Option<Vec<u32>>,
+    /// First vertex in the merged mesh.
+    base: usize,
+    faces: usize,
+}
+
+impl<'a> MergedMesh<'a> {
+    pub(crate) fn new(document: &'a Document, accessors: Accessors<'a>, srgb: bool, limits: Limits) -> Self {
+        Self {
+            document,
+            accessors,
+            srgb,
+            positions: Vec::new(),
+            colors: Vec::new(),
+            flat: true,
+            indices: Vec::new(),
+            opacity: Vec::new(),
+            faces: 0,
+            clamped: 0,
+            warnings: Vec::new(),
+            limits,
+            painted: PaintedPrimitives::default(),
+        }
+    }
+
+    /// Number of faces so far.
+    pub(crate) fn face_count(&self) -> usize {
+        self.faces
+    }
+
+    fn malformed(&self, place: impl Into<String>, reason: impl Into<String>) -> Error {
+        Error::malformed(self.accessors.buffers.path(), place, reason)
+    }
+
+    /// Adds a warning once.
+    pub(crate) fn warn(&mut self, warning: impl Into<String>) {
+        let warning = warning.into();
+        if !self.warnings.contains(&warning) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit.
+    pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<()> {
+        let mut vertices = 0u64;
+        for instance in instances {
+            for primitive in self.primitives(instance)? {
+                if let Some(position) = self.position(primitive)? {
+                    vertices = vertices.saturating_add(self.accessors.layout(position)?.count);
+                }
+            }
+        }
+        let (limits, path) = (self.limits, self.accessors.buffers.path().to_owned());
+        limits.triangles(path.display(), vertices / 3)?;
+        limits.vertices(path.display(), vertices)?;
+        self.accessors.buffers.spend(vertices.saturating_mul(24))?;
+        limits.reserve(path.display(), &mut self.positions, vertices as usize)
+    }
+
+    /// The origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
+    pub(crate) fn origin(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
+        let is_moved = |i: &MeshInstance| i.transform.is_some_and(|t| is_far(t.w_axis.truncate()));
+        if !instances.iter().any(is_moved) {
+            return Ok(DVec3::ZERO);
+        }
+        let mut meshes = Vec::new();
+        for instance in instances {
+            for primitive in self.primitives(instance)? {
+                if let Some(position) = self.position(primitive)? {
+                    let count = self.accessors.layout(position)?.count as usize;
+                    meshes.push((instance.transform.unwrap_or(DMat4::IDENTITY), position, count));
+                }
+            }
+        }
+        let total: usize = meshes.iter().map(|(.., count)| count).sum();
+        let (mut wanted, mut sample) = (sampled(total).peekable(), Vec::new());
+        let mut first = 0;
+        for (transform, position, count) in meshes {
+            self.accessors.for_each(position, 0.0, |i, p| {
+                if wanted.next_if_eq(&(first + i)).is_some() {
+                    sample.push(transform.transform_point3(DVec3::from(p)));
+                }
+            })?;
+            first += count;
+        }
+        Ok(origin_of(sample))
+    }
+
+    /// The accessor of a primitive's positions; none, with a warning, for a primitive without triangles.
+    fn position(&mut self, primitive: &Primitive) -> Result<Option<usize>> {
+        if !(TRIANGLES..=TRIANGLE_FAN).contains(&primitive.mode) {
+            self.warn("points and lines are not read");
+            return Ok(None);
+        }
+        let Some(position) = primitive.attributes.position else {
+            self.warn("primitives without POSITION are not read");
+            return Ok(None);
+        };
+        // A file may also contain the plain data.
+        let draco = primitive.extensions.contains_key(DRACO);
+        if draco && self.accessors.accessor(position)?.buffer_view.is_none() {
+            return Err(Error::unsupported(
+                self.accessors.buffers.path(),
+                "is compressed with Draco; open it in Blender and export it again without compression",
+            ));
+        }
+        Ok(Some(position))
+    }
+
+    fn check_limit(&self, triangles: u64) -> Result<()> {
+        self.limits.triangles(self.accessors.buffers.path().display(), triangles)
+    }
+
+    fn primitives(&self, instance: &MeshInstance) -> Result<&'a [Primitive]> {
+        let has = self.document.meshes.len();
+        match self.document.meshes.get(instance.mesh) {
+            Some(mesh) => Ok(&mesh.primitives),
+            None => Err(self.malformed(
+                format!("node {}", instance.node),
+                format!("shows mesh {}, but the file has {has}", instance.mesh),
+            )),
+        }
+    }
+
+    /// Adds every triangle of a mesh, transformed by its node.
+    pub(crate) fn add(&mut self, instance: &MeshInstance) -> Result<()> {
+        for (i, primitive) in self.primitives(instance)?.iter().enumerate() {
+            let place = format!("mesh {} primitive {i}", instance.mesh);
+            self.add_primitive(primitive, &place, instance.transform)?;
+        }
+        Ok(())
+    }
+
+    fn add_primitive(&mut self, primitive: &Primitive, place: &str, transform: Option<DMat4>) -> Result<()> {
+        let Some(position) = self.position(primitive)? else { return Ok(()) };
+        if !primitive.targets.is_empty() {
+            self.warn("morph targets are not applied");
+        }
+        let base = self.positions.len();
+        let count = self.read_positions(position, place, transform)?;
+        let mut part = self.read_faces(primitive, place, base, count)?;
+        self.positions.truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
+        let mirrored = transform.is_some_and(|t| t.determinant() < 0.0);
+        if mirrored && let Some(indices) = &mut part.indices {
+            indices.chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+        }
+        self.read_colors(primitive, place, &part, count)?;
+        self.read_texture(primitive, place, &part, mirrored)?;
+        if mirrored && part.indices.is_none() {
+            self.mirror(&part);
+        }
+        self.add_faces(part);
+        Ok(())
+    }
+
+    /// Appends the transformed positions of an accessor; returns their number.
+    fn read_positions(&mut self, accessor: usize, place: &str, transform: Option<DMat4>) -> Result<usize> {
+        let layout = self.accessors.layout(accessor)?;
+        if layout.width != 3 || layout.component == ComponentType::U32 {
+            return Err(
+                self.malformed(place, "has a POSITION that is not VEC3 of floats or 8 or 16-bit integers")
+            );
+        }
+        let (base, count) = (self.positions.len(), layout.count as usize);
+        self.positions.resize(base + count, Vec3::ZERO);
+        let added = &mut self.positions[base..];
+        let plain =
+            transform.is_none() && layout.component == ComponentType::F32 && cfg!(target_endian = "little");
+        if plain && self.accessors.read_contiguous(accessor, bytemuck::cast_slice_mut(added))? {
+            return Ok(count);
+        }
+        match transform {
+            None => self.accessors.for_each(accessor, 0.0, |i, p| added[i] = DVec3::from(p).as_vec3())?,
+            Some(t) => self
+                .accessors
+                .for_each(accessor, 0.0, |i, p| added[i] = t.transform_point3(DVec3::from(p)).as_vec3())?,
+        }
+        Ok(count)
+    }
+
+    /// The faces of a primitive of any mode, as lists of vertices.
+    fn read_faces(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        base: usize,
+        count: usize,
+    ) -> Result<PrimitiveFaces> {
+        let listed = match primitive.indices {
+            Some(accessor) => Some(self.read_indices(accessor, place, count)?),
+            None if primitive.mode == TRIANGLES => None,
+            None => Some((0..count as u32).collect()),
+        };
+        let indices = match (listed, primitive.mode) {
+            (Some(strip), TRIANGLE_STRIP) => Some(strip_faces(&strip)),
+            (Some(fan), TRIANGLE_FAN) => Some(fan_faces(&fan)),
+            (listed, _) => listed,
+        };
+        let corners = indices.as_ref().map_or(count, Vec::len);
+        if corners % 3 != 0 {
+            self.warn(format!("{place} has {corners} corners, no multiple of 3: the last are not read"));
+        }
+        let faces = corners / 3;
+        self.check_limit((self.faces + faces) as u64)?;
+        let indices = indices.map(|mut list| {
+            list.truncate(3 * faces);
+            list
+        });
+        Ok(PrimitiveFaces { indices, base, faces })
+    }
+
+    fn read_indices(&mut self, accessor: usize, place: &str, count: usize) -> Result<Vec<u32>> {
+        let layout = self.accessors.layout(accessor)?;
+        let unsigned =
+            matches!(layout.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+        if layout.width != 1 || !unsigned {
+            return Err(self.malformed(place, "has indices that are not unsigned integers"));
+        }
+        self.check_limit(layout.count / 3)?;
+        self.accessors.buffers.spend(4 * layout.count)?;
+        let mut indices = vec![0; layout.count as usize];
+        self.accessors.for_each(accessor, 0.0, |i, [index]| indices[i] = index as u32)?;
+        match indices.iter().position(|&index| index as usize >= count) {
+            Some(at) => Err(self.malformed(
+                place,
+                format!("names vertex {} in face {}, but has {count} vertices", indices[at], at / 3),
+            )),
+            None => Ok(indices),
+        }
+    }
+
+    /// Appends the colours of a primitive, one per face while all faces so far are flat.
+    fn read_colors(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        count: usize,
+    ) -> Result<()> {
+        let default = Material::default();
+        let material = self.material(primitive, place)?.unwrap_or(&default);
+        let [factor @ .., alpha] = material.pbr_metallic_roughness.base_color_factor.unwrap_or([1.0; 4]);
+        let Some(accessor) = primitive.attributes.color else {
+            if material.pbr_metallic_roughness.base_color_texture.is_none() {
+                self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
+            }
+            self.push_colors(vec![[1.0; 3]; count], part, false, factor);
+            self.push_opacity(part, material, |_| alpha);
+            return Ok(());
+        };
+        self.check_colors(accessor, place, count)?;
+        let mut colors = vec![[0.0; 3]; count];
+        if material.is_opaque() {
+            self.accessors.for_each(accessor, 1.0, |i, c: [f64; 3]| colors[i] = c.map(|x| x as f32))?;
+        } else {
+            let mut alphas = vec![0.0; count];
+            self.accessors.for_each(accessor, 1.0, |i, [r, g, b, a]| {
+                colors[i] = [r, g, b].map(|x| x as f32);
+                alphas[i] = a as f32;
+            })?;
+            let corner = |corner: usize| part.indices.as_ref().map_or(corner, |list| list[corner] as usize);
+            let mean = |face: usize| (0..3).map(|j| alphas[corner(3 * face + j)]).sum::<f32>() / 3.0;
+            self.push_opacity(part, material, |face| alpha * mean(face));
+        }
+        self.push_colors(colors, part, self.srgb || material.is_srgb(), factor);
+        Ok(())
+    }
+
+    /// The places of a primitive's faces on a texture, if they have one.
+    fn read_texture(
+        &mut self,
+        primitive: &Primitive,
+        place: &str,
+        part: &PrimitiveFaces,
+        mirrored: bool,
+    ) -> Result<()> {
+        let Some(material) = self.material(primitive, place)? else { return Ok(()) };
+        let of_material = &material.pbr_metallic_roughness;
+        let Some(info) = &of_material.base_color_texture else { return Ok(()) };
+        // Places of a list were reversed with its faces.
+        let turned = mirrored && part.indices.is_none();
+        let corner = |corner: usize| match &part.indices {
+            Some(list) => list[corner] as usize,
+            None if turned => 3 * (corner / 3) + [0, 2, 1][corner % 3],
+            None => corner,
+        };
+        let white = of_material.base_color_factor.is_none_or(|factor| factor[..3] == [1.0; 3]);
+        let plain = white && primitive.attributes.color.is_none();
+        let (faces, laid) = (self.faces..self.faces + part.faces, (info, primitive.attributes.tex_coord));
+        let why = self.painted.add(self.document, &mut self.accessors, laid, faces, corner, plain)?;
+        why.into_iter().for_each(|why| {
+            self.warn(format!(
+                "a texture is not read, its triangles have the base colour of their material: {why}"
+            ))
+        });
+        Ok(())
+    }
+
+    /// The material of a primitive; none when it names none.
+    fn material(&self, primitive: &Primitive, place: &str) -> Result<Option<&'a Material>> {
+        let materials = &self.document.materials;
+        let Some(index) = primitive.material else { return Ok(None) };
+        materials.get(index).map(Some).ok_or_else(|| {
+            self.malformed(place, format!("has material {index}, but the file has {}", materials.len()))
+        })
+    }
+
+    /// Checks that an accessor holds a colour for each of `count` positions.
+    fn check_colors(&mut self, accessor: usize, place: &str, count: usize) -> Result<()> {
+        let layout = self.accessors.layout(accessor)?;
+        let readable = matches!(
+            (layout.component, layout.normalized),
+            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
+        );
+        if !readable || !(3..=4).contains(&layout.width) {
+            return Err(self.malformed(
+                place,
+                "has a COLOR_0 that is not VEC3 or VEC4 of floats or normalised integers",
+            ));
+        }
+        if layout.count != count as u64 {
+            return Err(self.malformed(place, format!("has {count} positions and {} colours", layout.count)));
+        }
+        Ok(())
+    }
+
+    fn push_colors(
+        &mut self,
+        mut colors: Vec<[f32; 3]>,
+        part: &PrimitiveFaces,
+        srgb: bool,
+        factor: [f32; 3],
+    ) {
+        let flat = part.indices.is_none() && colors.chunks_exact(3).all(|c| c[0] == c[1] && c[1] == c[2]);
+        if !flat && self.flat {
+            self.colors = self.colors.iter().flat_map(|&c| [c; 3]).collect();
+            self.flat = false;
+        }
+        if self.flat {
+            for face in 0..part.faces {
+                colors[face] = colors[3 * face];
+            }
+            colors.truncate(part.faces);
+        } else if part.indices.is_none() {
+            colors.truncate(3 * part.faces);
+        }
+        let outside = |c: &[f32; 3]| !c.iter().all(|x| (0.0..=1.0).contains(x));
+        let clamp = |c: &mut [f32; 3]| {
+            let bad = outside(c);
+            for (channel, factor) in c.iter_mut().zip(factor) {
+                let light = unit(*channel);
+                let light = if srgb { linear_from_srgb(light) } else { light };
+                *channel = unit(light * factor);
+            }
+            usize::from(bad)
+        };
+        self.clamped += colors.par_iter_mut().with_min_len(1 << 14).map(clamp).sum::<usize>();
+        self.colors.append(&mut colors);
+    }
+
+    /// Appends the opacity of a primitive's faces; the list stays empty while everything is opaque.
+    fn push_opacity(&mut self, part: &PrimitiveFaces, material: &Material, alpha: impl Fn(usize) -> f32) {
+        if material.is_opaque() {
+            return;
+        }
+        let cutoff = material.alpha_cutoff.unwrap_or(AlphaCutoff::default().0);
+        let is_mask = material.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
+        self.opacity.resize(self.faces, 1.0);
+        self.opacity.extend((0..part.faces).map(|face| {
+            let alpha = unit(alpha(face));
+            if is_mask { f32::from(alpha >= cutoff) } else { alpha }
+        }));
+    }
+
+    /// Reverses the winding of a primitive's faces if its node mirrors it.
+    fn mirror(&mut self, part: &PrimitiveFaces) {
+        self.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+        if !self.flat {
+            self.colors[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+        }
+    }
+
+    fn add_faces(&mut self, part: PrimitiveFaces) {
+        let base = part.base as u32;
+        match part.indices {
+            Some(indices) => {
+                if self.indices.is_empty() && self.faces > 0 {
+                    self.indices = (0..3 * self.faces as u32).collect();
+                }
+                self.indices.extend(indices.into_iter().map(|index| base + index));
+            }
+            None if !self.indices.is_empty() => self.indices.extend(base..base + 3 * part.faces as u32),
+            None => {}
+        }
+        self.faces += part.faces;
+        if !self.opacity.is_empty() {
+            self.opacity.resize(self.faces, 1.0);
+        }
+    }
+
+    /// The merged mesh and notes for the user.
+    pub(crate) fn finish(mut self) -> Result<(Mesh, Vec<String>)> {
+        if self.faces == 0 {
+            let why = self.warnings.join("; ");
+            let why = if why.is_empty() { why } else { format!(" ({why})") };
+            return Err(Error::unsupported(
+                self.accessors.buffers.path(),
+                format!("holds no triangles in its scene{why}; export the mesh itself"),
+            ));
+        }
+        if self.clamped > 0 {
+            self.warn(format!("{} colours lay outside 0 to 1 and were clamped", self.clamped));
+        }
+        if self.opacity.iter().all(|&o| o == 1.0) {
+            self.opacity = Vec::new();
+        }
+        let colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
+        let mut mesh = Mesh {
+            positions: self.positions,
+            colors,
+            indices: self.indices,
+            opacity: self.opacity,
+            ..Mesh::default()
+        };
+        let painted = self.painted.paint(&mut mesh, self.document, &mut self.accessors, &self.limits);
+        self.warnings.extend(painted);
+        Ok((mesh, self.warnings))
+    }
+}
+
+impl Material {
+    /// True when alpha is ignored.
+    fn is_opaque(&self) -> bool {
+        !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
+    }
+
+    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.
+    fn is_srgb(&self) -> bool {
+        let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
+        SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
+    }
+}
+
+/// The nearest number in [0, 1]; 0 for NaN.
+fn unit(x: f32) -> f32 {
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+}
+
+/// Triangles of a strip; triangles with two equal corners only join its pieces.
+fn strip_faces(strip: &[u32]) -> Vec<u32> {
+    let faces = strip
+        .windows(3)
+        .enumerate()
+        .map(|(i, v)| if i % 2 == 0 { [v[0], v[1], v[2]] } else { [v[0], v[2], v[1]] });
+    faces.filter(|[a, b, c]| a != b && b != c && a != c).flatten().collect()
+}
+
+/// Triangles of a fan around its first vertex.
+fn fan_faces(fan: &[u32]) -> Vec<u32> {
+    let Some((&center, rim)) = fan.split_first() else { return Vec::new() };
+    rim.windows(2).flat_map(|v| [v[0], v[1], center]).collect()
+}

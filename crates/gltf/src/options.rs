@@ -1,0 +1,168 @@
+//! How colours and positions are stored, and the other options of a glTF file.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_scene::{Result, image::RgbImage};
+
+/// How a vertex stores its colour: always four channels, alpha 1.
+///
+/// glTF 2.0 says COLOR_0 is linear light. The two sRGB encodings break that rule on purpose, for
+/// Godot materials whose name ends in `-vcol`; every other viewer shows them washed out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum ColorEncoding {
+    /// 16-bit normalised, linear: holds every 8-bit sRGB code exactly. 8 bytes.
+    #[default]
+    #[serde(rename = "u16-linear")]
+    #[cfg_attr(feature = "cli", value(name = "u16-linear"))]
+    U16Linear,
+    /// 8-bit normalised, linear: 73 of the 256 sRGB codes come back wrong, by up to 6. 4 bytes.
+    #[serde(rename = "u8-linear")]
+    #[cfg_attr(feature = "cli", value(name = "u8-linear"))]
+    U8Linear,
+    /// 8-bit normalised sRGB codes: against the glTF specification. 4 bytes.
+    #[serde(rename = "u8-srgb")]
+    #[cfg_attr(feature = "cli", value(name = "u8-srgb"))]
+    U8Srgb,
+    /// 32-bit float, linear. 16 bytes.
+    #[serde(rename = "f32-linear")]
+    #[cfg_attr(feature = "cli", value(name = "f32-linear"))]
+    F32Linear,
+    /// 32-bit float holding 8-bit sRGB codes over 255, rounded up for importers that truncate: against the
+    /// glTF specification. 16 bytes.
+    #[serde(rename = "f32-srgb")]
+    #[cfg_attr(feature = "cli", value(name = "f32-srgb"))]
+    F32Srgb,
+}
+
+impl ColorEncoding {
+    /// Bytes per vertex.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::U16Linear => 8,
+            Self::U8Linear | Self::U8Srgb => 4,
+            Self::F32Linear | Self::F32Srgb => 16,
+        }
+    }
+
+    /// True when the values are linear light, as the glTF specification requires.
+    pub fn is_linear(self) -> bool {
+        !matches!(self, Self::U8Srgb | Self::F32Srgb)
+    }
+}
+
+/// How a vertex stores its position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum PositionEncoding {
+    /// Three 32-bit floats, exact. 12 bytes.
+    #[default]
+    #[serde(rename = "f32")]
+    #[cfg_attr(feature = "cli", value(name = "f32"))]
+    F32,
+    /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes. A chunk whose grid would move a vertex by more
+    /// than 1/16 of its median triangle's size, or flatten more than one triangle in 200, keeps floats.
+    #[serde(rename = "chunk-u16")]
+    #[cfg_attr(feature = "cli", value(name = "chunk-u16"))]
+    ChunkU16,
+}
+
+impl PositionEncoding {
+    /// Bytes per vertex, padding included.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::F32 => 12,
+            Self::ChunkU16 => 8,
+        }
+    }
+
+    /// Bytes per vertex of a normal, padding included: three floats, or three bytes beside positions on a grid.
+    pub fn normal_bytes(self) -> u64 {
+        match self {
+            Self::F32 => 12,
+            Self::ChunkU16 => 4,
+        }
+    }
+}
+
+/// How the picture of a texture is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "lowercase")]
+pub enum TextureFormat {
+    /// JPEG of quality 90
+    #[default]
+    Jpeg,
+    /// PNG, exact and several times as large
+    Png,
+}
+
+/// Quality of a JPEG texture, of 100.
+const JPEG_QUALITY: u8 = 90;
+
+impl TextureFormat {
+    /// The media type of its files.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Jpeg => "image/jpeg",
+            Self::Png => "image/png",
+        }
+    }
+
+    /// The ending of its files' names.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Jpeg => "jpg",
+            Self::Png => "png",
+        }
+    }
+
+    /// The bytes of its file.
+    pub fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
+        match self {
+            Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
+            Self::Png => picture.to_png(),
+        }
+    }
+}
+
+/// What to write and how.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GltfOptions {
+    /// Storage of COLOR_0.
+    pub colors: ColorEncoding,
+    /// Storage of POSITION.
+    pub positions: PositionEncoding,
+    /// Compress with EXT_meshopt_compression (vertex codec version 0).
+    pub meshopt: bool,
+    /// Name of the only material; Godot reads hints from its ending.
+    pub material_name: String,
+    /// Name of the scene's node when it is a single one.
+    pub node_name: String,
+    /// Name of the collision node, for engines that do not draw nodes of this name; without a name there is
+    /// no such node.
+    pub collision_name: Option<String>,
+    /// Write the normals of a mesh, if any, and a lit material.
+    pub lit: bool,
+    /// Storage of the texture, if there is one.
+    pub texture: TextureFormat,
+    /// Write a GLB above 2 GiB although most readers fail on it.
+    pub allow_huge: bool,
+}
+
+impl Default for GltfOptions {
+    fn default() -> Self {
+        Self {
+            colors: ColorEncoding::default(),
+            positions: PositionEncoding::default(),
+            meshopt: false,
+            material_name: "trisplat".to_owned(),
+            node_name: "scene".to_owned(),
+            collision_name: None,
+            lit: true,
+            texture: TextureFormat::Jpeg,
+            allow_huge: false,
+        }
+    }
+}

@@ -1,0 +1,415 @@
+//! Chunks of a scene for the file: vertices, bounds, grid and streams of each.
+
+use super::grid::{PositionGrid, QuantizationLoss};
+use super::limits::MAX_SHORT_VERTICES;
+use super::options::{GltfOptions, PositionEncoding};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use trisplat_scene::{
+    Asset, Chunk, Error, Result,
+    math::median::median,
+    mesh::{Colors, Mesh},
+};
+
+/// Name of the node, the mesh and the material of the backdrop.
+pub(crate) const BACKDROP: &str = "backdrop";
+
+/// Bytes of a texture coordinate: two 16-bit numbers, 1/16 of a texel of the largest texture.
+const TEX_COORD_BYTES: u64 = 4;
+
+/// What a part is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PartKind {
+    /// The scene, or a chunk of it.
+    Scene,
+    /// A far sphere that is visible from inside.
+    Backdrop,
+    /// The collider, which engines do not draw.
+    Collision,
+}
+
+/// A chunk of faces with its own vertices: one glTF mesh and node.
+#[derive(Debug)]
+pub(crate) struct ScenePart<'a> {
+    pub(crate) name: String,
+    pub(crate) kind: PartKind,
+    /// The mesh of the faces.
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) faces: Range<usize>,
+    /// The page of the texture that all of them are on.
+    pub(crate) page: usize,
+    pub(crate) vertices: PartVertices<'a>,
+    /// True when faces share vertices and an index stream is written.
+    pub(crate) indexed: bool,
+    /// Normals of all vertices of the mesh, if faces share vertices and the material is lit.
+    pub(crate) vertex_normals: Arc<Vec<Vec3>>,
+    /// Places of all vertices on the texture, if faces share vertices.
+    pub(crate) vertex_uvs: Arc<Vec<Vec2>>,
+    /// Whether normals are written.
+    pub(crate) lit: bool,
+    pub(crate) bounds: PartBounds,
+    /// The grid of 16-bit positions; none when positions are floats, for example because no grid is fine
+    /// enough.
+    pub(crate) grid: Option<PositionGrid>,
+    pub(crate) loss: QuantizationLoss,
+}
+
+/// The vertices of a part, in order.
+#[derive(Debug)]
+pub(crate) enum PartVertices<'a> {
+    /// Consecutive ones.
+    Run(Range<usize>),
+    /// Those of these numbers.
+    Picked(Cow<'a, [u32]>),
+}
+
+/// The smallest box around some vertices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PartBounds {
+    pub(crate) min: Vec3,
+    pub(crate) max: Vec3,
+}
+
+/// One array of a part, in its own buffer view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Stream {
+    Positions,
+    Normals,
+    Colors,
+    TexCoords,
+    Indices,
+}
+
+impl ScenePart<'_> {
+    /// Number of vertices written.
+    pub(crate) fn vertex_count(&self) -> usize {
+        match &self.vertices {
+            PartVertices::Run(run) => run.len(),
+            PartVertices::Picked(ids) => ids.len(),
+        }
+    }
+
+    /// Its arrays, in file order.
+    pub(crate) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
+        let normals = self.lit.then_some(Stream::Normals);
+        // A colour would be multiplied with the texture.
+        let painted = match self.mesh.texture {
+            Some(_) => Stream::TexCoords,
+            None => Stream::Colors,
+        };
+        let painted = (self.kind != PartKind::Collision).then_some(painted);
+        let indices = self.indexed.then_some(Stream::Indices);
+        [Some(Stream::Positions), normals, painted, indices].into_iter().flatten()
+    }
+
+    /// Number of elements of a stream.
+    pub(crate) fn count(&self, stream: Stream) -> usize {
+        match stream {
+            Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => self.vertex_count(),
+            Stream::Indices => 3 * self.faces.len(),
+        }
+    }
+
+    /// Bytes of an element of a stream.
+    pub(crate) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
+        match stream {
+            Stream::Positions => self.encoding().bytes(),
+            Stream::Normals => self.encoding().normal_bytes(),
+            Stream::Colors => options.colors.bytes(),
+            Stream::TexCoords => TEX_COORD_BYTES,
+            Stream::Indices if self.has_short_indices() => 2,
+            Stream::Indices => 4,
+        }
+    }
+
+    /// How its positions are stored.
+    fn encoding(&self) -> PositionEncoding {
+        if self.grid.is_some() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 }
+    }
+
+    /// Bytes of a stream before compression.
+    pub(crate) fn bytes(&self, stream: Stream, options: &GltfOptions) -> u64 {
+        self.count(stream) as u64 * self.stride(stream, options)
+    }
+
+    /// True when every index fits 16 bits.
+    pub(crate) fn has_short_indices(&self) -> bool {
+        self.vertex_count() as u64 <= MAX_SHORT_VERTICES
+    }
+
+    /// Number of a vertex of the mesh within this part.
+    pub(crate) fn local(&self, vertex: u32) -> usize {
+        match &self.vertices {
+            PartVertices::Run(run) => vertex as usize - run.start,
+            PartVertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
+        }
+    }
+}
+
+impl PartBounds {
+    const EMPTY: PartBounds = PartBounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// PartBounds of `points`; not finite when any of them is not.
+    fn of(points: impl Iterator<Item = Vec3>) -> Self {
+        points.fold(Self::EMPTY, |b, p| {
+            let p = if p.is_finite() { p } else { Vec3::INFINITY };
+            b.and(Self { min: p, max: p })
+        })
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+}
+
+/// Cuts an asset into parts; faces that share vertices but not colours get separate vertices, because glTF
+/// has no other way to draw a flat colour.
+pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) -> Result<Vec<ScenePart<'a>>> {
+    let mesh = &asset.mesh;
+    mesh.validate_shape()?;
+    if mesh.face_count() == 0 {
+        return Err(Error::unsupported(
+            path,
+            "there is no triangle to write, and a glTF mesh may not be empty; \
+             give a scene with triangles or loosen the prune options",
+        ));
+    }
+    let named = named_ranges(asset, &options.node_name)?;
+    let lit = options.lit && !mesh.normals.is_empty();
+    let vertex_uvs = mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
+    let shared = !mesh.indices.is_empty()
+        && match mesh.texture {
+            // Faces that share corners may have different places on the texture there.
+            Some(_) => vertex_uvs.is_some(),
+            None => matches!(mesh.colors, Colors::Vertex(_)),
+        };
+    let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
+    let vertex_normals = Arc::new(if lit && shared { mesh.vertex_normals() } else { Vec::new() });
+    let drawn = named.into_par_iter().map(|(kind, name, faces)| {
+        let lit = lit && kind == PartKind::Scene;
+        let part = part(name, mesh, faces, (lit, shared), options)?;
+        Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
+    });
+    // Always returns the first of several errors, independent of threads.
+    let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
+    drawn.into_iter().chain(collision(asset, options)).collect()
+}
+
+/// The purpose, name and faces of every node; the collider has a mesh of its own.
+fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String, Range<usize>)>> {
+    let scene = asset.scene_faces();
+    let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
+    let ranges = of_one_page(ranges, &asset.mesh);
+    let of_scene = ranges.iter().filter(|faces| faces.start < scene).count();
+    let single = of_scene == 1;
+    let named = |(i, faces): (usize, Range<usize>)| {
+        let (kind, name) = match (faces.start >= scene, single) {
+            (true, _) => (PartKind::Backdrop, backdrop_name(i - of_scene)),
+            (false, true) => (PartKind::Scene, node_name.to_owned()),
+            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
+        };
+        (kind, name, faces)
+    };
+    Ok(ranges.into_iter().enumerate().map(named).collect())
+}
+
+/// The name of a backdrop's node; it has several when its texture has several pages.
+fn backdrop_name(number: usize) -> String {
+    if number == 0 { BACKDROP.to_owned() } else { format!("{BACKDROP}_{number}") }
+}
+
+/// Whether a node of this name is of the backdrop.
+pub(crate) fn is_backdrop(name: &str) -> bool {
+    let rest = name.strip_prefix(BACKDROP);
+    rest.is_some_and(|rest| {
+        rest.is_empty() || rest.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok())
+    })
+}
+
+/// The ranges cut where the page of the texture changes: a primitive has one.
+fn of_one_page(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
+    let Some(texture) = mesh.texture.as_ref().filter(|texture| !texture.page_of.is_empty()) else {
+        return ranges;
+    };
+    let mut cut = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let mut first = range.start;
+        for run in texture.page_of[range].chunk_by(|a, b| a == b) {
+            cut.push(first..first + run.len());
+            first += run.len();
+        }
+    }
+    cut
+}
+
+/// Names of the scene's own nodes.
+///
+/// Errors: chunks that do not hold every face once.
+pub fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>> {
+    let named = named_ranges(asset, node_name)?.into_iter();
+    Ok(named.filter(|(kind, ..)| *kind == PartKind::Scene).map(|(_, name, _)| name).collect())
+}
+
+/// Names of the backdrop's nodes.
+///
+/// Errors: chunks that do not hold every face once.
+pub fn backdrop_nodes(asset: &Asset) -> Result<Vec<String>> {
+    let named = named_ranges(asset, "")?.into_iter();
+    Ok(named.filter(|(kind, ..)| *kind == PartKind::Backdrop).map(|(_, name, _)| name).collect())
+}
+
+/// The collider, if it has a node.
+fn collision<'a>(asset: &'a Asset, options: &GltfOptions) -> Option<Result<ScenePart<'a>>> {
+    let (name, mesh) = (options.collision_name.clone()?, asset.collision.as_ref()?);
+    let whole = || {
+        mesh.validate_shape()?;
+        let shared = !mesh.indices.is_empty();
+        let part = part(name, mesh, 0..mesh.face_count(), (false, shared), options)?;
+        Ok(ScenePart { kind: PartKind::Collision, ..part })
+    };
+    (mesh.face_count() > 0).then(whole)
+}
+
+fn part<'a>(
+    name: String,
+    mesh: &'a Mesh,
+    faces: Range<usize>,
+    (lit, indexed): (bool, bool),
+    options: &GltfOptions,
+) -> Result<ScenePart<'a>> {
+    let corners = 3 * faces.start..3 * faces.end;
+    let vertices = if mesh.indices.is_empty() {
+        PartVertices::Run(corners)
+    } else if indexed {
+        used(&mesh.indices[corners])
+    } else {
+        PartVertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
+    };
+    let bounds = bounds(mesh, &vertices);
+    if !bounds.min.is_finite() || !bounds.max.is_finite() {
+        return Err(Error::invalid(
+            format!("position of a vertex in {name}"),
+            "not finite",
+            "finite numbers",
+        ));
+    }
+    let mut part = ScenePart {
+        name,
+        kind: PartKind::Scene,
+        mesh,
+        page: mesh.texture.as_ref().map_or(0, |texture| texture.page(faces.start)),
+        faces,
+        vertices,
+        indexed,
+        vertex_normals: Arc::default(),
+        vertex_uvs: Arc::default(),
+        lit,
+        bounds,
+        grid: None,
+        loss: QuantizationLoss::default(),
+    };
+    if options.positions == PositionEncoding::ChunkU16 {
+        quantise(&mut part, mesh)?;
+    }
+    Ok(part)
+}
+
+fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
+    let extent = part.bounds.max - part.bounds.min;
+    if !extent.is_finite() {
+        return Err(Error::invalid(
+            format!("extent of {}", part.name),
+            extent,
+            "a box that f32 can measure; crop the scene or write f32 positions",
+        ));
+    }
+    // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits do not
+    // suffice.
+    let grid = match part.lit {
+        true => PositionGrid::even(part.bounds.min, part.bounds.max),
+        false => PositionGrid::new(part.bounds.min, part.bounds.max),
+    };
+    const BLOCK: usize = 1 << 14;
+    let loss = part
+        .faces
+        .clone()
+        .into_par_iter()
+        .with_min_len(BLOCK)
+        .fold(QuantizationLoss::default, |loss, face| {
+            loss.and(grid.loss(std::iter::once(mesh.corners(face))))
+        })
+        .reduce(QuantizationLoss::default, QuantizationLoss::and);
+    let areas = part.faces.clone().into_par_iter().with_min_len(BLOCK).map(|face| mesh.area(face)).collect();
+    let detail = median(areas, f64::total_cmp).unwrap_or(0.0).sqrt();
+    if loss.is_allowed(part.faces.len(), detail) {
+        (part.grid, part.loss) = (Some(grid), loss);
+    }
+    Ok(())
+}
+
+/// The vertices that some faces use, each once, in the order of the mesh.
+fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
+    let mut ids = indices.to_vec();
+    ids.sort_unstable();
+    ids.dedup();
+    let whole_run = match (ids.first(), ids.last()) {
+        (Some(&first), Some(&last)) if (last - first) as usize + 1 == ids.len() => Some(first..last + 1),
+        _ => None,
+    };
+    match whole_run {
+        Some(run) => PartVertices::Run(run.start as usize..run.end as usize),
+        None => PartVertices::Picked(Cow::Owned(ids)),
+    }
+}
+
+fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
+    const BLOCK: usize = 1 << 16;
+    let bounds = match vertices {
+        PartVertices::Run(run) => mesh.positions[run.clone()]
+            .par_chunks(BLOCK)
+            .map(|block| PartBounds::of(block.iter().copied()))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+        PartVertices::Picked(ids) => ids
+            .par_chunks(BLOCK)
+            .map(|block| PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
+            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+    };
+    // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
+    // 0.0, and the file independent of the number of threads.
+    PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
+}
+
+/// The faces of each chunk that has any; the chunks must hold every face once and in order. Those from `scene` on are
+/// the backdrop, and no chunk holds faces of both.
+fn face_ranges(chunks: &[Chunk], faces: usize, scene: usize) -> Result<Vec<Range<usize>>> {
+    if chunks.is_empty() {
+        return Ok([0..scene, scene..faces].into_iter().filter(|range| !range.is_empty()).collect());
+    }
+    let mut next = 0;
+    for (i, chunk) in chunks.iter().enumerate() {
+        if chunk.first as usize != next {
+            return Err(Error::invalid(format!("first face of chunk {i}"), chunk.first, next.to_string()));
+        }
+        next += chunk.count as usize;
+    }
+    if next != faces {
+        return Err(Error::invalid("faces in all chunks", next, faces.to_string()));
+    }
+    let range = |c: &Chunk| c.first as usize..c.first as usize + c.count as usize;
+    let across = |range: &Range<usize>| range.start < scene && scene < range.end;
+    if let Some(chunk) = chunks.iter().map(range).position(|range| across(&range)) {
+        return Err(Error::invalid(format!("chunk {chunk}"), "part scene, part backdrop", "one of them"));
+    }
+    Ok(chunks.iter().filter(|c| c.count > 0).map(range).collect())
+}
+
+/// Every stream of every part, in file order.
+pub(crate) fn all_streams<'a, 'b>(
+    parts: &'b [ScenePart<'a>],
+) -> impl Iterator<Item = (&'b ScenePart<'a>, Stream)> {
+    parts.iter().flat_map(|part| part.streams().map(move |stream| (part, stream)))
+}

@@ -1,0 +1,393 @@
+//! Files of Gaussians, made byte by byte: their conventions, and damage of every kind.
+
+use glam::{DVec3, Quat, Vec3};
+use std::io::Write;
+use std::path::Path;
+use trisplat_formats::{Content, ReadOptions, read_content};
+use trisplat_scene::{Error, ImportedSplats, Limits, Result, ScreenFilter, UpAxis};
+
+fn options() -> ReadOptions {
+    ReadOptions::with_degree(3)
+}
+
+fn read_in(folder: &Path, name: &str, bytes: &[u8], options: &ReadOptions) -> Result<ImportedSplats> {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).expect("writable");
+    match read_content(&path, options)? {
+        Content::Splats(splats) => Ok(splats),
+        Content::Scene(_) => panic!("{name} holds Gaussians"),
+    }
+}
+
+fn read(name: &str, bytes: &[u8]) -> Result<ImportedSplats> {
+    read_in(tempfile::tempdir().expect("a folder").path(), name, bytes, &options())
+}
+
+fn close(a: Vec3, b: Vec3, tolerance: f32) -> bool {
+    a.abs_diff_eq(b, tolerance)
+}
+
+/// The same turn, whichever sign the quaternion has.
+fn same_turn(a: Quat, b: Quat, tolerance: f32) -> bool {
+    a.dot(b).abs() > 1.0 - tolerance
+}
+
+fn ply(names: &[String], kind: &str, rows: &[Vec<f64>]) -> Vec<u8> {
+    let mut out = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", rows.len());
+    names.iter().for_each(|name| out += &format!("property {kind} {name}\n"));
+    let mut out = (out + "end_header\n").into_bytes();
+    for number in rows.iter().flatten() {
+        match kind {
+            "double" => out.extend(number.to_le_bytes()),
+            _ => out.extend((*number as f32).to_le_bytes()),
+        }
+    }
+    out
+}
+
+const PLAIN: [&str; 14] = [
+    "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
+    "rot_1", "rot_2", "rot_3",
+];
+
+fn owned(names: &[&str]) -> Vec<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
+}
+
+fn plain_row() -> Vec<f64> {
+    vec![1.0, 2.0, 3.0, 0.5, -0.5, 1.0, 0.0, -1.0, -2.0, -3.0, 2.0, 0.0, 0.0, 2.0]
+}
+
+#[test]
+fn a_ply_becomes_physical_numbers_in_any_order_of_properties() {
+    let rest: Vec<String> = (0..9).map(|i| format!("f_rest_{i}")).collect();
+    let names = [owned(&PLAIN), rest].concat();
+    let row = [plain_row(), (0..9).map(f64::from).collect()].concat();
+    let turn = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
+    for reversed in [false, true] {
+        let (mut names, mut row) = (names.clone(), row.clone());
+        if reversed {
+            names.reverse();
+            row.reverse();
+        }
+        let ImportedSplats { splats, warnings, .. } =
+            read("a.ply", &ply(&names, "float", &[row])).expect("valid");
+        assert_eq!((splats.len(), splats.sh_degree, splats.positions[0]), (1, 1, Vec3::new(1.0, 2.0, 3.0)));
+        assert!(close(splats.scales[0], Vec3::new(-1.0, -2.0, -3.0).exp(), 1e-6));
+        assert!(same_turn(splats.rotations[0], turn, 1e-6), "{:?}", splats.rotations[0]);
+        assert_eq!((splats.opacity[0], splats.filter), (0.5, ScreenFilter::DILATED));
+        let wanted = [[0.5, -0.5, 1.0], [0.0, 3.0, 6.0], [1.0, 4.0, 7.0], [2.0, 5.0, 8.0]];
+        assert_eq!(
+            (splats.sh.as_slice(), warnings.len()),
+            (wanted.as_slice(), 0),
+            "red, then green, then blue"
+        );
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let low = read_in(folder.path(), "a.ply", &ply(&names, "float", &[row]), &ReadOptions::with_degree(0));
+    assert_eq!(low.expect("valid").splats.sh.len(), 4, "all degrees: they are drawn");
+}
+
+#[test]
+fn two_scales_are_a_disc_and_a_filter_in_the_world_widens_and_thins() {
+    let disc: Vec<&str> = PLAIN.into_iter().filter(|name| *name != "scale_2").collect();
+    let mut row = plain_row();
+    row.remove(9);
+    let splats = read("a.ply", &ply(&owned(&disc), "float", &[row])).expect("valid").splats;
+    assert!(close(splats.scales[0], Vec3::new((-1f32).exp(), (-2f32).exp(), 0.0), 1e-6));
+
+    let names = [owned(&PLAIN), vec!["filter_3D".to_owned()]].concat();
+    let row = [plain_row(), vec![0.1]].concat();
+    let splats = read("a.ply", &ply(&names, "float", &[row])).expect("valid").splats;
+    let sharp = DVec3::new(-1.0, -2.0, -3.0).exp();
+    let wide = (sharp * sharp + 0.01).to_array().map(f64::sqrt);
+    let share = sharp.to_array().iter().zip(wide).map(|(a, b)| a / b).product::<f64>();
+    assert!(close(splats.scales[0], DVec3::from(wide).as_vec3(), 1e-6));
+    assert!((f64::from(splats.opacity[0]) - 0.5 * share).abs() < 1e-6);
+    assert_eq!(splats.filter, ScreenFilter::MIP);
+}
+
+#[test]
+fn gaussians_that_are_not_finite_are_dropped_and_counted() {
+    let mut rows = vec![plain_row(); 5];
+    rows[1][0] = f64::NAN;
+    rows[2][7] = 1000.0; // e^1000 is beyond any float
+    rows[3][10..].fill(0.0); // no rotation
+    let loaded = read("a.ply", &ply(&owned(&PLAIN), "float", &rows)).expect("two are left");
+    assert_eq!(loaded.splats.len(), 2);
+    assert_eq!(loaded.warnings, ["dropped 3 Gaussians with non-finite values (first: Gaussian 1)"]);
+    let error = read("a.ply", &ply(&owned(&PLAIN), "float", &rows[1..4])).expect_err("none are left");
+    assert!(error.to_string().contains("none of the 3 Gaussians is finite"), "{error}");
+}
+
+#[test]
+fn gaussians_far_from_the_origin_keep_their_places() {
+    let mut row = plain_row();
+    row[0] = 500_000.123;
+    let loaded = read("a.ply", &ply(&owned(&PLAIN), "double", &[row.clone(), row])).expect("valid");
+    let world = f64::from(loaded.splats.positions[0].x) + loaded.provenance.placement.center[0];
+    assert!((world - 500_000.123).abs() < 1e-4, "{world}");
+    assert!(loaded.warnings[0].contains("far from the origin"));
+}
+
+/// One chunk of one Gaussian, with and without colours of the chunk.
+fn packed(colors: bool, sh: bool) -> Vec<u8> {
+    let mut names = Vec::new();
+    for side in ["min", "max"] {
+        names.extend(["x", "y", "z"].map(|axis| format!("{side}_{axis}")));
+    }
+    for side in ["min", "max"] {
+        names.extend(["x", "y", "z"].map(|axis| format!("{side}_scale_{axis}")));
+    }
+    let mut numbers = vec![0f32, 0.0, 0.0, 2047.0, 1023.0, 2047.0, -4.0, -4.0, -4.0, 0.0, 0.0, 0.0];
+    if colors {
+        for side in ["min", "max"] {
+            names.extend(["r", "g", "b"].map(|channel| format!("{side}_{channel}")));
+        }
+        numbers.extend([0.0, 0.0, 0.0, 0.5, 0.5, 0.5]);
+    }
+    let mut out = "ply\nformat binary_little_endian 1.0\nelement chunk 1\n".to_owned();
+    names.iter().for_each(|name| out += &format!("property float {name}\n"));
+    out += "element vertex 1\n";
+    for name in ["position", "rotation", "scale", "color"] {
+        out += &format!("property uint packed_{name}\n");
+    }
+    if sh {
+        out += "element sh 1\n";
+        (0..9).for_each(|i| out += &format!("property uchar f_rest_{i}\n"));
+    }
+    let mut out = (out + "end_header\n").into_bytes();
+    numbers.iter().for_each(|number| out.extend(number.to_le_bytes()));
+    let words: [u32; 4] =
+        [7 << 21 | 5 << 11 | 9, 3 << 30 | 512 << 20 | 512 << 10 | 512, 2047 << 21 | 2047, 0xff_00_ff_33];
+    words.iter().for_each(|word| out.extend(word.to_le_bytes()));
+    if sh {
+        out.extend([0, 255, 128, 0, 0, 0, 255, 255, 255]);
+    }
+    out
+}
+
+#[test]
+fn a_compressed_ply_is_unpacked_within_the_ranges_of_its_chunk() {
+    let loaded = read("a.ply", &packed(true, true)).expect("valid").splats;
+    assert!(close(loaded.positions[0], Vec3::new(7.0, 5.0, 9.0), 1e-3));
+    assert!(close(loaded.scales[0], Vec3::new(1.0, (-4f32).exp(), 1.0), 1e-5));
+    assert!(same_turn(loaded.rotations[0], Quat::from_xyzw(0.0, 0.0, 1.0, 0.0), 1e-4));
+    assert!((loaded.opacity[0] - 0.2).abs() < 1e-6, "not a logit");
+    let rgb = loaded.rgb(0);
+    assert!((rgb[0] - 0.5).abs() < 1e-6 && rgb[1].abs() < 1e-6, "{rgb:?}");
+    assert_eq!((loaded.sh[1][0], loaded.sh[2][0], loaded.sh[1][2]), (-4.0, 4.0, 4.0));
+    assert!((loaded.sh[3][0] - 4.0 / 256.0).abs() < 1e-6);
+    let plain = read("a.ply", &packed(false, false)).expect("valid").splats;
+    assert!((plain.rgb(0)[0] - 1.0).abs() < 1e-6 && plain.sh_degree == 0);
+}
+
+fn splat_record() -> Vec<u8> {
+    let floats = [1f32, 2.0, 3.0, 0.1, 0.2, 0.3];
+    let mut out: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+    out.extend([255, 0, 51, 102, 128, 255, 128, 128]);
+    out
+}
+
+#[test]
+fn a_splat_file_has_linear_scales_and_bytes_for_the_rest() {
+    let loaded = read("a.splat", &splat_record().repeat(2)).expect("valid").splats;
+    assert_eq!((loaded.len(), loaded.positions[1]), (2, Vec3::new(1.0, 2.0, 3.0)));
+    assert!(close(loaded.scales[0], Vec3::new(0.1, 0.2, 0.3), 1e-7));
+    let rgb = loaded.rgb(0);
+    assert!((rgb[0] - 1.0).abs() < 1e-6 && rgb[1].abs() < 1e-6 && (rgb[2] - 0.2).abs() < 1e-6, "{rgb:?}");
+    assert!((loaded.opacity[0] - 0.4).abs() < 1e-6);
+    assert!(same_turn(loaded.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-5), "w comes first");
+}
+
+/// A version-2 or version-3 file of one Gaussian with SH degree 1.
+fn spz_bytes(version: u32) -> Vec<u8> {
+    let mut out = b"NGSP".to_vec();
+    out.extend(version.to_le_bytes());
+    out.extend(1u32.to_le_bytes());
+    out.extend([1, 8, 1, 0]);
+    out.extend([0x00, 0xff, 0xff, 0x80, 0x01, 0x00, 0x00, 0x00, 0x00]);
+    out.push(51);
+    out.extend([255, 0, 128]);
+    out.extend([160, 144, 128]);
+    match version {
+        2 => out.extend([255, 128, 128]),
+        _ => out.extend((2u32 << 30 | 511).to_le_bytes()),
+    }
+    out.extend([128, 0, 192, 128, 128, 128, 128, 128, 128]);
+    out
+}
+
+fn gzipped(bytes: &[u8]) -> Vec<u8> {
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    packed.write_all(bytes).expect("in memory");
+    packed.finish().expect("in memory")
+}
+
+#[test]
+fn spz_is_unpacked_in_its_own_frame_with_y_up() {
+    for (version, turn) in [
+        (2, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)),
+        (3, Quat::from_xyzw(0.0, 0.0, 0.5f32.sqrt(), 0.5f32.sqrt())),
+    ] {
+        let loaded = read("a.spz", &gzipped(&spz_bytes(version))).expect("valid");
+        let splats = loaded.splats;
+        assert_eq!(splats.positions[0], Vec3::new(-1.0, 1.5, 0.0));
+        assert!(close(splats.scales[0], Vec3::new(1.0, (-1f32).exp(), (-2f32).exp()), 1e-6));
+        assert!((splats.opacity[0] - 0.2).abs() < 1e-6);
+        assert!((splats.sh[0][0] - 0.5 / 0.15).abs() < 1e-5 && (splats.sh[0][1] + 0.5 / 0.15).abs() < 1e-5);
+        assert_eq!(splats.sh[1], [0.0, -1.0, 0.5], "channels are innermost");
+        assert!(same_turn(splats.rotations[0], turn, 1e-2), "{version}: {:?}", splats.rotations[0]);
+        assert_eq!((splats.filter, loaded.provenance.up), (ScreenFilter::ANTIALIASED, Some(UpAxis::Y)));
+    }
+}
+
+fn webp(pixels: [u8; 4], width: u32) -> Vec<u8> {
+    let mut out = Vec::new();
+    let bytes = pixels.repeat(width as usize);
+    image::codecs::webp::WebPEncoder::new_lossless(&mut out)
+        .encode(&bytes, width, 1, image::ExtendedColorType::Rgba8)
+        .expect("in memory");
+    out
+}
+
+fn sog_bytes(label: u8) -> Vec<u8> {
+    let codes = |at: usize, value: f64| {
+        let mut codes = vec![0.0; 256];
+        codes[at] = value;
+        serde_json::json!(codes)
+    };
+    let meta = serde_json::json!({
+        "version": 2, "count": 1,
+        "means": {"mins": [0.0, -2.0, 0.0], "maxs": [1.0, 0.0, 1.0], "files": ["l.webp", "u.webp"]},
+        "scales": {"codebook": codes(7, -1.0), "files": ["scales.webp"]},
+        "quats": {"files": ["quats.webp"]},
+        "sh0": {"codebook": codes(9, 0.75), "files": ["sh0.webp"]},
+        "shN": {"count": 64, "bands": 1, "codebook": codes(3, -0.5), "files": ["lists.webp", "labels.webp"]},
+    });
+    let files = [
+        ("meta.json", meta.to_string().into_bytes()),
+        ("l.webp", webp([255, 0, 0, 255], 2)),
+        ("u.webp", webp([255, 0, 0, 255], 2)),
+        ("scales.webp", webp([7, 0, 7, 255], 2)),
+        ("quats.webp", webp([128, 128, 128, 253], 2)),
+        ("sh0.webp", webp([9, 0, 9, 51], 2)),
+        ("lists.webp", webp([3, 0, 0, 255], 64 * 3)),
+        ("labels.webp", webp([label, 0, 0, 255], 2)),
+        ("means_l.webp", Vec::new()),
+    ];
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    for (name, content) in files {
+        let stored =
+            zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+        archive.start_file(name, stored).expect("an entry");
+        archive.write_all(&content).expect("its bytes");
+    }
+    archive.finish().expect("a directory").into_inner()
+}
+
+#[test]
+fn sog_is_read_from_its_pictures_and_codebooks() {
+    let splats = read("a.sog", &sog_bytes(63)).expect("valid").splats;
+    let wanted = Vec3::new(1f32.exp() - 1.0, 1.0 - 2f32.exp(), 0.0);
+    assert!(close(splats.positions[0], wanted, 1e-5), "{:?}", splats.positions[0]);
+    assert!(close(splats.scales[0], Vec3::new((-1f32).exp(), 1.0, (-1f32).exp()), 1e-6));
+    assert!(same_turn(splats.rotations[0], Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), 1e-3), "the largest is x");
+    assert_eq!((splats.sh[0], splats.sh[3], splats.sh_degree), ([0.75, 0.0, 0.75], [-0.5, 0.0, 0.0], 1));
+    assert!((splats.opacity[0] - 0.2).abs() < 1e-6);
+    let error = read("a.sog", &sog_bytes(64)).expect_err("a list that is not there").to_string();
+    assert!(error.contains("labels.webp") && error.contains("Gaussian 0"), "{error}");
+}
+
+#[test]
+fn a_file_cut_anywhere_is_one_error_or_another_format() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let files = [
+        ("a.ply", ply(&owned(&PLAIN), "float", &[plain_row(), plain_row()])),
+        ("b.ply", packed(true, true)),
+        ("a.splat", splat_record().repeat(2)),
+        ("a.spz", gzipped(&spz_bytes(2))),
+        ("b.spz", gzipped(&spz_bytes(3)[..40])),
+        ("a.sog", sog_bytes(0)),
+    ];
+    for (name, bytes) in files {
+        for cut in (0..bytes.len()).step_by(bytes.len().div_ceil(60)) {
+            if name == "a.splat" && cut == 32 {
+                continue;
+            }
+            let path = folder.path().join(name);
+            std::fs::write(&path, &bytes[..cut]).expect("writable");
+            let error = read_content(&path, &options()).expect_err("cut short").to_string();
+            assert!(error.contains(name) && !error.contains('\n'), "{name} at {cut}: {error}");
+        }
+    }
+}
+
+#[test]
+fn promises_beyond_the_file_or_the_limits_are_refused_before_memory_is_taken() {
+    let mut many = spz_bytes(3);
+    many[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
+    let error = read("a.spz", &gzipped(&many)).expect_err("not there").to_string();
+    assert!(error.contains("promises 4294967295 Gaussians"), "{error}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let few = ReadOptions { limits: Limits { vertices: 1, ..Limits::DEFAULT }, ..options() };
+    let two = ply(&owned(&PLAIN), "float", &[plain_row(), plain_row()]);
+    for (name, bytes) in [("a.ply", two), ("a.splat", splat_record().repeat(2))] {
+        let error = read_in(folder.path(), name, &bytes, &few).expect_err("too many");
+        assert!(matches!(error, Error::Limit { .. }), "{error}");
+    }
+}
+
+#[test]
+fn versions_without_a_reader_are_refused_with_a_remedy() {
+    let v1 = gzipped(&spz_bytes(1));
+    let cases: [(&str, &[u8], &str); 3] = [
+        ("a.spz", b"NGSP\x04\0\0\0rest", "SPZ version 4"),
+        ("b.spz", &v1, "SPZ version 1"),
+        ("a.ksplat", &[0; 4096], ".ksplat"),
+    ];
+    for (name, bytes, kind) in cases {
+        let error = read(name, bytes).expect_err("no reader");
+        assert!(matches!(error, Error::Unsupported { .. }) && error.to_string().contains(kind), "{error}");
+    }
+}
+
+#[test]
+fn cameras_beside_the_file_are_found_and_broken_ones_are_a_warning() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = folder.path().join("point_cloud/iteration_30000");
+    std::fs::create_dir_all(&output).expect("a folder");
+    let one = r#"[{"id":0,"img_name":"a.jpg","width":64,"height":48,"position":[1,2,3],
+        "rotation":[[0,0,1],[1,0,0],[0,1,0]],"fx":50,"fy":51}]"#;
+    let bytes = ply(&owned(&PLAIN), "float", &[plain_row()]);
+    std::fs::write(folder.path().join("cameras.json"), one).expect("writable");
+    let loaded = read_in(&output, "point_cloud.ply", &bytes, &options()).expect("valid");
+    let (name, camera) = &loaded.cameras[0];
+    assert_eq!((name.as_str(), camera.center.to_array()), ("a.jpg", [32.0, 24.0]));
+    assert!(close(camera.position(), Vec3::new(1.0, 2.0, 3.0), 1e-6));
+    // The third column of the rotation is where the camera looks.
+    assert!(close(camera.rotation.transpose() * Vec3::Z, Vec3::X, 1e-6));
+
+    for broken in ["[{]", "[]", &one.replace("[0,0,1]", "[0,0,2]"), &one.replace("\"fx\":50", "\"fx\":-1")] {
+        std::fs::write(folder.path().join("a.cameras.json"), broken).expect("writable");
+        let loaded = read_in(folder.path(), "a.ply", &bytes, &options()).expect("valid");
+        assert!(
+            loaded.cameras.is_empty() && loaded.warnings[0].contains("a.cameras.json"),
+            "{:?}",
+            loaded.warnings
+        );
+    }
+}
+
+#[test]
+fn triangles_are_read_whole_after_the_look_for_gaussians() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.ply");
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    std::fs::write(&path, text).expect("writable");
+    match read_content(&path, &options()).expect("a mesh") {
+        Content::Scene(loaded) => assert_eq!(loaded.scene.triangle_count(), 1),
+        Content::Splats(_) => panic!("triangles"),
+    }
+}
