@@ -31,7 +31,7 @@ fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
 
 /// Bakes a scene for a game engine, from a file, from arrays of `read`, or from a list of these, merged.
 ///
-/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .html or .tileset.json, it writes the file and
+/// With `output`, a name that ends in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, it writes the file and
 /// returns the report. Without, it returns the arrays of the mesh, like `read`. `dataset` is a folder of
 /// photos with poses. `harden` trains a soft scene solid first; `max_bytes` is for all files together. All other keywords are options of the bake, as in a config file:
 /// max_triangles=1000, target="godot", lod=[0.5, 0.25].

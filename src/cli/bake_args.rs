@@ -15,7 +15,7 @@ pub struct BakeArgs {
     /// are trained is baked into tiles, block by block.
     #[arg(required = true, value_name = "IN")]
     pub inputs: Vec<PathBuf>,
-    /// File to write: .glb .gltf .obj .ply .html .tileset.json; "-" is standard output.
+    /// File to write: .glb .gltf .obj .ply .usdz .html .tileset.json; "-" is standard output.
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Format to write, when the name of OUT does not tell it.

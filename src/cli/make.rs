@@ -36,7 +36,7 @@ pub struct MakeArgs {
     /// Photos, a video, or folders of them; or a data set that has poses
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// File to write: .glb .gltf .obj .ply .tileset.json
+    /// File to write: .glb .gltf .obj .ply .usdz .tileset.json
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Replace OUT and the page, and a begun run with other inputs

@@ -1,9 +1,10 @@
 //! Scene files that trainers and tools exchange, and what every reader of a file shares.
 //!
-//! In: bytes of PLY, checkpoints, OFF, OBJ and Gaussian splats. Out: scenes and splats; PLY and OBJ of assets.
+//! In: bytes of PLY, checkpoints, OFF, OBJ and Gaussian splats. Out: scenes and splats; PLY, OBJ and USDZ of assets.
 
 mod blocks;
 mod channel;
+mod digits;
 mod faces;
 pub mod far;
 pub mod findings;
@@ -21,6 +22,7 @@ pub mod pt;
 mod read_options;
 mod source;
 pub mod splats;
+pub mod usdz;
 
 pub use faces::MAX_CORNERS;
 pub use finish::finish;

@@ -9,6 +9,7 @@ mod materials;
 
 use super::blocks::write_blocks;
 use super::channel::Clamped;
+use super::digits::{push_float, push_integer};
 use super::faces::Faces;
 use super::far::{FarPositions, note_origin};
 use super::finish::finish;
@@ -365,12 +366,6 @@ fn push_vertex(block: &mut Vec<u8>, position: Vec3, linear: [f32; 3]) {
     block.push(b'\n');
 }
 
-fn push_float(block: &mut Vec<u8>, value: f32) {
-    let mut buffer = zmij::Buffer::new();
-    let text = buffer.format(value);
-    block.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
-}
-
 /// An sRGB-encoded channel. A value from an 8-bit code is written as exactly that code, because engines that
 /// truncate would otherwise show the code below it.
 fn push_srgb(block: &mut Vec<u8>, linear: f32) {
@@ -391,20 +386,6 @@ fn push_srgb(block: &mut Vec<u8>, linear: f32) {
     }
 }
 
-fn push_integer(block: &mut Vec<u8>, mut value: u64) {
-    let mut digits = [b'0'; 20];
-    let mut at = digits.len();
-    loop {
-        at -= 1;
-        digits[at] = b'0' + (value % 10) as u8;
-        value /= 10;
-        if value == 0 {
-            break;
-        }
-    }
-    block.extend_from_slice(&digits[at..]);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -416,22 +397,6 @@ mod tests {
             push_srgb(&mut text, linear_of_srgb8()[usize::from(code)]);
             let value: f32 = String::from_utf8_lossy(&text).parse().expect("a number");
             assert_eq!((value * 255.0) as u8, code);
-        }
-    }
-
-    #[test]
-    fn integers_and_floats_are_written_short_and_read_back_equal() {
-        for value in [0, 7, 10, 4_294_967_295, u64::MAX] {
-            let mut text = Vec::new();
-            push_integer(&mut text, value);
-            assert_eq!(String::from_utf8_lossy(&text), value.to_string());
-        }
-        for value in [0.0f32, -1.0, 0.1, 1e-45, f32::MAX, -1.234_567_9e-8, 16_777_216.0] {
-            let mut text = Vec::new();
-            push_float(&mut text, value);
-            let text = String::from_utf8_lossy(&text).into_owned();
-            assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()), "{text}");
-            assert!(text.len() <= 15, "{text}");
         }
     }
 }

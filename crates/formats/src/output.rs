@@ -1,19 +1,18 @@
 //! Writes an asset to all files of its format: they are planned first, then written, then renamed together.
 
 mod beside;
+mod encode;
 mod of_levels;
 mod stale;
 
+use super::bvh;
 use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
-use super::{bvh, html};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_exchange::{obj, ply};
-use trisplat_gltf as gltf;
 use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
     Asset, Error, Provenance, Result,
@@ -23,6 +22,7 @@ use trisplat_scene::{
 };
 
 pub use beside::Beside;
+use encode::encode;
 
 /// Options of the files written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -129,6 +129,8 @@ pub enum OutputFormat {
     Obj,
     /// PLY mesh.
     Ply,
+    /// One file that phones show in a room.
+    Usdz,
     /// One page with a viewer and the scene in it.
     Html,
     /// 3D Tiles 1.1: a tileset.json and a folder of GLB files.
@@ -146,21 +148,18 @@ impl OutputFormat {
             "gltf" => Ok(Self::Gltf),
             "obj" => Ok(Self::Obj),
             "ply" => Ok(Self::Ply),
+            "usdz" => Ok(Self::Usdz),
             "html" | "htm" => Ok(Self::Html),
             "json" if tiles::is_tileset(path) => Ok(Self::Tiles),
             _ if path.as_os_str() == "-" || is_device(path) => Ok(Self::Glb),
             _ => Err(Error::invalid(
                 "output",
                 path.display(),
-                "a name ending in .glb, .gltf, .obj, .ply, .html or .tileset.json, or `format`",
+                "a name ending in .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json, or `format`",
             )),
         }
     }
 }
-
-/// The note for a file that does not hold its scene's texture.
-const NO_TEXTURE: &str =
-    "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
 /// Name of a scene's node when it is a single one.
 const SCENE_NODE: &str = "scene";
@@ -212,7 +211,7 @@ impl Output {
         let second = match format {
             OutputFormat::Gltf => Some(path.with_extension("bin")),
             OutputFormat::Obj => Some(path.with_extension("mtl")),
-            OutputFormat::Glb | OutputFormat::Ply | OutputFormat::Html | OutputFormat::Tiles => None,
+            _ => None,
         };
         if stream && (second.is_some() || bvh || format == OutputFormat::Tiles) {
             let what = if bvh { "`bvh`" } else { "this kind" };
@@ -443,57 +442,4 @@ impl SetWriter<'_> {
         self.written.push(file);
         Ok(())
     }
-}
-
-/// Encodes the asset in its format; returns warnings for the user.
-fn encode(
-    asset: &Asset,
-    output: &Output,
-    options: &OutputOptions,
-    main: &mut AtomicFile,
-    second: Option<&mut AtomicFile>,
-    details: &mut WriteDetails,
-) -> Result<Vec<String>> {
-    let path = output.main.as_path();
-    let io = |e| Error::io(path, e);
-    let name_of = |p: &Option<PathBuf>| {
-        p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-    };
-    let name = name_of(&output.second);
-    let named = |encoding| GltfOptions { node_name: output.node.to_owned(), ..encoding };
-    let written = match (output.format, second) {
-        (OutputFormat::Obj, Some(mtl)) => {
-            let picture = output.picture.as_ref().map(|_| name_of(&output.picture));
-            obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
-            let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
-            let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
-            return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
-        }
-        (OutputFormat::Ply, _) => {
-            ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-            return Ok(asset.mesh.texture.iter().map(|_| NO_TEXTURE.to_owned()).collect());
-        }
-        (OutputFormat::Gltf, Some(bin)) => {
-            let encoding = named(options.encoding(details));
-            gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
-        }
-        (OutputFormat::Html, _) => {
-            let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
-            let encoding = options.page_encoding(details);
-            if !asset.mesh.normals.is_empty() {
-                let unlit = "html: the page shows colours as they are; `lit` is for files that engines read";
-                details.notes.get_or_insert_default().push(unlit.into());
-            }
-            html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
-        }
-        _ => {
-            let encoding = named(options.encoding(details));
-            gltf::write_glb(main, path, asset, &encoding)?
-        }
-    };
-    if written.worst_position_error > 0.0 {
-        details.worst_position_error = Some(written.worst_position_error);
-        details.collapsed_triangles = Some(written.collapsed);
-    }
-    Ok(written.warnings)
 }

@@ -16,7 +16,7 @@ pub struct WrittenFiles {
     pub warnings: Vec<String>,
 }
 
-/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .html or .tileset.json.
+/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
 ///
 /// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
 /// texture, a BVH, a separate backdrop, a collider, levels of detail and their tileset. They get their names

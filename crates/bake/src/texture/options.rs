@@ -94,7 +94,7 @@ impl TextureOptions {
     /// Errors: a format without textures.
     pub fn check_format(&self, path: &Path, format: OutputFormat) -> Result<()> {
         if self.is_wanted() && format == OutputFormat::Ply {
-            let wants = "a name ending in .glb, .gltf, .html, .obj or .tileset.json, whose files hold a texture, or no `texture`";
+            let wants = "a name ending in .glb, .gltf, .html, .obj, .usdz or .tileset.json, whose files hold a texture, or no `texture`";
             return Err(Error::invalid("output", path.display(), wants));
         }
         Ok(())

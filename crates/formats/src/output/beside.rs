@@ -93,7 +93,7 @@ impl Output {
 
     /// OUT.PART.glb; `what` names the content in the error for outputs that cannot have files beside them.
     fn beside(&self, part: &str, what: &str) -> Result<PathBuf> {
-        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles);
+        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
         if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
             let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
             return Err(Error::invalid("output", self.main.display(), wants));
