@@ -22,6 +22,7 @@ MATURIN=1.16.0
 PUPPETEER=25.16.0
 PYCOLMAP=4.2.1
 BPY=4.2.21
+USD=26.11
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -180,6 +181,15 @@ if "$python" -m pip install --quiet --disable-pip-version-check "bpy==$BPY" && "
     echo "Blender $BPY"
 else
     echo "NOT CHECKED: bpy $BPY has no wheel for this system, or lacks a library"
+fi
+
+section 'USD'
+# Wheels are there for some systems and Pythons only.
+if "$python" -m pip install --quiet --disable-pip-version-check "usd-core==$USD" && "$python" -c 'import pxr.UsdValidation' 2>/dev/null; then
+    required=$required,pxr
+    echo "usd-core $USD"
+else
+    echo "NOT CHECKED: usd-core $USD has no wheel for this system"
 fi
 
 section 'software Vulkan and a virtual screen'

@@ -20,6 +20,7 @@ mod make;
 mod renderers;
 mod textured;
 mod tiles;
+mod usdz;
 mod web;
 
 use serde_json::Value;

@@ -16,3 +16,4 @@ mod soup_ply;
 mod speed;
 mod splats;
 mod tileset;
+mod usdz;

@@ -16,6 +16,11 @@ pub(super) fn detect(source: &mut Source) -> Result<Format> {
     if let Some(kind) = gaussians::recognise(&head, &source.path) {
         return Err(gaussians::refusal(&source.path, kind));
     }
+    if head.starts_with(b"PK") && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
+    {
+        let reason = "is a USDZ, which is written and not read; give what it was baked from";
+        return Err(Error::unsupported(&source.path, reason));
+    }
     if let Some(format) = Format::detect(&head, &named) {
         return Ok(format);
     }
