@@ -189,16 +189,6 @@ impl Fit {
         );
     }
 
-    /// The equations of the faces from `first` on. `[face]`
-    pub(super) fn sums(&self, first: usize) -> &[Equations] {
-        &self.sums[first..]
-    }
-
-    /// The colours that photos are compared with, of the same faces. `[face][corner][channel]`
-    pub(super) fn encoded(&self, first: usize) -> &[[[f32; 3]; 3]] {
-        &self.encoded[first..]
-    }
-
     /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show there, where
     /// this is farther than the residuals of good colours. A soft training may have clamped them, and then held
     /// them at 0. Returns the number of such faces.
