@@ -1,5 +1,5 @@
-// Builds dist/page.html, which trisplat carries, from src and the packages of package-lock.json.
-// Usage: npm ci && npm run build [-- FOLDER]   (FOLDER: where to write; dist unless given)
+// Builds page.html, which crates/formats carries, from src and the packages of package-lock.json.
+// Usage: npm ci && npm run build [-- FOLDER]   (FOLDER: where to write; crates/formats/page unless given)
 import { build, transform } from 'esbuild';
 import { createHash } from 'node:crypto';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
@@ -7,7 +7,7 @@ import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const here = dirname(fileURLToPath(import.meta.url));
-const out = process.argv[2] ?? join(here, 'dist');
+const out = process.argv[2] ?? join(here, '../crates/formats/page');
 const text = (path) => readFile(join(here, path), 'utf8');
 const version = async (name) => JSON.parse(await text(`node_modules/${name}/package.json`)).version;
 

@@ -2,3 +2,5 @@
 
 mod cli;
 mod faults;
+#[path = "common/folders.rs"]
+mod folders;

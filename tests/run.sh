@@ -21,6 +21,7 @@ BABYLON=9.28.0
 MATURIN=1.16.0
 PUPPETEER=25.16.0
 PYCOLMAP=4.2.1
+BPY=4.2.21
 judges=target/judges
 python=$judges/venv/bin/python
 
@@ -170,6 +171,15 @@ if "$python" -m pip install --quiet --disable-pip-version-check "pycolmap==$PYCO
     echo "pycolmap $PYCOLMAP"
 else
     echo "NOT CHECKED: pycolmap $PYCOLMAP has no wheel for this system"
+fi
+
+section 'Blender as a Python module'
+# Wheels are there for one Python only.
+if "$python" -m pip install --quiet --disable-pip-version-check "bpy==$BPY" && "$python" -c 'import bpy' >/dev/null 2>&1; then
+    required=$required,bpy
+    echo "Blender $BPY"
+else
+    echo "NOT CHECKED: bpy $BPY has no wheel for this system, or lacks a library"
 fi
 
 section 'software Vulkan and a virtual screen'

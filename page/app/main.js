@@ -3,7 +3,7 @@ import { Crop } from './crop.js';
 import { missing, run } from './program.js';
 import { Shown } from './scene.js';
 
-const SCENES = /\.(pt|pth|ply|glb|gltf|obj|off|html?)(\.gz)?$/i;
+const SCENES = /\.(pt|pth|ply|splat|spz|sog|glb|gltf|obj|off|html?)(\.gz)?$/i;
 const MOST_BYTES = 2 ** 30;
 /** Most pixels of a soft picture, because one thread draws it. */
 const SOFT_PIXELS = 400_000;
@@ -88,8 +88,10 @@ async function open(files) {
   document.body.classList.add('opened');
   fold(true);
   at('has-soft').hidden = at('may-harden').hidden = !look.soft;
-  choose('solid');
-  say(`${scene.name}: ${look.info.triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}, ${size(bytes)}`);
+  const { splats, triangles } = look.info;
+  const content = splats ? `${splats.toLocaleString('en')} splats` : `${triangles.toLocaleString('en')} triangles, ${look.soft ? 'soft' : 'solid'}`;
+  choose(splats ? 'soft' : 'solid');
+  say(`${scene.name}: ${content}, ${size(bytes)}`);
 }
 
 /** Shows a scene. */

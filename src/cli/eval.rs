@@ -22,10 +22,11 @@ use trisplat_view::show;
 /// What to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
-    /// Trained soup (.ply .pt) or mesh (.glb .gltf .obj .ply .off).
+    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog).
     ///
     /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
     /// with default options; and from a quantised and compressed file. This shows the loss of each step.
+    /// Gaussian splats are drawn as their trainers draw them.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Folder of posed photos, or a transforms.json.
@@ -180,11 +181,12 @@ fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
 /// The line after the means of a step.
 fn remark(step: &StepScore, report: &EvalReport) -> String {
     let samples = report.ssaa;
-    let mut remark = format!("{} photos, {} triangles", step.images.len(), thousands(step.triangles));
+    let (count, parts) = step.splats.map_or((step.triangles, "triangles"), |splats| (splats, "splats"));
+    let mut remark = format!("{} photos, {} {parts}", step.images.len(), thousands(count));
     if let Some(bytes) = step.bytes {
         remark += &format!(", {} bytes", thousands(bytes));
     }
-    if step.name != "soft" {
+    if !["soft", "splats"].contains(&step.name.as_str()) {
         remark += &format!(", {samples}×{samples} samples per pixel");
     }
     remark += &ShrunkSize::beside(report.photo_size);

@@ -23,8 +23,8 @@ use trisplat_scene::{Error, Result, layered::Layers, report::Report};
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]
 pub struct MeshArgs {
-    /// Scene to make a surface of: a trained soup (.ply .pt), or a mesh (.glb .gltf .obj .ply .off); or posed photos alone, on
-    /// which a scene is trained first, for half a minute of CPU time
+    /// Scene to make a surface of: a trained soup (.ply .pt), a mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat
+    /// .spz .sog), whose drawings are its photos; or posed photos alone, on which a scene is trained first, for half a minute of CPU time
     #[arg(value_name = "SCENE|PHOTOS")]
     pub input: PathBuf,
     /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE, or chosen
@@ -67,7 +67,9 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
             format!("one data set, or a scene before it: {} is a data set already", args.input.display());
         return Err(Error::invalid("DATASET", second.display(), wants));
     }
-    options.check_photos(from_photos || args.dataset.is_some())?;
+    let limits = &args.dataset_options.limits;
+    let has_pictures = from_photos || args.dataset.is_some() || formats::holds_splats(&args.input, limits);
+    options.check_photos(has_pictures)?;
     let mut outputs = guard(args, inputs, &output)?;
     let files = if args.dry_run { output.dry_run() } else { output.start()? };
     outputs.confirm()?;
@@ -78,7 +80,7 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     let mut job = MeshJob::new(None, photos(args, from_photos, &mut outputs, &mut report)?, options.clone());
     job.dataset_options = args.dataset_options.clone();
     if !from_photos {
-        job.scene = Some(formats::read(&args.input, &args.dataset_options.read_options(3))?);
+        job.scene = Some(formats::read_content(&args.input, &args.dataset_options.read_options(3))?);
     }
     let command = <MeshArgs as clap::Args>::augment_args(clap::Command::new("mesh"));
     let mut progress = Progress::new(global).with_flags_of(command);

@@ -240,7 +240,8 @@ impl Follower {
                 (scene, what)
             }
         };
-        let mut scene = view::window_scene(*scene, &self.photos, &self.how, &self.file, &self.folder)?;
+        let mut scene =
+            view::window_scene((*scene, None), &self.photos, &self.how, &self.file, &self.folder)?;
         scene.status = Some(status);
         if let (Some(SoupSource { rest, .. }), None) = (&mut scene.source, &self.ended) {
             *rest = REST;

@@ -10,7 +10,8 @@ use trisplat_eval::{BakedScene, SceneRenderer};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Placement, Region, Result, atomic::AtomicFile, camera::Camera, placed,
+    Asset, Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera,
+    placed,
 };
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
@@ -19,7 +20,8 @@ use trisplat_view::window::{
 /// What to show, and how.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ViewArgs {
-    /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory.
+    /// Scene to show: .glb .gltf .obj .off .ply .pt; a soup is baked in memory. Gaussian splats (.ply .splat .spz .sog) are drawn
+    /// as triangles in motion, and as their trainers draw them in the look `soft` at rest.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Data set whose cameras can be visited, with the photos beside or over the picture.
@@ -88,7 +90,8 @@ pub(super) fn load(
     progress: &dyn Fn(&str),
 ) -> Result<WindowScene> {
     progress("reading");
-    let loaded = formats::read(&files.file, &how.read_options(3))?;
+    // Triangles in place of Gaussians, until the camera rests and they are drawn themselves.
+    let (loaded, splats) = formats::read_content(&files.file, &how.read_options(3))?.stand_in();
     let photos = match &files.dataset {
         Some(path) => {
             progress("reading the data set");
@@ -98,7 +101,7 @@ pub(super) fn load(
         None => PosedPhotos::default(),
     };
     progress("baking");
-    window_scene(loaded, &photos, how, &files.file, folder)
+    window_scene((loaded, splats), &photos, how, &files.file, folder)
 }
 
 /// Photos, and the world point that is the origin of their cameras.
@@ -108,9 +111,9 @@ pub(super) struct PosedPhotos {
     pub(super) origin: DVec3,
 }
 
-/// The content of a window for a scene of `file`.
+/// The content of a window for a scene of `file`, which may stand for Gaussians.
 pub(super) fn window_scene(
-    loaded: ImportedScene,
+    (loaded, splats): (ImportedScene, Option<Splats>),
     photos: &PosedPhotos,
     how: &DatasetOptions,
     file: &Path,
@@ -126,7 +129,10 @@ pub(super) fn window_scene(
     let photos = photos.views.iter().map(photo).collect();
     let BakedScene { asset, soup, bake_placement, .. } = baked;
     let source = soup.map(|soup| {
-        let mut scene = SceneRenderer::soft(soup.clone(), &Placement::IDENTITY, None, background);
+        let mut scene = match splats {
+            Some(splats) => SceneRenderer::splats(splats, &Placement::IDENTITY, None, background),
+            None => SceneRenderer::soft(soup.clone(), &Placement::IDENTITY, None, background),
+        };
         let renderer = Box::new(move |camera: &Camera| {
             scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
         });

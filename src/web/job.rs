@@ -24,7 +24,7 @@ pub(super) enum Job {
         #[serde(default)]
         options: Map<String, Value>,
     },
-    /// A picture of a soft scene as it was trained.
+    /// A picture of a soft scene or of Gaussians as they were trained.
     Picture {
         /// The scene.
         input: PathBuf,

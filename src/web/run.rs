@@ -69,15 +69,19 @@ fn run(job: Job) -> Result<()> {
         Job::Picture { input, output, view, size, background, options } => {
             let camera = view.camera(UVec2::from(size));
             camera.validate(&Limits::DEFAULT)?;
-            let loaded = formats::read(&input, &ReadOptions::default())?;
-            let Scene::Soup(soup) = loaded.scene.clone() else {
-                return Err(Error::unsupported(input, "is a mesh: its triangles are solid"));
-            };
+            let (loaded, splats) = formats::read_content(&input, &ReadOptions::default())?.stand_in();
             let file_placement = loaded.provenance.placement;
+            let mut renderer = match (splats, &loaded.scene) {
+                (Some(splats), _) => SceneRenderer::splats(splats, &file_placement, None, background),
+                (None, Scene::Soup(soup)) => {
+                    SceneRenderer::soft(soup.clone(), &file_placement, None, background)
+                }
+                (None, Scene::Mesh(_)) => {
+                    return Err(Error::unsupported(input, "is a mesh: its triangles are solid"));
+                }
+            };
             let (_, placement) = shown(loaded, &quick(options)?)?;
-            let camera = placed::to_world(&camera, &placement, DVec3::ZERO);
-            let mut renderer = SceneRenderer::soft(soup, &file_placement, None, background);
-            renderer.color(&camera).save_png(&output)
+            renderer.color(&placed::to_world(&camera, &placement, DVec3::ZERO)).save_png(&output)
         }
         Job::Bake { inputs, output, options, harden, max_bytes } => {
             let mut job = BakeJob::new(inputs.into_iter().map(BakeInput::File), resolved(options)?);
@@ -109,8 +113,9 @@ fn shown(loaded: ImportedScene, options: &BakeOptions) -> Result<(Asset, Placeme
 
 /// Reports the content of `input` and its rotation, and writes a scene for display.
 fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
-    let (info, loaded) = info::info(input, &ReadOptions::with_degree(0))?;
+    let (info, content) = info::info_of_content(input, &ReadOptions::with_degree(0))?;
     say("info", info);
+    let (loaded, _) = content.stand_in();
     say("soft", matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup)));
     let (asset, placement) = shown(loaded, options)?;
     say("to_view", matrix(&placement));

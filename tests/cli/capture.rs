@@ -4,6 +4,7 @@
 
 use super::stderr;
 use super::train::dataset;
+use crate::folders::copy_folder;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -25,8 +26,8 @@ impl Fake {
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("colmap"), COLMAP).unwrap();
         std::fs::set_permissions(at("colmap"), std::fs::Permissions::from_mode(0o755)).unwrap();
-        copy(&dataset().join("sparse/0"), &at("model"));
-        copy(&dataset().join("images"), &at("photos"));
+        copy_folder(&dataset().join("sparse/0"), &at("model"));
+        copy_folder(&dataset().join("images"), &at("photos"));
         std::fs::write(at("calls"), "").unwrap();
         Self { folder }
     }
@@ -72,14 +73,6 @@ impl Fake {
         let text = std::fs::read_to_string(self.at("calls")).unwrap_or_default();
         std::fs::write(self.at("calls"), "").unwrap();
         text.lines().map(str::to_owned).collect()
-    }
-}
-
-pub(super) fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
     }
 }
 

@@ -1,6 +1,7 @@
 //! Inputs that claim too much, never end, or name what is not theirs: each is one error that names the file and the remedy.
 
 use super::{fails, sample, stderr, trisplat};
+use crate::folders::copy_folder;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -18,19 +19,8 @@ fn words<'a>(first: &[Word<'a>], more: &[Word<'a>]) -> Vec<Word<'a>> {
 fn dataset(folder: &Path) -> PathBuf {
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset");
     let to = folder.join("dataset");
-    copy(&from, &to);
+    copy_folder(&from, &to);
     to
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let (path, name) = (entry.as_ref().unwrap().path(), entry.unwrap().file_name());
-        match path.is_dir() {
-            true => copy(&path, &to.join(name)),
-            false => assert!(std::fs::copy(&path, to.join(name)).unwrap() > 0),
-        }
-    }
 }
 
 /// A `transforms.json` of one frame, and a photo beside it.

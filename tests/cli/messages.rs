@@ -1,6 +1,7 @@
 //! What the command line says: errors that name the remedy, scores, percents, colours.
 
 use super::{fails, sample, stderr, trisplat};
+use crate::folders::copy_folder;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -166,7 +167,7 @@ fn photos_of_another_place_are_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let other = folder.path().join("other");
     let (sparse, images) = (dataset().join("sparse"), dataset().join("images"));
-    copy(&sparse, &other.join("sparse"));
+    copy_folder(&sparse, &other.join("sparse"));
     // Every photo under the name of one from the other side.
     let mut names: Vec<_> =
         std::fs::read_dir(&images).unwrap().map(|entry| entry.unwrap().file_name()).collect();
@@ -192,18 +193,6 @@ fn photos_of_another_place_are_noticed() {
     assert_eq!(std::fs::read(&out).unwrap(), before, "the file is as it was");
     let (code, forced) = bake(&other, &[&"--set", &"force_dataset=true"]);
     assert!(code == Some(0) && forced.contains("warning: --dataset has photos that do not"), "{forced}");
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        match path.is_dir() {
-            true => copy(&path, &target),
-            false => assert!(std::fs::copy(&path, &target).is_ok()),
-        }
-    }
 }
 
 #[test]

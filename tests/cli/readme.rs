@@ -7,6 +7,7 @@
 #[path = "../pt/files.rs"]
 mod checkpoints;
 
+use crate::folders::copy_folder;
 use checkpoints::{checkpoint, floats};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -112,17 +113,6 @@ fn every_command_of_the_readme_runs() {
         eprintln!("PARSED ONLY: {command}");
     }
     assert!(parsed.len() <= 2 && ran >= 10, "{ran} commands ran, {} were only parsed", parsed.len());
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        match entry.file_type().unwrap().is_dir() {
-            true => copy_folder(&entry.path(), &to.join(entry.file_name())),
-            false => drop(std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap()),
-        }
-    }
 }
 
 /// README.md, CHANGELOG.md and every page below the folders that have some.

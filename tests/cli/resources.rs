@@ -78,7 +78,7 @@ fn what_decoding_takes_counts_in_the_memory_for_photos() {
     }
 }
 
-/// A small PNG with a colour profile that unpacks to so many MiB of zeros.
+/// A small PNG with a colour profile that unpacks to `mebibytes` of zeros.
 #[cfg(target_os = "linux")]
 fn png_with_a_profile_of(mebibytes: usize) -> Vec<u8> {
     let zeros = vec![0; MIB as usize];
@@ -101,7 +101,7 @@ fn png_with_a_profile_of(mebibytes: usize) -> Vec<u8> {
     png::with_checksums(&[before, &chunk, after].concat())
 }
 
-/// Runs with so many kB of address space.
+/// Runs with `kilobytes` of address space.
 #[cfg(target_os = "linux")]
 fn within(kilobytes: u32, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     let mut command = Command::new("sh");

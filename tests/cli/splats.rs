@@ -75,10 +75,35 @@ fn what_only_triangles_have_is_refused_of_gaussians() {
     };
     orbit(["--as", "solid"], &["--as", "Gaussians"]);
     orbit(["--show", "depth"], &["--show", "Gaussians"]);
-    let ply = folder.path().join("a.ply");
-    fails(
-        folder.path(),
-        &[&"mesh", &file, &"-o", &ply],
-        &["splats.ply", "3D Gaussians (PLY)", "trisplat bake"],
-    );
+    let list = folder.path().join("cameras.json");
+    cameras(&list, 32);
+    let before = std::fs::read(&list).unwrap();
+    fails(folder.path(), &[&"bake", &file, &"-f", &"-o", &"a.glb", &"--report", &list], &["cameras.json"]);
+    assert_eq!(std::fs::read(&list).unwrap(), before, "the cameras beside Gaussians are an input");
+}
+
+#[test]
+fn gaussians_are_scored_on_photos_as_their_trainers_draw_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scene(folder.path());
+    let dataset = folder.path().join("photos");
+    std::fs::create_dir_all(dataset.join("images")).unwrap();
+    cameras(&folder.path().join("splats.cameras.json"), 32);
+    let images = dataset.join("images");
+    let done = trisplat(&[&"render", &file, &"-o", &images]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    // Blender's axes: y up, z back.
+    let transforms = r#"{"w":64,"h":48,"fl_x":60,"fl_y":60,"cx":32,"cy":24,"frames":[{"file_path":"images/photo.png",
+        "transform_matrix":[[1,0,0,0],[0,-1,0,0],[0,0,-1,0],[0,0,0,1]]}]}"#;
+    std::fs::write(dataset.join("transforms.json"), transforms).unwrap();
+    let scored = trisplat(&[&"eval", &file, &dataset, &"--split", &"all", &"--json"]);
+    assert!(scored.status.success(), "{}", stderr(&scored));
+    let report: serde_json::Value = serde_json::from_slice(&scored.stdout).unwrap();
+    let step = &report["steps"][0];
+    assert_eq!((step["name"].as_str(), step["splats"].as_u64()), (Some("splats"), Some(2)));
+    // Equal pictures have at most this.
+    assert!(step["mean"]["psnr"].as_f64().unwrap() > 80.0, "{step}");
+    let as_triangles: [&dyn AsRef<std::ffi::OsStr>; 7] =
+        [&"eval", &file, &dataset, &"--split", &"all", &"--as", &"solid"];
+    fails(folder.path(), &as_triangles, &["--as", "Gaussians"]);
 }

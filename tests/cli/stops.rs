@@ -10,7 +10,7 @@ use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_job::TrainJobObserver;
 use trisplat_train::{TrainObserver, TrainSample, Trained, checkpoint};
 
-/// Photos of which some are watched before a training by default, in `folder/photos`: `views` of them, one in eight held out.
+/// Photos, some of them watched before a training by default, in `folder/photos`: `views` of them, one in eight held out.
 fn photos(folder: &Path, views: u32) -> PathBuf {
     let folder = folder.join("photos");
     std::fs::create_dir(&folder).unwrap();

@@ -1,8 +1,9 @@
 //! `capture` and `make` never delete or replace a file that they did not write, nor one that was changed since.
 #![cfg(unix)]
 
-use super::capture::{Fake, copy, names};
+use super::capture::{Fake, names};
 use super::stderr;
+use crate::folders::copy_folder;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -100,7 +101,7 @@ fn a_photo_or_model_that_the_user_changed_stops_a_capture_that_would_replace_it(
         let ours = std::fs::read(&path).unwrap();
         std::fs::write(&path, "edited").unwrap();
         if again.contains(&"--mapper") {
-            copy(&fake.at("photos"), &fake.at("set/images"));
+            copy_folder(&fake.at("photos"), &fake.at("set/images"));
         }
         let before = all(fake.folder());
         let said = fake.error(again);
@@ -153,7 +154,7 @@ fn a_photo_folder_that_is_a_link_stays_as_it_is() {
     fake.succeed(&CAPTURE);
     std::fs::remove_dir_all(fake.at("set/images")).unwrap();
     std::os::unix::fs::symlink("../photos", fake.at("set/images")).unwrap();
-    copy(&fake.at("photos"), &fake.at("other"));
+    copy_folder(&fake.at("photos"), &fake.at("other"));
     std::fs::remove_file(fake.at("other/view_0001.png")).unwrap();
     let before = all(&fake.at("photos"));
     let said = fake.error(&["capture", "other", "-o", "set", "-f"]);

@@ -3,6 +3,7 @@
 
 pub(crate) mod dual;
 pub(crate) mod edits;
+pub(crate) mod folders;
 pub(crate) mod oracle;
 pub(crate) mod phone;
 pub(crate) mod png;

@@ -352,10 +352,10 @@ fn the_page_is_built_from_its_sources() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     for name in ["page.html", "LICENSES.txt"] {
         let built = fs::read(folder.path().join("dist").join(name)).unwrap();
-        let kept = fs::read(here("page/dist").join(name)).unwrap();
+        let kept = fs::read(here("crates/formats/page").join(name)).unwrap();
         assert!(
             built == kept,
-            "page/dist/{name} is not what page/src makes: cd page && npm ci && npm run build"
+            "crates/formats/page/{name} is not what page/src makes: cd page && npm ci && npm run build"
         );
     }
 }

@@ -8,8 +8,11 @@
 )]
 
 mod browser;
+mod editors;
 mod engines;
 mod floats;
+#[path = "../common/folders.rs"]
+mod folders;
 mod framing;
 mod levels;
 mod lit;

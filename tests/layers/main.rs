@@ -62,3 +62,29 @@ fn the_table_of_crates_in_the_docs_is_true() {
         assert!(docs.contains(&row), "docs/architecture.md has no row that begins with {row}");
     }
 }
+
+/// The package of a crate in a registry holds its own folder and nothing beside it.
+#[test]
+fn a_crate_includes_files_of_its_own_folder_only() {
+    let mut files = sources();
+    let (mut included, mut at) = (0, 0);
+    while let Some(path) = files.get(at).cloned() {
+        at += 1;
+        if path.is_dir() {
+            files.extend(std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()));
+            continue;
+        }
+        if path.extension().is_none_or(|extension| extension != "rs") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        for part in text.split("include_").skip(1).filter(|part| part.starts_with(['s', 'b'])) {
+            let Some(name) = part.split('"').nth(1).filter(|_| part.contains("!(\"")) else { continue };
+            let file = path.parent().unwrap().join(name).canonicalize().expect("an included file");
+            let own = path.ancestors().find(|folder| folder.ends_with("src")).unwrap().parent().unwrap();
+            assert!(file.starts_with(own.canonicalize().unwrap()), "{} includes {name}", path.display());
+            included += 1;
+        }
+    }
+    assert!(included > 10, "only {included} files are included");
+}

@@ -1,5 +1,6 @@
 //! Plans, tasks, merges and tilesets at the command line, on a small town.
 
+use crate::common::folders::copy_folder;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -47,19 +48,8 @@ fn planned() -> TempDir {
         folder
     });
     let folder = tempfile::tempdir().unwrap();
-    copy(made.path(), folder.path());
+    copy_folder(made.path(), folder.path());
     folder
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
-        let to = to.join(entry.file_name());
-        match entry.path().is_dir() {
-            true => copy(&entry.path(), &to),
-            false => drop(std::fs::copy(entry.path(), to).unwrap()),
-        }
-    }
 }
 
 fn bytes(folder: &Path, name: &str) -> Vec<u8> {
@@ -112,7 +102,7 @@ fn a_plan_is_a_function_of_its_inputs() {
 fn where_the_photos_lie_changes_no_block() {
     let folder = planned();
     let moved = tempfile::tempdir().unwrap();
-    copy(&folder.path().join("photos"), &moved.path().join("elsewhere/pictures"));
+    copy_folder(&folder.path().join("photos"), &moved.path().join("elsewhere/pictures"));
     let plan = [&["plan", "elsewhere/pictures", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat();
     succeed(moved.path(), &plan);
     let manifest = |folder: &Path| {

@@ -22,7 +22,7 @@ use trisplat_train::Quality;
 pub struct EvalReport {
     /// Program and version.
     pub generator: String,
-    /// The soup or mesh, as given.
+    /// The soup, mesh or Gaussians, as given.
     pub file: String,
     /// The data set, as given.
     pub dataset: String,
@@ -33,7 +33,7 @@ pub struct EvalReport {
     /// The size that photos were shrunk to, "320x213"; absent where they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub photo_size: Option<ShrunkSize>,
-    /// The scores at each step from scene to file, in order. A mesh has one: "solid".
+    /// The scores at each step from scene to file, in order. A mesh has one, "solid", and Gaussians "splats".
     pub steps: Vec<StepScore>,
     /// Share of the pixels whose surface at least two other training photos see; mean over the photos. The
     /// surface is that of the scene at its first step. Absent when it was not measured.
@@ -47,10 +47,13 @@ pub struct EvalReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StepScore {
     /// "soft": the soup as trained. "solid": the scene, or the given mesh, as an engine draws it. "file": the
-    /// same, written quantised and compressed, and read back.
+    /// same, written quantised and compressed, and read back. "splats": Gaussians as their trainers draw them.
     pub name: String,
     /// Number of triangles.
     pub triangles: u64,
+    /// Number of Gaussians; absent for triangles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub splats: Option<u64>,
     /// Size of the file, if one was written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
@@ -164,7 +167,18 @@ pub fn evaluate(
         let change = scores.last().map(|before| mean.minus(&before.mean));
         let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
         let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        scores.push(StepScore { name, triangles, bytes, mean, psnr_covered, change, images, draw_secs });
+        let splats = step.renderer.splat_count();
+        scores.push(StepScore {
+            name,
+            triangles,
+            splats,
+            bytes,
+            mean,
+            psnr_covered,
+            change,
+            images,
+            draw_secs,
+        });
     }
     Ok(scores)
 }

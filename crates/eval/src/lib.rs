@@ -11,4 +11,3 @@ pub mod steps;
 pub use render::baked_scene::BakedScene;
 pub use render::contact_sheet::{ContactSheet, is_shown};
 pub use render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
-pub use render::splats_renderer::SplatsRenderer;

@@ -12,12 +12,14 @@ use trisplat_formats::{
     self as formats, OutputTarget, ReadOptions,
     output::{self, Output, OutputOptions},
 };
-use trisplat_scene::{Asset, Error, ImportedScene, Provenance, Result, Scene, Soup, report::Report};
+use trisplat_scene::{
+    Asset, Error, ImportedScene, ImportedSplats, Provenance, Result, Scene, Soup, report::Report,
+};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
 pub struct EvalStep {
-    /// "soft", "solid" or "file".
+    /// "soft", "solid", "file" or "splats".
     pub name: &'static str,
     /// Number of triangles.
     pub triangles: u64,
@@ -62,6 +64,29 @@ pub fn steps(
                 factory.solid("file", file, Some(bytes)),
             ])
         }
+    }
+}
+
+/// The one step of Gaussians, which are drawn as their trainers draw them.
+///
+/// Errors: a mode of drawing triangles.
+pub fn steps_of_splats(
+    loaded: ImportedSplats,
+    options: &RenderOptions,
+    dataset: &Dataset,
+    background: [f32; 3],
+) -> Result<Vec<EvalStep>> {
+    check_splats(options)?;
+    let placement = loaded.provenance.placement;
+    let renderer = SceneRenderer::splats(loaded.splats, &placement, Some(dataset), background);
+    Ok(vec![EvalStep { name: "splats", triangles: 0, bytes: None, renderer }])
+}
+
+/// Refuses modes that only triangles have.
+pub fn check_splats(options: &RenderOptions) -> Result<()> {
+    match options.mode {
+        Some(_) => Err(Error::invalid("as", "given", "no value for Gaussians, which are drawn in one way")),
+        None => Ok(()),
     }
 }
 

@@ -5,7 +5,7 @@ use super::read_options::ReadOptions;
 use super::source::Source;
 use super::splats;
 use std::path::Path;
-use trisplat_scene::{ImportedScene, ImportedSplats, Result};
+use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +14,16 @@ pub enum Content {
     Scene(ImportedScene),
     /// Gaussians.
     Splats(ImportedSplats),
+}
+
+impl Content {
+    /// The triangles to display, and the Gaussians that they stand for: see [`ImportedSplats::stand_in`].
+    pub fn stand_in(self) -> (ImportedScene, Option<Splats>) {
+        match self {
+            Self::Scene(loaded) => (loaded, None),
+            Self::Splats(loaded) => (loaded.stand_in(), Some(loaded.splats)),
+        }
+    }
 }
 
 /// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians. These come with
@@ -29,4 +39,14 @@ pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
         }
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
+}
+
+/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot be read holds none, nor does standard input,
+/// which is read once.
+pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
+    if path.as_os_str() == "-" {
+        return false;
+    }
+    let format = Source::open(path, limits).and_then(|mut source| splats::format_of(&mut source));
+    format.is_ok_and(|format| format.is_some())
 }

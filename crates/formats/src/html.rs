@@ -19,7 +19,7 @@ use std::sync::Arc;
 use trisplat_scene::{Asset, Error, Result};
 
 /// The page without a scene, built from `page/src`.
-const PAGE: &str = include_str!("../../../page/dist/page.html");
+const PAGE: &str = include_str!("../page/page.html");
 const OPEN: &str = "<script type=\"model/gltf-binary;base64\">";
 const CLOSE: &str = "</script><script>trisplat.block()</script>\n";
 /// Bytes of the GLB in a block: a multiple of 3, so that only the last block is padded.

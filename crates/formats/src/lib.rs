@@ -37,7 +37,7 @@ mod tileset_info;
 mod tileset_json;
 mod write;
 
-pub use content::{Content, read_content};
+pub use content::{Content, holds_splats, read_content};
 pub use faces::MAX_CORNERS;
 pub use far::{far_origin, is_far};
 pub use finish::finish;

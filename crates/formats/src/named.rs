@@ -1,15 +1,21 @@
 //! The files that the file of a scene names: buffers and pictures of a glTF, materials of an OBJ and their
-//! pictures.
+//! pictures, cameras beside Gaussians.
 
+use super::content::holds_splats;
 use super::format::Format;
 use super::source::{Source, is_packed};
-use super::{gltf, obj};
+use super::{gltf, obj, splats};
 use std::path::{Path, PathBuf};
 use trisplat_scene::Limits;
 
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
 /// reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
+    if let Some(list) = splats::cameras::beside(path)
+        && holds_splats(path, limits)
+    {
+        return vec![list];
+    }
     // These hold everything themselves; a compressed one would be unpacked to be recognised.
     let alone = |path: &Path| {
         matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))
@@ -40,6 +46,15 @@ mod tests {
         std::fs::write(&path, text).unwrap();
         let files = named_files(&path, &Limits::DEFAULT);
         files.iter().map(|file| file.strip_prefix(&folder).unwrap().display().to_string()).collect()
+    }
+
+    #[test]
+    fn gaussians_name_the_cameras_beside_them() {
+        let splat = [[0u8; 12], [1; 12], [200; 12]].concat()[..32].to_vec();
+        let cameras = ("cameras.json", "[]");
+        assert_eq!(named("a.splat", &splat, &[cameras]), ["cameras.json"]);
+        assert_eq!(named("a.splat", &splat, &[]), [""; 0]);
+        assert_eq!(named("a.off", b"OFF", &[cameras]), [""; 0]);
     }
 
     #[test]

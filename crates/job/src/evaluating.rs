@@ -7,7 +7,7 @@ use trisplat_eval::{
     evaluate::{self, EvalReport, ScoredPicture},
     steps::{self, EvalStep},
 };
-use trisplat_formats as formats;
+use trisplat_formats::{self as formats, Content};
 use trisplat_scene::{Result, image::RgbImage};
 use trisplat_train::BackendOptions;
 
@@ -34,13 +34,13 @@ use trisplat_train::BackendOptions;
 /// ```
 #[derive(Debug, Clone)]
 pub struct EvalJob {
-    /// Trained soup or mesh.
+    /// Trained soup, mesh or Gaussian splats.
     pub file: PathBuf,
     /// Renderer and its options.
     pub render: RenderOptions,
     /// The photos to compare with.
     pub split: Split,
-    /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo.
+    /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo. Gaussians have no surface, so theirs is not measured.
     pub coverage: bool,
     /// Also return drawings as floats, before rounding to 8 bits.
     pub floats: bool,
@@ -85,16 +85,23 @@ impl EvalJob {
 
     /// Reads the scene and prepares the forms to evaluate.
     ///
-    /// Errors: a split without photos; an unreadable file; a mesh with a soft renderer.
+    /// Errors: a split without photos; an unreadable file; a mesh with a soft renderer; Gaussians with any.
     pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
         let views = self.split.some_of(dataset)?;
-        let loaded = formats::read(&self.file, &self.dataset_options.read_options(3))?;
-        let mut warnings = [dataset.warnings.clone(), loaded.warnings.clone()].concat();
+        let background = self.dataset_options.background.to_f32();
+        let (read, steps) = match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
+            Content::Scene(loaded) => (
+                loaded.warnings.clone(),
+                steps::steps(&self.file, loaded, &self.render, dataset, background)?,
+            ),
+            Content::Splats(loaded) => {
+                (loaded.warnings.clone(), steps::steps_of_splats(loaded, &self.render, dataset, background)?)
+            }
+        };
+        let mut warnings = [dataset.warnings.clone(), read].concat();
         if views.iter().any(|view| view.photo.mask.is_some()) {
             warnings.push("masked pixels were left out of the scores".into());
         }
-        let background = self.dataset_options.background.to_f32();
-        let steps = steps::steps(&self.file, loaded, &self.render, dataset, background)?;
         Ok(ReadyEval { job: self, dataset, views, steps, warnings })
     }
 }
@@ -129,7 +136,11 @@ impl<'a> ReadyEval<'a> {
         mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
-        let covered = match self.steps.first_mut().filter(|_| self.job.coverage) {
+        let covered = match self
+            .steps
+            .first_mut()
+            .filter(|step| self.job.coverage && step.renderer.splat_count().is_none())
+        {
             Some(step) => {
                 let training: Vec<&View> = self.dataset.train().collect();
                 let depth = |camera: &_| step.renderer.surface_depth(camera);

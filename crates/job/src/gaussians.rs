@@ -32,7 +32,7 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
+    pub(super) const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
     const DEFAULT: Self = Self { steps: 2500, triangles: 50_000, pictures: 100, longer_px: 480 };
     const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
 

@@ -1,17 +1,18 @@
-//! A surface job: from a scene, or from photos alone, to one connected surface.
+//! A surface job: from a scene, from Gaussian splats or from photos alone to one connected surface.
 
-use super::observer::TrainJobObserver;
+use super::gaussians::{self, Effort};
+use super::observer::{BakeJobObserver, TrainBegins, TrainJobObserver};
 use super::training::TrainJob;
 use std::path::Path;
 use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_formats as formats;
+use trisplat_formats::{self as formats, Content};
 use trisplat_scene::{
-    Asset, Budget, Error, ImportedScene, Result, Seconds,
+    Asset, Budget, Error, Result, Seconds,
     process::cpu_secs,
     report::{Observer, Report},
 };
-use trisplat_train::TrainOptions;
+use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample};
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene
 /// (docs/benchmarks/texture.md).
@@ -20,22 +21,25 @@ const TRAINING: Seconds = Seconds(30.0);
 /// What a surface is made of. [`MeshJob::new`] has the plain values; any field can be set before the run.
 #[derive(Debug, Clone)]
 pub struct MeshJob {
-    /// The scene; without it, one is trained on the photos first.
-    pub scene: Option<ImportedScene>,
-    /// Photos, whose cameras decide what the surface is, and which textures show.
+    /// The scene; without it, one is trained on the photos first. Gaussians become triangles first.
+    pub scene: Option<Content>,
+    /// Photos, whose cameras decide what the surface is, and which textures show. Pictures of Gaussians replace them.
     pub photos: Option<Dataset>,
     /// Options that they were read with. Their limits bound the memory of the distance field.
     pub dataset_options: DatasetOptions,
     /// Options of the stages.
     pub options: MeshOptions,
-    /// CPU time of that training.
-    pub budget: Seconds,
+    /// Options of that training.
+    pub train: TrainOptions,
+    /// CPU time of that training; `None`: the steps of `train`, so equal jobs make equal bytes.
+    pub budget: Option<Seconds>,
 }
 
 impl MeshJob {
     /// A surface with these options, on photos read with [`DatasetOptions::default`]; a scene for it trains for half a minute.
-    pub fn new(scene: Option<ImportedScene>, photos: Option<Dataset>, options: MeshOptions) -> Self {
-        Self { scene, photos, dataset_options: DatasetOptions::default(), options, budget: TRAINING }
+    pub fn new(scene: Option<Content>, photos: Option<Dataset>, options: MeshOptions) -> Self {
+        let (dataset_options, train) = (DatasetOptions::default(), TrainOptions::default());
+        Self { scene, photos, dataset_options, options, train, budget: Some(TRAINING) }
     }
 
     /// Makes the surface and writes it as its options say; the ending of `path` chooses the format. Existing files are replaced.
@@ -60,13 +64,28 @@ impl MeshJob {
         stages: &mut dyn Observer,
     ) -> Result<Option<Asset>> {
         self.options.validate()?;
-        self.options.check_photos(self.photos.is_some())?;
+        let are_splats = matches!(self.scene, Some(Content::Splats(_)));
+        self.options.check_photos(self.photos.is_some() || are_splats)?;
+        let how = &self.dataset_options;
+        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, how));
         let scene = match (self.scene, &self.photos) {
-            (Some(scene), _) => scene,
+            (Some(Content::Scene(scene)), _) => scene,
+            (Some(Content::Splats(splats)), photos) => {
+                report.warnings.extend(splats.warnings.iter().cloned());
+                let splats = (Path::new("scene"), &splats);
+                let observer = &mut Training(trains);
+                let solid = gaussians::solid(splats, photos.as_ref(), how, (Effort::FAST, None), observer)?;
+                report.stages.push(solid.stage);
+                views = views.or(solid.pictures);
+                solid.scene
+            }
             (None, Some(photos)) => {
-                let mut job = TrainJob::new(photos.clone(), TrainOptions::default());
+                let mut job = TrainJob::new(photos.clone(), self.train);
                 job.dataset_options = self.dataset_options.clone();
-                job.budget = Some(Budget::cpu(Seconds(cpu_secs() + self.budget.0)));
+                match self.budget {
+                    Some(budget) => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + budget.0))),
+                    None => job.options = job.options.giving(&["steps"]),
+                }
                 let done = match job.run(trains) {
                     Err(Error::Stopped { .. }) => return Ok(None),
                     done => done?,
@@ -82,8 +101,44 @@ impl MeshJob {
             }
             (None, None) => return Err(Error::invalid("scene", "not given", "a scene, or photos of one")),
         };
-        let mut views = self.photos.as_ref().map(|photos| Views::new(photos, &self.dataset_options));
         let limits = &self.dataset_options.limits;
         mesh(scene, views.as_mut(), &self.options, limits, report, stages).map(Some)
+    }
+}
+
+/// Watches the training of a scene in place of Gaussians as that of a scene of photos.
+struct Training<'a>(&'a mut dyn TrainJobObserver);
+
+impl Observer for Training<'_> {}
+
+impl BakeJobObserver for Training<'_> {
+    fn hardening_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
+        self.0.training_begins(&TrainBegins { steps: options.steps, ..TrainBegins::default() })?;
+        Ok(Box::new(Steps(self.0)))
+    }
+
+    fn drew(&mut self, done: usize, all: usize) {
+        self.0.drew(done, all);
+    }
+}
+
+/// Its steps.
+struct Steps<'a>(&'a mut dyn TrainJobObserver);
+
+impl TrainObserver for Steps<'_> {
+    fn stepped(&mut self, sample: &TrainSample) {
+        self.0.stepped(sample);
+    }
+
+    fn sampled(&mut self, sample: &TrainSample) {
+        self.0.sampled(sample);
+    }
+
+    fn densified(&mut self, step: u64, densified: &Densified) {
+        self.0.densified(step, densified);
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.0.wants_to_stop()
     }
 }

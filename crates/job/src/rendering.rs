@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_eval::{RenderMode, RenderOptions, SceneRenderer, SplatsRenderer, steps};
+use trisplat_eval::{RenderMode, RenderOptions, SceneRenderer, steps};
 use trisplat_formats::{self as formats, Content, splats::cameras};
 use trisplat_raster::{framing::Surroundings, framing::surroundings::up_of};
 use trisplat_scene::{
@@ -67,14 +67,7 @@ pub struct RenderJob {
 pub struct ReadyRender {
     job: RenderJob,
     cameras: Vec<(String, Camera)>,
-    renderer: Renderer,
-}
-
-/// Draws triangles or Gaussians.
-#[derive(Debug)]
-enum Renderer {
-    Scene(SceneRenderer),
-    Splats(SplatsRenderer),
+    renderer: SceneRenderer,
 }
 
 impl RenderJob {
@@ -129,29 +122,31 @@ impl RenderJob {
         let cameras = self.choose_cameras(&loaded, listed, dataset)?;
         let ImportedScene { scene, provenance, .. } = loaded;
         let renderer = renderer(&self, scene, &provenance.placement, dataset);
-        let limits = &self.dataset_options.limits;
-        cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
-        Ok(ReadyRender { job: self, cameras, renderer: Renderer::Scene(renderer) })
+        self.ready(cameras, renderer)
     }
 
-    /// Gaussians are drawn in the frame of their file.
+    fn ready(self, cameras: Vec<(String, Camera)>, renderer: SceneRenderer) -> Result<ReadyRender> {
+        let limits = &self.dataset_options.limits;
+        cameras.iter().try_for_each(|(_, camera)| renderer.validate(camera.size, limits))?;
+        Ok(ReadyRender { job: self, cameras, renderer })
+    }
+
     fn prepare_splats(self, mut loaded: ImportedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
-        check_splats(&self)?;
+        steps::check_splats(&self.render)?;
+        if !matches!(self.show, PictureKind::Color | PictureKind::RandomSubset) {
+            return Err(SceneRenderer::no_surface());
+        }
         let placement = loaded.provenance.placement;
         if self.cameras.is_some() {
             loaded.cameras = self.listed_cameras(&placement)?;
         }
-        let mut cameras = self.choose_cameras(&loaded.stand_in(), loaded.cameras.clone(), dataset)?;
-        if let Some(dataset) = dataset {
-            cameras.iter_mut().for_each(|(_, c)| *c = placed::to_file(c, &placement, dataset.origin));
-        }
-        let limits = &self.dataset_options.limits;
-        cameras.iter().try_for_each(|(_, camera)| limits.camera("camera", camera.size))?;
+        let cameras = self.choose_cameras(&loaded.stand_in(), loaded.cameras.clone(), dataset)?;
         if self.show == PictureKind::RandomSubset {
             loaded.splats.retain(random_subset(&self));
         }
-        let renderer = SplatsRenderer::new(loaded.splats, self.dataset_options.background.to_f32());
-        Ok(ReadyRender { job: self, cameras, renderer: Renderer::Splats(renderer) })
+        let background = self.dataset_options.background.to_f32();
+        let renderer = SceneRenderer::splats(loaded.splats, &placement, dataset, background);
+        self.ready(cameras, renderer)
     }
 
     /// The cameras of the list that was given, in the frame of the file.
@@ -193,10 +188,8 @@ impl ReadyRender {
     ///
     /// Errors: a card that was asked for and is not there.
     pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
-        match (self.job.show, &mut self.renderer) {
-            (PictureKind::Color | PictureKind::RandomSubset, Renderer::Scene(renderer)) => {
-                renderer.draw_on(&self.job.backend)
-            }
+        match self.job.show {
+            PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
             _ => Ok((None, Vec::new())),
         }
     }
@@ -209,12 +202,7 @@ impl ReadyRender {
         self.job.check_values()?;
         let camera = &self.cameras[camera].1;
         let [width, height] = camera.size.to_array();
-        let renderer = match &mut self.renderer {
-            Renderer::Scene(renderer) => renderer,
-            Renderer::Splats(splats) => {
-                return Ok((vec![height, width, 3], splats.image(camera).pixels.into_flattened()));
-            }
-        };
+        let renderer = &mut self.renderer;
         Ok(match self.job.show {
             PictureKind::Depth => (vec![height, width], renderer.surface_depth(camera)),
             _ => (vec![height, width, 3], renderer.image(camera, None).pixels.into_flattened()),
@@ -223,17 +211,14 @@ impl ReadyRender {
 
     /// Draws one picture.
     ///
-    /// Errors: layer counts of a solid drawing.
+    /// Errors: layer counts of a solid drawing; depth and normals of Gaussians.
     pub fn draw(&mut self, camera: usize) -> Result<RgbImage> {
         let camera = &self.cameras[camera].1;
-        let renderer = match &mut self.renderer {
-            Renderer::Scene(renderer) => renderer,
-            Renderer::Splats(splats) => return Ok(splats.color(camera)),
-        };
+        let renderer = &mut self.renderer;
         match self.job.show {
             PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
-            PictureKind::Depth => Ok(renderer.depth(camera)),
-            PictureKind::Normal => Ok(renderer.normal(camera)),
+            PictureKind::Depth => renderer.depth(camera),
+            PictureKind::Normal => renderer.normal(camera),
             PictureKind::Contributions => renderer.contributions(camera),
         }
     }
@@ -255,22 +240,6 @@ pub enum PictureKind {
     Contributions,
     /// Colour of some triangles only, so that their shapes can be seen.
     RandomSubset,
-}
-
-/// Refuses what only triangles have.
-fn check_splats(job: &RenderJob) -> Result<()> {
-    if job.render.mode.is_some() {
-        let wants = "no value for Gaussians, which are drawn in one way";
-        return Err(Error::invalid("as", "given", wants));
-    }
-    match job.show {
-        PictureKind::Color | PictureKind::RandomSubset => Ok(()),
-        _ => Err(Error::invalid(
-            "show",
-            "a property of surfaces",
-            "color or random-subset: Gaussians have no surface",
-        )),
-    }
 }
 
 /// Which triangles or Gaussians a random subset keeps.

@@ -3,4 +3,3 @@
 pub(crate) mod baked_scene;
 pub(crate) mod contact_sheet;
 pub(crate) mod scene_renderer;
-pub(crate) mod splats_renderer;

@@ -1,17 +1,19 @@
-//! Draws one scene for many cameras, soft or solid, with any placement of its file.
+//! Draws one scene for many cameras, soft, solid or as Gaussians, with any placement of its file.
 
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::Dataset;
 use trisplat_raster::{
+    gaussian::{self, GaussianOptions},
     soft::{Frame, SoftOptions, SoftRasterizer, SoftWork, SoupRef},
     solid::{NO_FACE, SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Error, Limits, Placement, Result, SceneNormalization, Soup,
+    Error, Limits, Placement, Result, SceneNormalization, Soup, Splats,
     camera::Camera,
     image::{Image, RgbImage},
     mesh::Mesh,
+    placed,
 };
 #[cfg(feature = "gpu")]
 use trisplat_train::CardScene;
@@ -65,6 +67,8 @@ pub enum SceneRenderer {
     Soft(Box<SoftScene>),
     /// A mesh, in the cameras' world.
     Solid(Box<SolidScene>),
+    /// Gaussian splats, in the frame of their file.
+    Splats(Box<SplatsScene>),
 }
 
 /// A soup and its renderer.
@@ -86,6 +90,15 @@ pub struct SolidScene {
     options: SolidRasterOptions,
     solid: SolidRasterizer,
     frame: Frame,
+}
+
+/// Gaussian splats, and how they are drawn.
+#[derive(Debug)]
+pub struct SplatsScene {
+    splats: Splats,
+    options: GaussianOptions,
+    /// Of the file, and the origin of the data set, when the cameras are in its world.
+    placed: Option<(Placement, DVec3)>,
 }
 
 /// Depth of the near plane in units of training space: that of the soft rasteriser.
@@ -127,7 +140,7 @@ impl SceneRenderer {
     pub fn draw_on(&mut self, place: &BackendOptions) -> Result<(Option<String>, Vec<String>)> {
         match self {
             Self::Soft(scene) => scene.draw_on(place),
-            Self::Solid(_) => Ok((None, Vec::new())),
+            Self::Solid(_) | Self::Splats(_) => Ok((None, Vec::new())),
         }
     }
 
@@ -155,6 +168,26 @@ impl SceneRenderer {
         }))
     }
 
+    /// A renderer of Gaussian splats, whose shape no cameras change; the rest as for [`SceneRenderer::soft`].
+    pub fn splats(
+        splats: Splats,
+        placement: &Placement,
+        dataset: Option<&Dataset>,
+        background: [f32; 3],
+    ) -> Self {
+        let options = GaussianOptions::suited_to(&splats, background);
+        let placed = dataset.map(|dataset| (*placement, dataset.origin));
+        Self::Splats(Box::new(SplatsScene { splats, options, placed }))
+    }
+
+    /// Number of Gaussians; `None` of triangles.
+    pub fn splat_count(&self) -> Option<u64> {
+        match self {
+            Self::Splats(scene) => Some(scene.splats.len() as u64),
+            Self::Soft(_) | Self::Solid(_) => None,
+        }
+    }
+
     /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
     pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
         let Self::Soft(scene) = self else { return Vec::new() };
@@ -173,7 +206,7 @@ impl SceneRenderer {
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;
         match self {
-            Self::Soft(_) => Ok(()),
+            Self::Soft(_) | Self::Splats(_) => Ok(()),
             Self::Solid(scene) => scene.options.validate(size),
         }
     }
@@ -183,6 +216,7 @@ impl SceneRenderer {
         match self {
             Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
+            Self::Splats(scene) => show::color(&scene.draw(camera)),
         }
     }
 
@@ -203,6 +237,10 @@ impl SceneRenderer {
                 Image { size: frame.size, pixels: frame.rgb.clone() }
             }
             Self::Solid(scene) => scene.solid.render_image(&scene.mesh, camera, &scene.options),
+            Self::Splats(scene) => {
+                let frame = scene.draw(camera);
+                Image { size: frame.size, pixels: frame.rgb }
+            }
         }
     }
 
@@ -220,17 +258,18 @@ impl SceneRenderer {
         match self {
             Self::Soft(scene) => std::mem::replace(&mut scene.options.background, background),
             Self::Solid(scene) => std::mem::replace(&mut scene.options.background, background),
+            Self::Splats(scene) => std::mem::replace(&mut scene.options.background, background),
         }
     }
 
-    /// Its distance; see [`show::depth`].
-    pub fn depth(&mut self, camera: &Camera) -> RgbImage {
-        show::depth(self.geometry(camera))
+    /// Its distance; see [`show::depth`]. Fails for Gaussians, which have no surface.
+    pub fn depth(&mut self, camera: &Camera) -> Result<RgbImage> {
+        self.geometry(camera).map(show::depth)
     }
 
-    /// Its normal; see [`show::normal`].
-    pub fn normal(&mut self, camera: &Camera) -> RgbImage {
-        show::normal(self.geometry(camera))
+    /// Its normal; see [`show::normal`]. Fails for Gaussians, which have no surface.
+    pub fn normal(&mut self, camera: &Camera) -> Result<RgbImage> {
+        self.geometry(camera).map(show::normal)
     }
 
     /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
@@ -246,7 +285,7 @@ impl SceneRenderer {
     }
 
     /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
-    /// of a soup is where half of the light is stopped. `[H * W]`
+    /// of a soup is where half of the light is stopped; Gaussians have none. `[H * W]`
     pub fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
         match self {
             Self::Soft(scene) => {
@@ -258,14 +297,32 @@ impl SceneRenderer {
                 let seen = scene.solid.visibility(&scene.mesh, camera, &options);
                 seen.depth.iter().map(|depth| if depth.is_finite() { *depth } else { 0.0 }).collect()
             }
+            Self::Splats(_) => vec![0.0; camera.size.element_product() as usize],
         }
     }
 
-    fn geometry(&mut self, camera: &Camera) -> &Frame {
+    fn geometry(&mut self, camera: &Camera) -> Result<&Frame> {
         match self {
-            Self::Soft(scene) => scene.draw(camera, true),
-            Self::Solid(scene) => scene.geometry(camera),
+            Self::Soft(scene) => Ok(scene.draw(camera, true)),
+            Self::Solid(scene) => Ok(scene.geometry(camera)),
+            Self::Splats(_) => Err(Self::no_surface()),
         }
+    }
+
+    /// The error of Gaussians where a surface is drawn.
+    pub fn no_surface() -> Error {
+        let wants = "color or random-subset: Gaussians have no surface";
+        Error::invalid("show", "a property of surfaces", wants)
+    }
+}
+
+impl SplatsScene {
+    fn draw(&self, camera: &Camera) -> Frame {
+        let camera = match &self.placed {
+            Some((placement, origin)) => placed::to_file(camera, placement, *origin),
+            None => *camera,
+        };
+        gaussian::draw(&self.splats, &camera, &self.options)
     }
 }
 

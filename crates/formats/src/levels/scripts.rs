@@ -14,8 +14,8 @@ const WHOLE_SCREEN: f64 = 1.0;
 /// Screen size of Unreal's finest level: it is drawn wherever no other level is.
 const FINEST: f64 = 2.0;
 
-const UNITY: &str = include_str!("../../../../samples/engines/templates/levels_unity.cs");
-const UNREAL: &str = include_str!("../../../../samples/engines/templates/levels_unreal.py");
+const UNITY: &str = include_str!("levels_unity.cs");
+const UNREAL: &str = include_str!("levels_unreal.py");
 
 /// A script for Unity's editor.
 pub(super) fn unity(name: &str, scene: &EngineScene) -> String {

@@ -74,7 +74,7 @@ pub(super) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
 }
 
 /// The list of a file's cameras: `NAME.cameras.json`, else `cameras.json` in its folder, or in that of the trainer's output.
-fn beside(path: &Path) -> Option<PathBuf> {
+pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     let folder = path.parent()?;
     let is_named = |folder: &Path, start: &str| {
         folder.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(start))

@@ -1,0 +1,106 @@
+//! The add-ons of `editors`, installed in the editors that run here.
+
+use super::{assert_same_scene, have, here, project, runs, studio};
+use crate::folders::copy_folder;
+use serde_json::Value;
+use std::fs;
+use std::process::Command;
+use tempfile::TempDir;
+use trisplat_formats::{ReadOptions, read};
+use trisplat_scene::{Scene, math::color::srgb_from_linear};
+
+/// Godot imports a dropped scene by the add-on: the same nodes, positions, colours and ground as from a GLB that was baked by hand.
+#[test]
+fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
+    let godot4 = here("target/judges/godot4");
+    if !have("godot4", godot4.exists()) {
+        return;
+    }
+    // A GLB of the same flags, which Godot does not import here, is what must come in.
+    let folder = project("tests/godot4", "godot");
+    let at = |name: &str| folder.path().join(name);
+    fs::remove_file(at("scene.glb.import")).unwrap();
+    copy_folder(&here("editors/godot/addons"), &at("addons"));
+    // Godot may run where this program's folder is not.
+    fs::copy(env!("CARGO_BIN_EXE_trisplat"), at("trisplat")).unwrap();
+    fs::copy(studio(), at("scene.ply")).unwrap();
+    let settings = "\n[editor_plugins]\n\nenabled=PackedStringArray(\"res://addons/trisplat/plugin.cfg\")\n\
+        \n[trisplat]\n\nprogram=\"res://trisplat\"\n";
+    fs::write(at("project.godot"), fs::read_to_string(at("project.godot")).unwrap() + settings).unwrap();
+    let more = ["--set", "chunk_triangles=3000", "--set", "reshape=off"].map(|word| format!("\"{word}\""));
+    let params = format!(
+        "[remap]\n\nimporter=\"trisplat.scene\"\ntype=\"PackedScene\"\n\n[params]\n\nquality=0\nharden=false\n\
+        max_triangles=0\ncollision=true\nbackdrop=false\nscale=1.0\narguments=PackedStringArray({})\n",
+        more.join(", ")
+    );
+    fs::write(at("scene.ply.import"), params).unwrap();
+    // A file of no known format ends in one error that names it.
+    fs::write(at("broken.spz"), "nothing").unwrap();
+
+    let imported = runs(Command::new(&godot4).arg(folder.path()).arg("--import"));
+    let said =
+        [imported.stdout, imported.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    assert!(said.contains("trisplat cannot bake res://broken.spz: error: "), "{said}");
+    let done = runs(Command::new(&godot4).arg(folder.path()).args(["--script", "dump.gd"]));
+    let dumped = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(!said.contains("SCRIPT ERROR"), "{said}");
+    assert_same_scene(folder.path(), &dumped);
+}
+
+/// Blender installs the extension from its archive, and imports every corner and colour that the program bakes.
+#[test]
+fn blender_imports_a_scene_by_the_extension() {
+    let python = here("target/judges/venv/bin/python");
+    let there =
+        Command::new(&python).args(["-c", "import bpy"]).output().is_ok_and(|done| done.status.success());
+    if !have("bpy", there) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let zip = "import shutil, sys; shutil.make_archive(sys.argv[2][:-4], 'zip', sys.argv[1])";
+    let extension = at("trisplat.zip");
+    let packed = runs(Command::new(&python).args(["-c", zip]).arg(here("editors/blender")).arg(&extension));
+    assert!(packed.status.success(), "{}", String::from_utf8_lossy(&packed.stderr));
+    let mut command = Command::new(&python);
+    command.arg(here("tests/blender/import.py")).arg(&extension).arg(env!("CARGO_BIN_EXE_trisplat"));
+    command.arg(studio()).arg(at("dump.bin")).env("BLENDER_USER_RESOURCES", folder.path());
+    let done = runs(&mut command);
+    let (said, errors) = (String::from_utf8_lossy(&done.stdout), String::from_utf8_lossy(&done.stderr));
+    let line = said.lines().find(|line| line.starts_with('{')).unwrap_or_else(|| panic!("{said}\n{errors}"));
+    let said: Value = serde_json::from_str(line).unwrap();
+    let failed = said["failed"].as_str().unwrap();
+    assert!(failed.contains(".missing") && failed.contains("does not exist"), "{failed}");
+    assert_eq!(said["done"], serde_json::json!(["FINISHED"]));
+    assert_eq!((&said["camera"], &said["colors"]), (&true.into(), &"Standard".into()));
+    assert_eq!(said["hidden"].as_object().unwrap().len(), 1, "{said}");
+
+    let scene = at("scene.glb");
+    let flags = ["--target", "blender", "--collision", "--max-triangles", "2000", "--set", "reshape=auto"];
+    let done = runs(
+        Command::new(env!("CARGO_BIN_EXE_trisplat"))
+            .arg("bake")
+            .arg(studio())
+            .arg("-o")
+            .arg(&scene)
+            .args(flags),
+    );
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let mut loaded = read(&scene, &ReadOptions::with_degree(0)).unwrap();
+    loaded.take_backdrop();
+    let Scene::Mesh(mesh) = loaded.scene else { panic!("a GLB is a mesh") };
+    assert_eq!(said["drawn"], mesh.face_count());
+    let dump = fs::read(at("dump.bin")).unwrap();
+    let mut records = dump.chunks_exact(15);
+    for face in 0..mesh.face_count() {
+        for (position, color) in mesh.corners(face).into_iter().zip(mesh.corner_colors(face)) {
+            let (place, codes) = records.next().unwrap().split_at(12);
+            let got = [0, 4, 8].map(|i| f32::from_le_bytes(place[i..i + 4].try_into().unwrap()));
+            assert_eq!(got, position.to_array(), "corner of face {face}");
+            // Blender rounds colours between two codes in its own way.
+            let wants = color.map(|channel| (255.0 * srgb_from_linear(channel)).round() as u8);
+            assert!((0..3).all(|c| wants[c].abs_diff(codes[c]) <= 1), "{wants:?} {codes:?} of face {face}");
+        }
+    }
+    assert_eq!(records.len(), 0);
+}
