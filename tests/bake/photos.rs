@@ -388,7 +388,8 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
-    let again = backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    let again =
+        backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert_eq!(again, Outcome::Skipped("triangles cover the photos"));
 }
 

@@ -39,7 +39,11 @@ fn photographed() -> (Mesh, tempfile::TempDir, trisplat_dataset::Dataset) {
     (trained, folder, dataset)
 }
 
-fn baked(input: impl Into<ImportedScene>, dataset: Option<&trisplat_dataset::Dataset>, when: BackdropWhen) -> Asset {
+fn baked(
+    input: impl Into<ImportedScene>,
+    dataset: Option<&trisplat_dataset::Dataset>,
+    when: BackdropWhen,
+) -> Asset {
     let mut options = BakeOptions { force_dataset: true, ..BakeOptions::DEFAULT };
     options.backdrop.backdrop = when;
     options.place.up = "y".parse().unwrap();
@@ -48,21 +52,28 @@ fn baked(input: impl Into<ImportedScene>, dataset: Option<&trisplat_dataset::Dat
 }
 
 fn looking(ahead: Vec3) -> Camera {
-    let lens = Camera { focal: Vec2::splat(60.0), center: Vec2::splat(48.0), size: UVec2::splat(96), ..camera(0) };
+    let lens =
+        Camera { focal: Vec2::splat(60.0), center: Vec2::splat(48.0), size: UVec2::splat(96), ..camera(0) };
     lens.looking(Vec3::ZERO, ahead, if ahead.x == 0.0 && ahead.z == 0.0 { Vec3::X } else { Vec3::Y })
 }
 
 /// What stands behind the scene, as an eye in the middle sees it.
 fn seen(asset: &Asset, ahead: Vec3) -> RgbImage {
     let (_, behind) = asset.apart().expect("a backdrop");
-    SolidRasterizer::new().render(&behind.mesh, &looking(ahead), &SolidRasterOptions { samples: 2, ..Default::default() })
+    SolidRasterizer::new().render(
+        &behind.mesh,
+        &looking(ahead),
+        &SolidRasterOptions { samples: 2, ..Default::default() },
+    )
 }
 
 /// The largest step between neighbouring pixels, and the mean difference from the surroundings, codes.
 fn step_and_error(picture: &RgbImage, ahead: Vec3) -> (i32, f64) {
-    let truth = SolidRasterizer::new().render(&sphere(false), &looking(ahead), &SolidRasterOptions::default());
+    let truth =
+        SolidRasterizer::new().render(&sphere(false), &looking(ahead), &SolidRasterOptions::default());
     let width = picture.size.x as usize;
-    let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| (i32::from(a[c]) - i32::from(b[c])).abs()).max().unwrap();
+    let apart =
+        |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| (i32::from(a[c]) - i32::from(b[c])).abs()).max().unwrap();
     let steps = (0..picture.rgb.len() - width).map(|i| {
         let right = if (i + 1) % width == 0 { i } else { i + 1 };
         apart(picture.rgb[i], picture.rgb[right]).max(apart(picture.rgb[i], picture.rgb[i + width]))
@@ -101,7 +112,11 @@ fn files_keep_the_picture_and_another_bake_does_too() {
         assert_eq!(mesh.texture.is_some(), name.starts_with("a.gl"), "{name}");
         let again = baked(read, None, BackdropWhen::Auto);
         // An OBJ names no backdrop that is read.
-        let found = if name == "a.obj" { again.mesh.clone().split_off(asset.scene_faces()) } else { again.apart().unwrap().1.mesh };
+        let found = if name == "a.obj" {
+            again.mesh.clone().split_off(asset.scene_faces())
+        } else {
+            again.apart().unwrap().1.mesh
+        };
         let options = SolidRasterOptions { samples: 2, ..Default::default() };
         let picture = SolidRasterizer::new().render(&found, &looking(Vec3::X), &options);
         let (step, error) = step_and_error(&picture, Vec3::X);

@@ -22,7 +22,7 @@ use glam::{DVec3, Mat3, UVec2};
 use known::Known;
 use panorama::panorama;
 use std::sync::Arc;
-use surface::{Around, face_count, rows, surface};
+use surface::{Around, Shape, face_count, rows, surface};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::{
     Asset, FaceTexture, Result, Texture,
@@ -39,7 +39,7 @@ const LEAST_HOLES: f64 = 0.001;
 /// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
 /// background.
 const LEAST_COVERED: f64 = 0.8;
-/// Distance of the surface as a multiple of that of the farthest camera, at least.
+/// Least distance of the surface, as a multiple of that of the farthest camera.
 const BEHIND_CAMERAS: f32 = 1.2;
 /// Texels per pixel of the photos: what stands behind a scene is out of focus.
 const TEXELS_PER_PIXEL: f64 = 0.5;
@@ -166,7 +166,9 @@ fn why_none(
         () if auto && views.are_cut() && holes.counted < 1.0 => {
             Some("transparent photos show an object: there is nothing behind it")
         }
-        () if auto && holes.counted < LEAST_COVERED => Some("masks leave an object: there is nothing behind it"),
+        () if auto && holes.counted < LEAST_COVERED => {
+            Some("masks leave an object: there is nothing behind it")
+        }
         () if auto && holes.share < LEAST_HOLES => Some("triangles cover the photos"),
         () => None,
     })
@@ -175,9 +177,8 @@ fn why_none(
 /// The surface behind `mesh` and `given`, with its picture.
 fn surrounding(mesh: &Mesh, given: Option<&Mesh>, views: &mut Views) -> Result<Mesh> {
     let around = Around::upright(views.center(), views.cameras());
-    let points = mesh.positions.iter().chain(given.iter().flat_map(|given| &given.positions));
-    let least = BEHIND_CAMERAS * views.radius();
-    let (behind, uvs) = surface(&around, rows(mesh.face_count()), least, points.copied());
+    let shape = Shape { scene: mesh, shell: given, least: BEHIND_CAMERAS * views.radius() };
+    let (behind, uvs) = surface(&around, rows(mesh.face_count()), &shape);
     let mut all = Mesh { shell: Vec::new(), ..mesh.clone() };
     all.append(behind.clone())?;
     let rows = picture_rows(views);

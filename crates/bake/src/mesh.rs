@@ -152,8 +152,9 @@ fn cropped(
     observer: &mut dyn Observer,
 ) -> Result<ImportedScene> {
     let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
-    let scene = report
-        .stage(observer, scene, count, |scene, details| crop(scene, cameras, provenance.up, &options.crop, details))?;
+    let scene = report.stage(observer, scene, count, |scene, details| {
+        crop(scene, cameras, provenance.up, &options.crop, details)
+    })?;
     Ok(ImportedScene { scene, provenance, warnings, cameras: stored })
 }
 

@@ -237,9 +237,9 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        let mut scene = self
-            .report
-            .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, provenance.up, options, details))?;
+        let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            crop(scene, seen_by, provenance.up, options, details)
+        })?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
             && !options.crop.is_empty()
         {
@@ -370,7 +370,8 @@ impl<'a> Recipe<'a> {
                 }
                 let spared = spared(mesh, budget);
                 // Of a shell only its place behind the scene is left.
-                let replaced = if becomes_backdrop { spared.iter().filter(|spared| **spared).count() } else { 0 };
+                let replaced =
+                    if becomes_backdrop { spared.iter().filter(|spared| **spared).count() } else { 0 };
                 let limit = FaceLimit { most: budget.map(|most| most + replaced as u64), spared };
                 let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {

@@ -42,7 +42,9 @@ fn doubled(coarse: &[[f32; 3]], rows: usize) -> Vec<[f32; 3]> {
     let value = |i: usize| {
         let (row, column) = (i / (2 * rows), i % (2 * rows));
         // A texel lies a quarter of a coarse one from the middle of its own, towards a neighbour.
-        let beside = |i: usize, count: usize| if i.is_multiple_of(2) { (i / 2 + count - 1) % count } else { i / 2 + 1 };
+        let beside = |i: usize, count: usize| {
+            if i.is_multiple_of(2) { (i / 2 + count - 1) % count } else { i / 2 + 1 }
+        };
         let other_row = if row == 0 { 0 } else { beside(row, usize::MAX / 2) };
         let other = beside(column, width);
         let (row, column) = (row / 2, column / 2);
@@ -114,7 +116,8 @@ mod tests {
                     (28..34, 30..40) => [180.0, 20.0, 20.0],
                     _ => continue,
                 };
-                (known.values[row * 2 * rows + column], known.weights[row * 2 * rows + column]) = (color, 50.0);
+                (known.values[row * 2 * rows + column], known.weights[row * 2 * rows + column]) =
+                    (color, 50.0);
             }
         }
         let kept = known.clone();

@@ -9,9 +9,9 @@ use trisplat_scene::{Result, camera::Camera, image::RgbImage, math::median::medi
 /// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn picture.
 const LEAST_ALPHA: u8 = 230;
 /// Photos agree when no channel is farther than this from the median, codes.
-const AGREE: i32 = 40;
-/// Weight of a texel, against the pull of a neighbour, when all photos agree ...
-const TRUSTED: f32 = 20.0;
+const AGREE: i32 = 80;
+/// Weight of each photo that agrees, against the pull of a neighbouring texel ...
+const TRUSTED: f32 = 0.1;
 /// ... and its factor for pixels beside the scene: they show some of it, or what stands in a hole.
 const RIM: f32 = 0.02;
 
@@ -55,20 +55,23 @@ impl Known {
         seen.par_sort_unstable();
         let mut known = Self::nothing(rows);
         for of_texel in seen.chunk_by(|a, b| texel(*a) == texel(*b)) {
-            let inner: Vec<[u8; 3]> = of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
+            let inner: Vec<[u8; 3]> =
+                of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
             let rim = inner.is_empty();
             let colors = if rim { of_texel.iter().map(|one| rgb(*one)).collect() } else { inner };
-            let (value, share) = agreed(&colors);
+            let (value, count) = agreed(&colors);
             let at = texel(of_texel[0]);
             known.values[at] = value;
-            known.weights[at] = TRUSTED * share * if rim { RIM } else { 1.0 };
+            known.weights[at] = TRUSTED * count * if rim { RIM } else { 1.0 };
         }
         Ok(known)
     }
 
     /// Adds colours with a small weight where nothing is known. `[H * W]`
     pub(super) fn add(&mut self, picture: &RgbImage, weight: f32) {
-        for (i, rgb) in picture.rgb.iter().enumerate().filter(|(i, _)| self.weights[*i] == 0.0).collect::<Vec<_>>() {
+        for (i, rgb) in
+            picture.rgb.iter().enumerate().filter(|(i, _)| self.weights[*i] == 0.0).collect::<Vec<_>>()
+        {
             (self.values[i], self.weights[i]) = (rgb.map(f32::from), weight);
         }
     }
@@ -101,7 +104,7 @@ impl Known {
     }
 }
 
-/// The mean of the photos that agree, and their share.
+/// The mean of the photos that agree, and their number.
 fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
     let middle = [0, 1, 2].map(|c: usize| {
         i32::from(median(colors.iter().map(|color| color[c]).collect(), u8::cmp).unwrap_or(0))
@@ -114,8 +117,8 @@ fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
         }
     }
     match count > 0.0 {
-        true => (sum.map(|sum| sum / count), count / colors.len() as f32),
-        false => (middle.map(|code| code as f32), 1.0 / colors.len() as f32),
+        true => (sum.map(|sum| sum / count), count),
+        false => (middle.map(|code| code as f32), 1.0),
     }
 }
 
@@ -151,7 +154,8 @@ struct Shown<'a> {
 impl Shown<'_> {
     /// The mean colour of each texel, once for pixels beside the scene and once for others.
     fn texels(&self) -> Vec<u64> {
-        let mut pixels: Vec<u64> = (0..self.photo.size.y).into_par_iter().flat_map_iter(|y| self.row(y)).collect();
+        let mut pixels: Vec<u64> =
+            (0..self.photo.size.y).into_par_iter().flat_map_iter(|y| self.row(y)).collect();
         pixels.par_sort_unstable();
         let mean = |run: &[u64]| {
             let sum = run.iter().fold([0u32; 3], |sum, one| {
@@ -207,8 +211,8 @@ mod tests {
 
     #[test]
     fn photos_that_agree_outvote_one_that_does_not() {
-        let (value, share) = agreed(&[[100, 50, 20], [104, 52, 24], [250, 250, 250], [102, 54, 22]]);
-        assert_eq!((value, share), ([102.0, 52.0, 22.0], 0.75));
+        let (value, count) = agreed(&[[100, 50, 20], [104, 52, 24], [250, 250, 250], [102, 54, 22]]);
+        assert_eq!((value, count), ([102.0, 52.0, 22.0], 3.0));
         assert_eq!(agreed(&[[7, 8, 9]]), ([7.0, 8.0, 9.0], 1.0));
     }
 

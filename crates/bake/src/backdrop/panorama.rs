@@ -15,7 +15,8 @@ const SAMPLES: u32 = 2;
 pub(crate) fn panorama(mesh: &Mesh, around: &Around, rows: u32) -> RgbImage {
     let side = SIDE_PER_ROW * rows;
     let near = mesh.positions.iter().map(|v| v.distance(around.center)).fold(f32::INFINITY, f32::min) * 1e-3;
-    let options = SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: near.max(f32::MIN_POSITIVE) };
+    let options =
+        SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: near.max(f32::MIN_POSITIVE) };
     let mut solid = SolidRasterizer::new();
     let cameras = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|ahead| {
         let lens = Camera {
@@ -32,7 +33,8 @@ pub(crate) fn panorama(mesh: &Mesh, around: &Around, rows: u32) -> RgbImage {
     let sides = cameras.map(|camera| (camera, solid.render(mesh, &camera, &options)));
     let size = UVec2::new(2 * rows, rows);
     let row = |y: u32| {
-        (0..size.x).map(move |x| Vec2::new((x as f32 + 0.5) / size.x as f32, (y as f32 + 0.5) / size.y as f32))
+        (0..size.x)
+            .map(move |x| Vec2::new((x as f32 + 0.5) / size.x as f32, (y as f32 + 0.5) / size.y as f32))
     };
     let color = |place: Vec2| {
         let direction = around.direction(place);

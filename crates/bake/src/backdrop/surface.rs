@@ -1,7 +1,7 @@
 //! The closed surface behind a scene: rows and columns of a sphere whose distance changes gently with direction.
 //!
-//! In each direction it lies behind the scene, and behind the shell of a training, which stands where walls are. A far place raises what is
-//! around it, so that no spike shows.
+//! In each direction it lies where the shell of a training is, which stands where walls are; without one, behind the scene. A far place raises
+//! what is around it, so that no spike shows.
 
 use glam::{Mat3, Vec2, Vec3};
 use trisplat_scene::camera::Camera;
@@ -12,7 +12,7 @@ const ROWS: [u32; 2] = [6, 16];
 /// The surface has at most one triangle per this many of the scene, unless it has the fewest rows.
 const SCENE_PER_BACKDROP: u64 = 20;
 /// Distance from the middle, as a multiple of that of the farthest thing.
-const BEHIND: f32 = 1.1;
+const BEHIND: f32 = 1.02;
 /// Rounds in which directions without anything take the mean distance of their neighbours.
 const ROUNDS: usize = 200;
 /// Largest slope of the logarithm of the distance, per radian of direction.
@@ -72,15 +72,19 @@ impl Around {
     }
 }
 
-/// The surface around what is at `points`, with the places of its corners on a picture of everything around; fronts are inside. `[F]`
-pub(super) fn surface(
-    around: &Around,
-    rows: u32,
-    least: f32,
-    points: impl Iterator<Item = Vec3>,
-) -> (Mesh, Vec<[Vec2; 3]>) {
+/// What the surface stands behind.
+pub(super) struct Shape<'a> {
+    pub(super) scene: &'a Mesh,
+    /// Where walls and sky are.
+    pub(super) shell: Option<&'a Mesh>,
+    /// Least distance from the middle.
+    pub(super) least: f32,
+}
+
+/// The surface around `shape`, with the places of its corners on a picture of everything around; fronts are inside. `[F]`
+pub(super) fn surface(around: &Around, rows: u32, shape: &Shape) -> (Mesh, Vec<[Vec2; 3]>) {
     let grid = Grid::new(around, rows);
-    let distances = grid.distances(around, least, points);
+    let distances = grid.distances(around, shape);
     let columns = 2 * rows;
     let at = |row: u32, column: u32| {
         let i = grid.index(row, column);
@@ -126,9 +130,8 @@ struct Grid {
 
 impl Grid {
     fn new(around: &Around, rows: u32) -> Self {
-        let place = |row: u32, column: u32| {
-            Vec2::new(column as f32 / (2 * rows) as f32, row as f32 / rows as f32)
-        };
+        let place =
+            |row: u32, column: u32| Vec2::new(column as f32 / (2 * rows) as f32, row as f32 / rows as f32);
         // Bitwise one place where all columns meet.
         let pole = |row: u32, column: u32| if row == 0 || row == rows { 0 } else { column };
         let corners = (0..=rows).flat_map(|row| (0..2 * rows).map(move |column| (row, column)));
@@ -145,12 +148,11 @@ impl Grid {
         let columns = 2 * self.rows;
         let (row, column) = (i as u32 / columns, i as u32 % columns);
         let [low, high] = [row.saturating_sub(1), (row + 1).min(self.rows)];
-        (low..=high)
-            .flat_map(move |row| [columns - 1, 0, 1].map(|turn| self.index(row, column + turn)))
+        (low..=high).flat_map(move |row| [columns - 1, 0, 1].map(|turn| self.index(row, column + turn)))
     }
 
-    /// The distance of each corner from the middle, at least `least`.
-    fn distances(&self, around: &Around, least: f32, points: impl Iterator<Item = Vec3>) -> Vec<f32> {
+    /// The distance of the farthest of `points` in each direction; 0 where there is none.
+    fn farthest(&self, around: &Around, points: impl Iterator<Item = Vec3>) -> Vec<f32> {
         let mut far = vec![0.0f32; self.directions.len()];
         for point in points {
             let away = point - around.center;
@@ -158,8 +160,29 @@ impl Grid {
             let nearest = self.index(at.y.round() as u32, at.x.round() as u32);
             far[nearest] = far[nearest].max(away.length());
         }
-        let far: Vec<f32> =
-            (0..far.len()).map(|i| self.beside(i).map(|j| far[j]).fold(0.0, f32::max)).collect();
+        far
+    }
+
+    /// How far the shell is in each direction. Where it has no triangle, or without one, how far the scene is around that direction, though not
+    /// farther than the shell anywhere: some triangles lie astray. 0 where there is nothing.
+    fn far(&self, around: &Around, shape: &Shape) -> Vec<f32> {
+        let of_face = |shell: &Mesh, face: usize| {
+            let [a, b, c] = shell.corners(face);
+            [a, b, c, (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0, (a + b + c) / 3.0]
+        };
+        let on_shell =
+            shape.shell.into_iter().flat_map(|s| (0..s.face_count()).flat_map(move |f| of_face(s, f)));
+        let shell = self.farthest(around, on_shell);
+        let most =
+            if shape.shell.is_some() { shell.iter().copied().fold(0.0, f32::max) } else { f32::INFINITY };
+        let scene = self.farthest(around, shape.scene.positions.iter().copied());
+        let of_scene = |i: usize| self.beside(i).map(|j| scene[j]).fold(0.0, f32::max).min(most);
+        (0..shell.len()).map(|i| if shell[i] > 0.0 { shell[i] } else { of_scene(i) }).collect()
+    }
+
+    /// The distance of each corner from the middle.
+    fn distances(&self, around: &Around, shape: &Shape) -> Vec<f32> {
+        let far = self.far(around, shape);
         let known: Vec<f32> = far.iter().copied().filter(|far| *far > 0.0).map(f32::ln).collect();
         let typical = if known.is_empty() { 0.0 } else { known.iter().sum::<f32>() / known.len() as f32 };
         // In logarithms, so that twice and half the distance count equally.
@@ -172,14 +195,15 @@ impl Grid {
             self.smooth(&mut logs, |_| false);
         }
         self.join_poles(&mut logs);
-        logs.iter().map(|log| BEHIND * log.exp().max(least)).collect()
+        logs.iter().map(|log| (BEHIND * log.exp()).max(shape.least)).collect()
     }
 
     /// Moves corners that are not `fixed` half way to the mean of their neighbours.
     fn smooth(&self, logs: &mut [f32], fixed: impl Fn(usize) -> bool) {
         let before = logs.to_vec();
         for (i, log) in logs.iter_mut().enumerate().filter(|(i, _)| !fixed(*i)) {
-            let (sum, count) = self.beside(i).fold((0.0, 0.0), |(sum, count), j| (sum + before[j], count + 1.0));
+            let (sum, count) =
+                self.beside(i).fold((0.0, 0.0), |(sum, count), j| (sum + before[j], count + 1.0));
             *log = (*log + sum / count) / 2.0;
         }
     }
@@ -232,7 +256,8 @@ mod tests {
     #[test]
     fn it_is_closed_behind_everything_and_has_no_spike() {
         for rows in [6, 11, 16] {
-            let (mesh, uvs) = surface(&around(), rows, 0.0, room_and_street().into_iter());
+            let scene = Mesh { positions: room_and_street(), ..Mesh::default() };
+            let (mesh, uvs) = surface(&around(), rows, &Shape { scene: &scene, shell: None, least: 0.0 });
             assert_eq!((mesh.face_count() as u64, uvs.len()), (triangles(rows), mesh.face_count()));
             // Every edge has a face on both sides.
             let mut edges = std::collections::BTreeMap::new();
@@ -246,6 +271,23 @@ mod tests {
             let (near, far) = away.iter().fold((f32::MAX, 0.0f32), |(a, b), r| (a.min(*r), b.max(*r)));
             assert!(near > 2.0 && far > 60.0 && near > 0.05 * far, "{near} to {far}");
         }
+    }
+
+    #[test]
+    fn it_follows_a_shell_and_no_triangle_astray() {
+        let at = |distance: f32| {
+            let place = |i: u32| Vec2::new((i % 60) as f32 / 60.0, (i / 60) as f32 / 29.0);
+            (0..1800).map(move |i| around().center + around().direction(place(i)) * distance)
+        };
+        let astray = Vec3::new(900.0, 0.0, 0.0);
+        let scene = Mesh { positions: at(2.0).chain([astray; 3]).collect(), ..Mesh::default() };
+        let shell = Mesh { positions: at(3.0).collect(), ..Mesh::default() };
+        let (mesh, _) = surface(&around(), 16, &Shape { scene: &scene, shell: Some(&shell), least: 0.0 });
+        let away = mesh.positions.iter().map(|v| v.distance(around().center) / 3.0);
+        assert!(away.clone().all(|r| (1.0..1.1).contains(&r)), "{:?}", away.collect::<Vec<_>>());
+        let (around_cameras, _) =
+            surface(&around(), 16, &Shape { scene: &scene, shell: Some(&shell), least: 5.0 });
+        assert!(around_cameras.positions.iter().all(|v| v.distance(around().center) > 4.99));
     }
 
     #[test]

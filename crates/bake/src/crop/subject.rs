@@ -59,7 +59,9 @@ pub(super) fn subject(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> 
     if let Some(height) = support {
         let near = |piece: &&Piece| (piece.middle.z - height).abs() <= LAYER / 2.0;
         let level = pieces.iter().filter(near).filter(|piece| outline.holds(piece));
-        level.filter(|piece| piece.corners.iter().all(|c| c.z > height - LAYER)).for_each(|piece| keep[piece.number] = true);
+        level
+            .filter(|piece| piece.corners.iter().all(|c| c.z > height - LAYER))
+            .for_each(|piece| keep[piece.number] = true);
     }
     Some(keep)
 }
@@ -91,7 +93,8 @@ impl Frame {
 
     /// A triangle that is near enough and not too large.
     fn piece(&self, number: usize, corners: [Vec3; 3]) -> Option<Piece> {
-        let within = |v: Vec3| Vec3::from(self.axes.map(|axis| axis.dot(v - self.ball.center))) / self.ball.radius;
+        let within =
+            |v: Vec3| Vec3::from(self.axes.map(|axis| axis.dot(v - self.ball.center))) / self.ball.radius;
         let corners = corners.map(within);
         let [a, b, c] = corners;
         let middle = (a + b + c) / 3.0;
@@ -177,7 +180,8 @@ impl Outline {
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for piece in object {
             let d = ground(piece) - center;
-            (xx, xy, yy) = (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
+            (xx, xy, yy) =
+                (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
         }
         let turn = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
         let along = Vec2::new(libm::cosf(turn), libm::sinf(turn));
@@ -189,7 +193,8 @@ impl Outline {
         };
         let half = axes.map(|axis| quantile(&|piece| (ground(piece) - center).dot(axis).abs()).max(1e-3));
         let half = Vec2::from(half);
-        let away = |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
+        let away =
+            |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
         let half = half * quantile(&away);
         let hand = HAND * half.max_element();
         Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })

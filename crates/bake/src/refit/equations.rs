@@ -63,16 +63,6 @@ impl Equations {
         }
     }
 
-    /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
-    pub(super) fn matrix(&self) -> [f32; 6] {
-        self.matrix
-    }
-
-    /// Σ b_k times the residual of the sample. `[corner][channel]`
-    pub(super) fn right(&self) -> &[[f32; 3]; 3] {
-        &self.right
-    }
-
     /// Pixels on which the triangle is visible: the weights of the corners sum to 1.
     fn area(&self) -> f32 {
         let [a, b, c, d, e, f] = self.matrix;

@@ -192,7 +192,8 @@ pub(super) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     };
     let shares_any = lit && named.iter().any(|(_, _, faces)| shares(faces.start));
     let vertex_normals = Arc::new(if shares_any { mesh.vertex_normals() } else { Vec::new() });
-    let named: Vec<_> = named.into_iter().map(|(k, name, faces)| (k, name, shares(faces.start), faces)).collect();
+    let named: Vec<_> =
+        named.into_iter().map(|(k, name, faces)| (k, name, shares(faces.start), faces)).collect();
     let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
     let drawn = named.into_par_iter().map(|(kind, name, shared, faces)| {
         let lit = lit && kind == PartKind::Scene;

@@ -41,7 +41,10 @@ impl Output {
             output = output.with_backdrop_file(options)?;
         }
         if beside.sky {
-            output.sky = Some(output.beside(&format!("sky.{}", options.texture_format.ending()), "`backdrop` sky writes a picture")?);
+            output.sky = Some(output.beside(
+                &format!("sky.{}", options.texture_format.ending()),
+                "`backdrop` sky writes a picture",
+            )?);
         }
         if beside.collision {
             output = output.with_collision(options)?;

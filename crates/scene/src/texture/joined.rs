@@ -77,8 +77,8 @@ mod tests {
         assert_eq!((one.pages[0].size(), one.pages.len()), (UVec2::new(64, 96), 1));
         for face in 0..2 {
             for k in 0..3 {
-                let [wants, got] =
-                    [&both, &one].map(|texture| texture.texture(face).unwrap().sample(texture.uvs[face][k], 0.0));
+                let [wants, got] = [&both, &one]
+                    .map(|texture| texture.texture(face).unwrap().sample(texture.uvs[face][k], 0.0));
                 assert!((0..3).all(|c| (wants[c] - got[c]).abs() < 1e-3), "{wants:?} {got:?}");
             }
         }
