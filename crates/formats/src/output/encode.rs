@@ -5,11 +5,16 @@ use crate::html;
 use std::path::PathBuf;
 use trisplat_exchange::{obj, ply, usdz};
 use trisplat_gltf::{self as gltf, GltfOptions};
-use trisplat_scene::{Asset, Error, Result, atomic::AtomicFile};
+use trisplat_scene::{Asset, Error, FaceTexture, Result, atomic::AtomicFile};
 
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
+
+/// The texture of a scene, unless only its backdrop has one: then its corners have nearly the same colours.
+pub(super) fn whole_texture(asset: &Asset) -> Option<&FaceTexture> {
+    asset.mesh.texture.as_ref().filter(|texture| texture.is_whole())
+}
 
 /// Encodes the asset in its format; returns warnings for the user.
 pub(super) fn encode(
@@ -32,12 +37,12 @@ pub(super) fn encode(
             let picture = output.picture.as_ref().map(|_| name_of(&output.picture));
             obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
             let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
-            let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
+            let lost = (whole_texture(asset).is_some() && picture.is_none()).then_some(NO_TEXTURE);
             return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
         }
         (OutputFormat::Ply, _) => {
             ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-            return Ok(asset.mesh.texture.iter().map(|_| NO_TEXTURE.to_owned()).collect());
+            return Ok(whole_texture(asset).iter().map(|_| NO_TEXTURE.to_owned()).collect());
         }
         (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
         (OutputFormat::Gltf, Some(bin)) => {
@@ -70,7 +75,7 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
     let apart = asset.apart();
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
-    let texture = scene.mesh.texture.as_ref();
+    let texture = whole_texture(scene);
     let bytes = texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));
