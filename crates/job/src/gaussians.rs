@@ -17,6 +17,9 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
+/// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
+const CALM: f64 = 0.5;
+
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
 
@@ -33,7 +36,7 @@ pub(super) struct Effort {
 
 impl Effort {
     pub(super) const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
-    const DEFAULT: Self = Self { steps: 2500, triangles: 50_000, pictures: 100, longer_px: 480 };
+    const DEFAULT: Self = Self { steps: 3000, triangles: 80_000, pictures: 140, longer_px: 576 };
     const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
 
     /// Of a bake with this preset, hardened or not.
@@ -45,7 +48,7 @@ impl Effort {
         }
     }
 
-    /// The training is that of photos, not that of a soft scene: the first triangles lie right but overlap, so they must move.
+    /// The training is that of photos, not that of a soft scene: the first triangles lie about right but overlap, so they must move.
     fn training(&self, most: Option<u64>) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
         TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
@@ -85,6 +88,9 @@ pub(super) fn solid(
     if photos.is_none() {
         // Drawings do not differ in exposure.
         options.exposure = ExposureUse::Off;
+    }
+    if teacher.shows_surroundings() {
+        options.rates.vertices *= CALM;
     }
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {

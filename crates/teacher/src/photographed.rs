@@ -16,8 +16,8 @@ const SIDE: u32 = 32;
 /// Most Gaussians in these pictures.
 const MOST: usize = 100_000;
 /// Places that are tried, and the best of them, which are improved.
-const TRIED: usize = 400;
-const IMPROVED: usize = 120;
+const TRIED: usize = 600;
+const IMPROVED: usize = 160;
 /// Rounds of improvement, and the farthest step of the first, as a share of the distance to what is looked at.
 const ROUNDS: usize = 4;
 const FIRST_STEP: f32 = 0.4;
@@ -26,9 +26,9 @@ const DISTANCES: [f32; 2] = [0.5, 4.0];
 /// What an open picture costs, in logarithms of blur.
 const OPEN: f32 = 15.0;
 /// Views that are this many times worse than the best tenth are left out.
-const WORST: f32 = 8.0;
-/// The usual size of a Gaussian in the photos that it was trained on, px.
-const USUAL_PX: f32 = 3.0;
+const WORST: f32 = 16.0;
+/// The size of a usual Gaussian in the pictures, px: a little more than in the photos it was trained on.
+const USUAL_PX: f32 = 4.0;
 /// Limits of the width and height of the pictures, px.
 const LEAST_SIDE: f32 = 256.0;
 const MOST_SIDE: f32 = 1600.0;
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
     use glam::Quat;
 
-    /// Small Gaussians on the walls of a room of side 2, in front of which `open` leaves out one side.
+    /// Small Gaussians on the walls of a room of side 2, and large ones `far` times as far away.
     fn room(far: f32) -> Splats {
         let rng = Rng::new(4, "room", 0);
         let n = 20_000;
@@ -192,7 +192,7 @@ mod tests {
             // One Gaussian in fifty is large and far away.
             if i % 50 == 0 { p * far } else { p }
         };
-        let size = |i: u64| if i % 50 == 0 { 0.3 * far } else { 0.02 };
+        let size = |i: u64| if i % 50 == 0 { 0.3 * far } else { 0.03 };
         Splats {
             positions: (0..n).map(place).collect(),
             scales: (0..n).map(|i| Vec3::splat(size(i))).collect(),
