@@ -36,7 +36,7 @@ pub(super) struct Effort {
 
 impl Effort {
     pub(super) const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
-    const DEFAULT: Self = Self { steps: 3000, triangles: 80_000, pictures: 140, longer_px: 576 };
+    const DEFAULT: Self = Self { steps: 3000, triangles: 80_000, pictures: 140, longer_px: 640 };
     const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
 
     /// Of a bake with this preset, hardened or not.
