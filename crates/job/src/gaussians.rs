@@ -2,20 +2,23 @@
 
 use super::harden::{HardenOptions, Hardened, train};
 use super::observer::BakeJobObserver;
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_dataset::{Dataset, DatasetOptions, View, exposure::ExposureUse};
 use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{Error, ImportedSplats, Result, camera::Camera, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
-use trisplat_train::{TrainOptions, TrainPreset};
+use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
 /// Share of the triangles that the training begins with; it adds the others where they are missing.
 const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
+
+/// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
+const CALM: f64 = 0.5;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -33,7 +36,7 @@ pub(super) struct Effort {
 
 impl Effort {
     pub(super) const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
-    const DEFAULT: Self = Self { steps: 2500, triangles: 50_000, pictures: 100, longer_px: 480 };
+    const DEFAULT: Self = Self { steps: 3000, triangles: 80_000, pictures: 140, longer_px: 640 };
     const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
 
     /// Of a bake with this preset, hardened or not.
@@ -45,7 +48,7 @@ impl Effort {
         }
     }
 
-    /// The training is that of photos, not that of a soft scene: the first triangles lie right but overlap, so they must move.
+    /// The training is that of photos, not that of a soft scene: the first triangles lie about right but overlap, so they must move.
     fn training(&self, most: Option<u64>) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
         TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
@@ -64,27 +67,42 @@ pub(super) fn solid(
     observer: &mut dyn BakeJobObserver,
 ) -> Result<Hardened> {
     let clock = Instant::now();
-    let mut teacher = GaussianTeacher::new(&splats.splats);
     let mut drew = |done, all| observer.drew(done, all);
     let placement = splats.provenance.placement;
+    let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
+    let cameras = match photos {
+        Some(photos) => photos.train().map(|view| effort.limited(&to_file(&view.camera))).collect(),
+        None => effort.cameras(path, splats)?,
+    };
+    let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
     let (max_bytes, drawn) = (how.photo_bytes(), &mut drew);
     let dataset = match photos {
         Some(photos) => {
-            let to_file = |camera: &Camera| placed::to_file(camera, &placement, photos.origin);
             // What each Gaussian contributes to the photos.
-            photos.train().for_each(|view| drop(teacher.picture(&to_file(&effort.limited(&view.camera)))));
-            let picture = |camera: &Camera| teacher.picture(&to_file(camera));
-            drawn_beside(photos, SHARE_BETWEEN, max_bytes, picture, drawn)?
+            cameras.iter().for_each(|camera| drop(teacher.picture(camera)));
+            drawn_beside(photos, SHARE_BETWEEN, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)?
         }
-        None => {
-            let cameras = effort.cameras(path, splats)?;
-            drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), drawn)?
-        }
+        None => drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), drawn)?,
     };
-    let options = effort.training(most);
-    let first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
+    let mut options = effort.training(most);
+    if photos.is_none() {
+        // Drawings do not differ in exposure.
+        options.exposure = ExposureUse::Off;
+    }
+    if teacher.shows_surroundings() {
+        options.rates.vertices *= CALM;
+    }
+    let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
+    }
+    if teacher.shows_surroundings() {
+        // What lies far behind few viewpoints would else be painted close in front of them.
+        let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let views: Vec<View> =
+            dataset.train().map(|view| View { camera: to_file(&view.camera), ..view.clone() }).collect();
+        let views: Vec<&View> = views.iter().collect();
+        first.append(shell_around(&middles, &views, &options, how.photo_bytes())?);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
@@ -94,9 +112,10 @@ pub(super) fn solid(
 impl Effort {
     /// The cameras of the pictures, in the frame of the file: those that it stores with others between them, or chosen ones.
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
-        let mut stand_in = splats.stand_in();
-        stand_in.cameras = self.chosen(&stand_in.cameras);
-        let mut found = Viewpoints::of_any_side(&stand_in, 0).ok_or_else(|| shows_nothing(path))?;
+        let stand_in = splats.stand_in();
+        let stored = self.chosen(&stand_in.cameras);
+        let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored);
+        let mut found = found.ok_or_else(|| shows_nothing(path))?;
         if found.kind != ViewpointKind::Stored {
             // The most telling ones come first.
             found.cameras.truncate(self.pictures);

@@ -4,9 +4,10 @@
 //! the set that sees more of the scene's triangles wins. Triangles that no good candidate sees are ignored,
 //! because a scene is only valid where it was photographed.
 
+use super::photographed;
 use super::survey::{Survey, ViewCoverage, camera};
 use glam::Vec3;
-use trisplat_scene::{ImportedScene, Soup, camera::Camera};
+use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera};
 
 /// Pictures of a scene.
 const PICTURES: usize = 60;
@@ -70,6 +71,23 @@ impl Search {
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }
 
+    /// The same for Gaussians in whose place the scene has triangles.
+    pub(super) fn of_splats(mut self, splats: &Splats) -> Option<Chosen> {
+        let Unit { length, reach, .. } = self.unit;
+        let around = around(reach, self.up, true).iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
+        if !photographed::surround(splats, &around) {
+            return self.viewpoints();
+        }
+        let places = photographed::places(splats, length, self.up);
+        let view = |place: &Camera| {
+            let camera = self.unit.camera(place);
+            self.survey.look(&camera, CLEARANCE);
+            GoodView { seen: self.survey.seen(&camera), camera: *place }
+        };
+        let cameras = most_telling(places.iter().map(view).collect(), places.len());
+        (!cameras.is_empty()).then_some(Chosen { inside: true, cameras })
+    }
+
     /// Where to look from; `None` when the scene shows nothing from anywhere.
     pub(super) fn viewpoints(self) -> Option<Chosen> {
         let Self { mut survey, unit, up, any_side } = self;
@@ -91,7 +109,7 @@ impl Search {
         }
         let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
         let views = if surrounded { inside } else { around };
-        let cameras: Vec<Camera> = most_telling(views).iter().map(|c| unit.to_scene(c)).collect();
+        let cameras: Vec<Camera> = most_telling(views, PICTURES).iter().map(|c| unit.to_scene(c)).collect();
         (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
     }
 }
@@ -134,6 +152,12 @@ impl Unit {
         }
         let finite: Vec<bool> = soup.vertices.iter().map(|t| t.iter().all(|v| v.is_finite())).collect();
         soup.retain(|i| finite[i]);
+    }
+
+    /// A camera in the frame of the scene's file in this unit.
+    fn camera(&self, camera: &Camera) -> Camera {
+        let eye = (camera.position() - self.middle) / self.length;
+        Camera { translation: -(camera.rotation * eye), ..*camera }
     }
 
     /// A camera of this unit in the frame of the scene.
@@ -216,11 +240,11 @@ fn union(views: &[GoodView]) -> f32 {
     (0..first.seen.len()).filter(by_any).count() as f32
 }
 
-/// At most [`PICTURES`] of `views`; each next one sees most of the triangles that the others have seen least.
-fn most_telling(mut views: Vec<GoodView>) -> Vec<Camera> {
+/// At most `most` of `views`; each next one sees most of the triangles that the others have seen least.
+fn most_telling(mut views: Vec<GoodView>, most: usize) -> Vec<Camera> {
     let mut times = vec![0u32; views.first().map_or(0, |view| view.seen.len())];
     let mut chosen = Vec::new();
-    while chosen.len() < PICTURES && !views.is_empty() {
+    while chosen.len() < most && !views.is_empty() {
         let worth = |view: &GoodView| {
             let seen = view.seen.iter().zip(&times).filter(|(seen, _)| **seen);
             seen.map(|(_, times)| 1.0 / f64::from(1 + times)).sum::<f64>()

@@ -37,10 +37,14 @@ pub fn dataset(
         Some(behind) => teacher.object_picture(camera, behind),
         None => teacher.picture(camera),
     };
-    drawn_for(path, &cameras, max_bytes, picture, drawn)
+    let mut dataset = drawn_for(path, &cameras, max_bytes, picture, drawn)?;
+    for (i, view) in dataset.views.iter_mut().enumerate() {
+        view.test = i % HELD_OUT == HELD_OUT / 2;
+    }
+    Ok(dataset)
 }
 
-/// A data set of the `picture` of each of `cameras`, for a scene that was read from `path`. `max_bytes` and `drawn` as for [`dataset`].
+/// A data set of the `picture` of each of `cameras`, none held out, for a scene that was read from `path`. `max_bytes` and `drawn` as for [`dataset`].
 ///
 /// Errors: a full disk.
 pub fn drawn_for(
@@ -50,14 +54,10 @@ pub fn drawn_for(
     picture: impl FnMut(&Camera) -> RgbImage,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
-    let mut views = draw(cameras, max_bytes, picture, drawn)?;
-    for (i, view) in views.iter_mut().enumerate() {
-        view.test = i % HELD_OUT == HELD_OUT / 2;
-    }
     Ok(Dataset {
         path: PathBuf::from(path),
         kind: DatasetKind::Drawn,
-        views,
+        views: draw(cameras, max_bytes, picture, drawn)?,
         points: Vec::new(),
         origin: DVec3::ZERO,
         warnings: Vec::new(),

@@ -1,6 +1,8 @@
 //! Gaussians as a teacher: their pictures, and the first triangles of the solid scene.
 
+use super::filled::filled;
 use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{Soup, Splats, camera::Camera, image::RgbImage};
 
 /// A viewpoint sees a Gaussian that contributes this much to its picture, px.
@@ -12,6 +14,12 @@ const LEAST_VIEWPOINTS: usize = 2;
 
 /// A pixel covered to this share of 255 is covered.
 const CLOSED: u8 = 240;
+
+/// Least covered share of the pictures of surroundings.
+const SURROUNDED: f32 = 0.9;
+/// Small pictures that tell, and their longer side, px.
+const LOOKS: usize = 12;
+const LOOK_SIDE: u32 = 96;
 
 /// Draws Gaussians for many cameras, and sums what each of them contributes.
 #[derive(Debug)]
@@ -27,18 +35,24 @@ pub struct GaussianTeacher<'a> {
     pictures: usize,
     /// Pixels that are covered, and all pixels.
     pixels: [f64; 2],
+    /// Pictures are opaque, because what is open is a gap and no background.
+    is_surrounded: bool,
 }
 
 impl<'a> GaussianTeacher<'a> {
-    /// Draws `splats` for cameras in the frame of their file.
-    pub fn new(splats: &'a Splats) -> Self {
+    /// Draws `splats` for `cameras` in the frame of their file, and others near them.
+    pub fn new(splats: &'a Splats, cameras: &[Camera]) -> Self {
         let n = splats.len();
         let options = GaussianOptions::suited_to(splats, [0.0; 3]);
         let (weights, sums, seen) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
-        Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2] }
+        let is_surrounded = false;
+        let teacher =
+            Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded };
+        Self { is_surrounded: teacher.is_surrounded(cameras), ..teacher }
     }
 
-    /// The picture of `camera` over black. Its alpha is the covered share of each pixel, so that it can be put over any background.
+    /// The picture of `camera`. Surroundings have their gaps closed. An object is over black, with the covered share of each pixel as alpha,
+    /// so that it can be put over any background.
     pub fn picture(&mut self, camera: &Camera) -> RgbImage {
         self.weights.fill(0.0);
         let frame = gaussian::draw_and_weigh(self.splats, camera, &self.options, Some(&mut self.weights));
@@ -47,13 +61,35 @@ impl<'a> GaussianTeacher<'a> {
             *sum += weight;
             *seen += u32::from(*weight >= LEAST_SEEN_PX);
         }
+        if self.is_surrounded {
+            self.count(frame.transmittance.iter().map(|open| f64::from(*open)).sum(), frame.rgb.len());
+            return filled(&frame);
+        }
         let mut picture = frame.to_cut_pixels();
         // Between many faint layers a little of the background is always left; there is no gap.
         picture.alpha.iter_mut().flatten().filter(|a| **a >= CLOSED).for_each(|a| *a = u8::MAX);
         let open: f64 = picture.alpha.iter().flatten().map(|a| 1.0 - f64::from(*a) / 255.0).sum();
-        let all = picture.rgb.len() as f64;
-        self.pixels = [self.pixels[0] + all - open, self.pixels[1] + all];
+        self.count(open, picture.rgb.len());
         picture
+    }
+
+    fn count(&mut self, open: f64, all: usize) {
+        self.pixels = [self.pixels[0] + all as f64 - open, self.pixels[1] + all as f64];
+    }
+
+    /// True when `cameras` look at surroundings: the Gaussians cover nearly all of their pictures.
+    fn is_surrounded(&self, cameras: &[Camera]) -> bool {
+        let chosen = evenly_spaced(cameras.len(), LOOKS).map(|i| cameras[i].within(LOOK_SIDE));
+        let frames = chosen.map(|camera| gaussian::draw(self.splats, &camera, &self.options));
+        let (open, all) = frames.fold((0.0, 0), |(open, all), frame| {
+            (open + frame.transmittance.iter().sum::<f32>(), all + frame.rgb.len())
+        });
+        all > 0 && open < (1.0 - SURROUNDED) * all as f32
+    }
+
+    /// True when the cameras look at surroundings, not at an object.
+    pub fn shows_surroundings(&self) -> bool {
+        self.is_surrounded
     }
 
     /// Share of the pictures so far that Gaussians cover.

@@ -1,10 +1,10 @@
 //! The viewpoints for drawing a scene.
 
-use super::chosen::Search;
+use super::chosen::{Chosen, Search};
 use super::stored;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{ImportedScene, camera::Camera};
+use trisplat_scene::{ImportedScene, Splats, camera::Camera};
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -37,20 +37,27 @@ impl Viewpoints {
     /// Those of `scene`: all stored cameras, with others between them up to `max_bytes` of 8-bit pictures, or
     /// chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
-        Self::from_sides(scene, max_bytes, false)
-    }
-
-    /// The same. Chosen cameras around an object look at it from all sides, from below too, unless the scene knows where up is.
-    pub fn of_any_side(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
-        Self::from_sides(scene, max_bytes, true)
-    }
-
-    fn from_sides(scene: &ImportedScene, max_bytes: u64, any_side: bool) -> Option<Self> {
-        if scene.cameras.is_empty() {
-            let chosen = Search::new(scene, any_side)?.viewpoints()?;
-            let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
-            return Some(Self { kind, cameras: chosen.cameras });
+        match scene.cameras.is_empty() {
+            true => Some(Self::of_chosen(Search::new(scene, false)?.viewpoints()?)),
+            false => {
+                let cameras = stored::viewpoints(&scene.cameras, max_bytes);
+                Some(Self { kind: ViewpointKind::Stored, cameras })
+            }
         }
-        Some(Self { kind: ViewpointKind::Stored, cameras: stored::viewpoints(&scene.cameras, max_bytes) })
+    }
+
+    /// Those of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in` has triangles in the place of the Gaussians.
+    /// Chosen cameras around an object look at it from all sides, from below too, unless the scene knows where up is. `None` where nothing is
+    /// seen.
+    pub fn of_splats(splats: &Splats, stand_in: &ImportedScene, stored: &[Camera]) -> Option<Self> {
+        match stored.is_empty() {
+            true => Some(Self::of_chosen(Search::new(stand_in, true)?.of_splats(splats)?)),
+            false => Some(Self { kind: ViewpointKind::Stored, cameras: stored.to_vec() }),
+        }
+    }
+
+    fn of_chosen(chosen: Chosen) -> Self {
+        let kind = if chosen.inside { ViewpointKind::Inside } else { ViewpointKind::Around };
+        Self { kind, cameras: chosen.cameras }
     }
 }

@@ -75,6 +75,7 @@ pub use prepared_run::PreparedRun;
 pub use progress::{TrainObserver, TrainSample};
 pub use run::TrainRun;
 pub use schedule::{EngineShading, Schedule, StepParams};
+pub use shell::shell_around;
 pub use skipped::SkippedWork;
 pub use start::Part;
 pub use trained::{HardenedGain, TrainDetails, Trained};

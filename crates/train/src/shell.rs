@@ -8,11 +8,12 @@
 //! scenes.
 
 use super::options::TrainOptions;
-use super::pyramid::Pyramid;
+use super::pyramid::{MIN_PX, Pyramid};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
+use trisplat_dataset::View;
 use trisplat_scene::{
-    Result, Soup,
+    Result, SceneNormalization, Soup,
     camera::Camera,
     image::RgbImage,
     math::median::median,
@@ -51,6 +52,27 @@ const OPACITY: f32 = 0.98;
 pub(super) fn subdivisions(options: &TrainOptions) -> Option<u32> {
     let fits = |s: &u32| face_count(*s) * PER_SHELL_TRIANGLE <= options.max_triangles;
     (2..=options.init.shell_subdivisions).rev().find(fits)
+}
+
+/// The shell around a scene with its middles at `points`, as `views` show it, in their world: for a run from triangles that lack one. Empty
+/// where `options` or masks exclude it. `photo_bytes` is the memory for photos.
+///
+/// Errors: photos that cannot be decoded.
+pub fn shell_around(
+    points: &[Vec3],
+    views: &[&View],
+    options: &TrainOptions,
+    photo_bytes: u64,
+) -> Result<Soup> {
+    let Some(subdivisions) = subdivisions(options) else { return Ok(Soup::default()) };
+    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+    let space = SceneNormalization::new(&cameras, points);
+    let cameras: Vec<Camera> = cameras.iter().map(|camera| space.camera_to_training(camera)).collect();
+    let points: Vec<Vec3> = points.iter().map(|point| space.to_training(*point)).collect();
+    let mut soup = shell(&points, &cameras, &mut Pyramid::new(views, photo_bytes, MIN_PX), subdivisions)?;
+    space.soup_to_world(&mut soup);
+    soup.set_shell(0..soup.len());
+    Ok(soup)
 }
 
 /// The shell around `points` as seen by `cameras`, those of the photos, in training space; SH degree 0. Empty
@@ -229,8 +251,7 @@ fn beside(faces: &[[u32; 3]]) -> Vec<[usize; 3]> {
 mod tests {
     use super::*;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
-    use trisplat_dataset::{Dataset, DatasetOptions, View};
-    use trisplat_scene::SceneNormalization;
+    use trisplat_dataset::{Dataset, DatasetOptions};
 
     /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {

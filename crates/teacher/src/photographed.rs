@@ -1,0 +1,230 @@
+//! Chooses viewpoints in a photographed place of which only Gaussians are left, without cameras.
+//!
+//! Gaussians are small and their depths agree where photos were taken from; seen from elsewhere they are large, blurred and
+//! full of gaps. So places are tried, the best of them are improved step by step, and the rest is left out.
+
+use super::survey::camera;
+use glam::{UVec2, Vec3};
+use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
+use trisplat_scene::{Rng, Splats, camera::Camera, math::median::median, sh0_from_rgb};
+
+/// Field of view of the cameras, degrees.
+const FOV: f32 = 50.0;
+/// Width and height of the pictures that are judged, px.
+const SIDE: u32 = 32;
+/// Most Gaussians in these pictures.
+const MOST: usize = 100_000;
+/// Places that are tried, and the best of them, which are improved.
+const TRIED: usize = 600;
+const IMPROVED: usize = 160;
+/// Rounds of improvement, and the farthest step of the first, as a share of the distance to what is looked at.
+const ROUNDS: usize = 4;
+const FIRST_STEP: f32 = 0.4;
+/// Distances of the places from what they look at, in median distances of the Gaussians from their middle.
+const DISTANCES: [f32; 2] = [0.5, 4.0];
+/// What an open picture costs, in logarithms of blur.
+const OPEN: f32 = 15.0;
+/// Views that are this many times worse than the best tenth are left out.
+const WORST: f32 = 16.0;
+/// The size of a usual Gaussian in the pictures, px: a little more than in the photos it was trained on.
+const USUAL_PX: f32 = 4.0;
+/// Limits of the width and height of the pictures, px.
+const LEAST_SIDE: f32 = 256.0;
+const MOST_SIDE: f32 = 1600.0;
+/// Least share of the corners of pictures from around that surroundings cover.
+const CORNERS: f32 = 0.3;
+/// Least covered share of a pixel that is measured.
+const LEAST_COVER: f32 = 0.1;
+/// Least spread of depths, in logarithms.
+const LEAST_SPREAD: f32 = 1e-3;
+
+/// A place to look from.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    camera: Camera,
+    eye: Vec3,
+    target: Vec3,
+    /// The logarithm of how blurred the view is.
+    cost: f32,
+    /// The mean size of the Gaussians, radians.
+    size: f32,
+}
+
+/// Cameras at good places to look at `splats` from, at most [`IMPROVED`], the best first, with pictures as sharp as the Gaussians. `unit` is
+/// the median distance of the Gaussians from their middle.
+pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
+    let mut judge = Judge::new(splats);
+    let rng = Rng::new(0, "photographed places", 0);
+    let n = splats.len() as u64;
+    let first = (0..TRIED as u64).map(|i| {
+        let target = splats.positions[(rng.bits(8 * i) % n) as usize];
+        let share = rng.uniform(8 * i + 1);
+        let distance = unit * DISTANCES[0] * (DISTANCES[1] / DISTANCES[0]).powf(share);
+        (target + on_sphere(rng, 8 * i + 2) * distance, target)
+    });
+    let mut places: Vec<Place> = first.map(|(eye, target)| judge.place(eye, target, up)).collect();
+    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    places.truncate(IMPROVED);
+    for round in 0..ROUNDS {
+        let rng = Rng::new(0, "photographed steps", round as u64);
+        let step = FIRST_STEP * 0.7f32.powi(round as i32);
+        for (i, place) in places.iter_mut().enumerate() {
+            let length = step * place.eye.distance(place.target);
+            let shift = |k: u64| on_sphere(rng, 8 * i as u64 + k) * length;
+            let moved = judge.place(place.eye + shift(0), place.target + shift(4), up);
+            if moved.cost < place.cost {
+                *place = moved;
+            }
+        }
+    }
+    places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let best = places.get(places.len() / 10).map_or(0.0, |place| place.cost);
+    places.retain(|place| place.cost <= best + WORST.ln());
+    let sizes = places.iter().map(|place| place.size).collect();
+    let focal = USUAL_PX / median(sizes, f32::total_cmp).unwrap_or(1.0);
+    let side = 2.0 * focal * (FOV.to_radians() / 2.0).tan();
+    let side = UVec2::splat(side.clamp(LEAST_SIDE, MOST_SIDE) as u32);
+    places.iter().map(|place| place.camera.resized(side)).collect()
+}
+
+/// A direction uniform over the sphere.
+fn on_sphere(rng: Rng, index: u64) -> Vec3 {
+    let z = 2.0 * rng.uniform(index) - 1.0;
+    let (sin, cos) = (std::f32::consts::TAU * rng.uniform(index + 1)).sin_cos();
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(r * cos, r * sin, z)
+}
+
+/// Draws depths and sizes of Gaussians.
+struct Judge {
+    /// Their colours are what is measured.
+    splats: Splats,
+    options: GaussianOptions,
+}
+
+/// Added to logarithms, so that no colour is negative.
+const OFFSET: f32 = 24.0;
+const LEAST_LENGTH: f32 = 1e-9;
+
+impl Judge {
+    fn new(splats: &Splats) -> Self {
+        let chosen: Vec<usize> = evenly_spaced(splats.len(), MOST).collect();
+        let grown = (splats.len() as f32 / chosen.len().max(1) as f32).sqrt();
+        let splats = Splats {
+            positions: chosen.iter().map(|i| splats.positions[*i]).collect(),
+            scales: chosen.iter().map(|i| splats.scales[*i] * grown).collect(),
+            rotations: chosen.iter().map(|i| splats.rotations[*i]).collect(),
+            opacity: chosen.iter().map(|i| splats.opacity[*i]).collect(),
+            sh: vec![[0.0; 3]; chosen.len()],
+            sh_degree: 0,
+            filter: splats.filter,
+        };
+        Self { options: GaussianOptions::suited_to(&splats, [0.0; 3]), splats }
+    }
+
+    fn place(&mut self, eye: Vec3, target: Vec3, up: Vec3) -> Place {
+        let camera = camera(eye, target, up, FOV, SIDE);
+        let (size, cost) = self.measure(&camera);
+        Place { camera, eye, target, cost, size }
+    }
+
+    /// The mean size of the Gaussians, and the cost: the logarithm of size times mean spread of depths, and what gaps cost.
+    fn measure(&mut self, camera: &Camera) -> (f32, f32) {
+        for i in 0..self.splats.len() {
+            let depth = (camera.rotation * self.splats.positions[i] + camera.translation).z;
+            let mut scales = self.splats.scales[i].to_array();
+            scales.sort_by(f32::total_cmp);
+            let code = |length: f32| length.max(LEAST_LENGTH).ln() + OFFSET;
+            let (depth, size) = (code(depth), code(scales[1] / depth));
+            self.splats.sh[i] = [depth, depth * depth, size].map(sh0_from_rgb);
+        }
+        let frame = gaussian::draw(&self.splats, camera, &self.options);
+        let (mut covered, mut spread, mut size) = (0.0, 0.0, 0.0);
+        for (through, [depth, squared, own_size]) in frame.transmittance.iter().zip(&frame.rgb) {
+            let cover = 1.0 - through;
+            covered += cover;
+            if cover > LEAST_COVER {
+                let (mean, mean_squared) = (depth / cover, squared / cover);
+                spread += cover * (mean_squared - mean * mean).max(0.0).sqrt();
+                size += own_size - cover * OFFSET;
+            }
+        }
+        if !(covered > 0.0) {
+            return (0.0, f32::MAX);
+        }
+        let (size, spread) = (size / covered, (spread / covered).max(LEAST_SPREAD));
+        (size.exp(), size + spread.ln() + OPEN * (1.0 - covered / frame.rgb.len() as f32))
+    }
+}
+
+/// Whether `splats` fill the corners of the pictures that `cameras`, which look at all of them, take: then they are surroundings.
+pub(super) fn surround(splats: &Splats, cameras: &[Camera]) -> bool {
+    let options = GaussianOptions::suited_to(splats, [0.0; 3]);
+    let corner = |camera: &Camera| {
+        let frame = gaussian::draw(splats, &camera.resized(UVec2::splat(SIDE)), &options);
+        let outside = |i: usize| {
+            let at = UVec2::new(i as u32 % SIDE, i as u32 / SIDE).as_vec2() - (SIDE as f32 - 1.0) / 2.0;
+            at.length() > SIDE as f32 / 2.0
+        };
+        let open: Vec<f32> =
+            (0..frame.rgb.len()).filter(|i| outside(*i)).map(|i| frame.transmittance[i]).collect();
+        1.0 - open.iter().sum::<f32>() / open.len() as f32
+    };
+    let corners: Vec<f32> = cameras.iter().map(corner).collect();
+    median(corners, f32::total_cmp).is_some_and(|cover| cover > CORNERS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Quat;
+
+    /// Small Gaussians on the walls of a room of side 2, and large ones `far` times as far away.
+    fn room(far: f32) -> Splats {
+        let rng = Rng::new(4, "room", 0);
+        let n = 4000;
+        let place = |i: u64| {
+            let mut p =
+                Vec3::new(rng.uniform(4 * i), rng.uniform(4 * i + 1), rng.uniform(4 * i + 2)) * 2.0 - 1.0;
+            let axis = (rng.bits(4 * i + 3) % 3) as usize;
+            p[axis] = p[axis].signum();
+            // One Gaussian in fifty is large and far away.
+            if i.is_multiple_of(50) { p * far } else { p }
+        };
+        let size = |i: u64| if i.is_multiple_of(50) { 0.3 * far } else { 0.06 };
+        Splats {
+            positions: (0..n).map(place).collect(),
+            scales: (0..n).map(|i| Vec3::splat(size(i))).collect(),
+            rotations: vec![Quat::IDENTITY; n as usize],
+            opacity: vec![0.95; n as usize],
+            sh: vec![[0.3; 3]; n as usize],
+            ..Splats::default()
+        }
+    }
+
+    #[test]
+    fn places_see_small_gaussians_and_no_gaps() {
+        let splats = room(20.0);
+        let cameras = places(&splats, 1.2, Vec3::Y);
+        assert!(cameras.len() > 40, "{}", cameras.len());
+        let options = GaussianOptions::suited_to(&splats, [0.0; 3]);
+        for camera in &cameras {
+            let frame = gaussian::draw(&splats, &camera.resized(UVec2::splat(SIDE)), &options);
+            let open = frame.transmittance.iter().sum::<f32>() / frame.rgb.len() as f32;
+            assert!(open < 0.15 && camera.position().length() < 8.0, "{open} {}", camera.position());
+        }
+        assert_eq!(cameras, places(&splats, 1.2, Vec3::Y));
+    }
+
+    #[test]
+    fn a_thing_leaves_the_corners_of_pictures_open() {
+        let around: Vec<Camera> = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()]
+            .map(|eye| camera(eye * 6.0, Vec3::ZERO, Vec3::new(0.1, 0.9, 0.2), 45.0, SIDE))
+            .to_vec();
+        assert!(surround(&room(20.0), &around));
+        let mut thing = room(20.0);
+        thing.retain(|i| !i.is_multiple_of(50));
+        assert!(!surround(&thing, &around));
+    }
+}
