@@ -32,10 +32,11 @@ fn written(asset: &Asset, options: &OutputOptions) -> (Vec<(String, Vec<u8>)>, V
     for i in 0..zip.len() {
         let mut file = zip.by_index(i).expect("a file");
         assert_eq!(file.compression(), zip::CompressionMethod::Stored);
-        assert_eq!(file.data_start().expect("a place") % 64, 0, "{}", file.name());
+        let name = file.name().expect("a name").into_owned();
+        assert_eq!(file.data_start().expect("a place") % 64, 0, "{name}");
         let mut bytes = Vec::new();
         file.read_to_end(&mut bytes).expect("readable");
-        files.push((file.name().to_owned(), bytes));
+        files.push((name, bytes));
     }
     (files, said)
 }
