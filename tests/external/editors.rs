@@ -27,7 +27,7 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     let settings = "\n[editor_plugins]\n\nenabled=PackedStringArray(\"res://addons/trisplat/plugin.cfg\")\n\
         \n[trisplat]\n\nprogram=\"res://trisplat\"\n";
     fs::write(at("project.godot"), fs::read_to_string(at("project.godot")).unwrap() + settings).unwrap();
-    let more = ["--set", "chunk_triangles=3000", "--set", "reshape=off"].map(|word| format!("\"{word}\""));
+    let more = ["--set", "chunk_triangles=3000", "--teacher", "off"].map(|word| format!("\"{word}\""));
     let params = format!(
         "[remap]\n\nimporter=\"trisplat.scene\"\ntype=\"PackedScene\"\n\n[params]\n\nquality=0\nharden=false\n\
         max_triangles=0\ncollision=true\nbackdrop=false\nscale=1.0\narguments=PackedStringArray({})\n",
