@@ -15,7 +15,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
-    Asset, Error, Provenance, Result,
+    Asset, Error, FaceTexture, Provenance, Result,
     atomic::{AtomicFile, publish},
     image::RgbImage,
     ranges::{self, Called},
@@ -23,7 +23,6 @@ use trisplat_scene::{
 };
 
 pub use beside::Beside;
-use encode::{encode, whole_texture};
 
 /// Options of the files written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -160,6 +159,11 @@ impl OutputFormat {
             )),
         }
     }
+}
+
+/// The texture of a scene, unless only its backdrop has one: then its corners have nearly the same colours.
+fn whole_texture(asset: &Asset) -> Option<&FaceTexture> {
+    asset.mesh.texture.as_ref().filter(|texture| texture.is_whole())
 }
 
 /// Name of a scene's node when it is a single one.
@@ -425,7 +429,7 @@ impl SetWriter<'_> {
     fn one(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
         let mut main = self.started.take(&output.main)?;
         let mut second = output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
-        let warnings = encode(asset, output, self.options, &mut main, second.as_mut(), details)?;
+        let warnings = output.encode(asset, self.options, &mut main, second.as_mut(), details)?;
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, whole_texture(asset)) {

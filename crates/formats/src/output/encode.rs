@@ -1,73 +1,74 @@
 //! Encodes an asset in its format.
 
-use super::{Output, OutputFormat, OutputOptions, WriteDetails};
+use super::{Output, OutputFormat, OutputOptions, WriteDetails, whole_texture};
 use crate::html;
 use std::path::PathBuf;
 use trisplat_exchange::{obj, ply, usdz};
 use trisplat_gltf::{self as gltf, GltfOptions};
-use trisplat_scene::{Asset, Error, FaceTexture, Result, atomic::AtomicFile};
+use trisplat_scene::{Asset, Error, Result, atomic::AtomicFile};
 
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
-/// The texture of a scene, unless only its backdrop has one: then its corners have nearly the same colours.
-pub(super) fn whole_texture(asset: &Asset) -> Option<&FaceTexture> {
-    asset.mesh.texture.as_ref().filter(|texture| texture.is_whole())
-}
-
-/// Encodes the asset in its format; returns warnings for the user.
-pub(super) fn encode(
-    asset: &Asset,
-    output: &Output,
-    options: &OutputOptions,
-    main: &mut AtomicFile,
-    second: Option<&mut AtomicFile>,
-    details: &mut WriteDetails,
-) -> Result<Vec<String>> {
-    let path = output.main.as_path();
-    let io = |e| Error::io(path, e);
-    let name_of = |p: &Option<PathBuf>| {
-        p.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-    };
-    let name = name_of(&output.second);
-    let named = |encoding| GltfOptions { node_name: output.node.to_owned(), ..encoding };
-    let written = match (output.format, second) {
-        (OutputFormat::Obj, Some(mtl)) => {
-            let picture = output.picture.as_ref().map(|_| name_of(&output.picture));
-            obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
-            let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
-            let lost = (whole_texture(asset).is_some() && picture.is_none()).then_some(NO_TEXTURE);
-            return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
-        }
-        (OutputFormat::Ply, _) => {
-            ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-            return Ok(whole_texture(asset).iter().map(|_| NO_TEXTURE.to_owned()).collect());
-        }
-        (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
-        (OutputFormat::Gltf, Some(bin)) => {
-            let encoding = named(options.encoding(details));
-            gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
-        }
-        (OutputFormat::Html, _) => {
-            let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
-            let encoding = options.page_encoding(details);
-            if !asset.mesh.normals.is_empty() {
-                let unlit = "html: the page shows colours as they are; `lit` is for files that engines read";
-                details.notes.get_or_insert_default().push(unlit.into());
+impl Output {
+    /// Encodes the asset in its format; returns warnings for the user.
+    pub(super) fn encode(
+        &self,
+        asset: &Asset,
+        options: &OutputOptions,
+        main: &mut AtomicFile,
+        second: Option<&mut AtomicFile>,
+        details: &mut WriteDetails,
+    ) -> Result<Vec<String>> {
+        let path = self.main.as_path();
+        let io = |e| Error::io(path, e);
+        let name_of = |p: &Option<PathBuf>| {
+            p.as_ref()
+                .and_then(|p| p.file_name())
+                .map(|n| n.to_string_lossy().into_owned())
+                .unwrap_or_default()
+        };
+        let name = name_of(&self.second);
+        let named = |encoding| GltfOptions { node_name: self.node.to_owned(), ..encoding };
+        let written = match (self.format, second) {
+            (OutputFormat::Obj, Some(mtl)) => {
+                let picture = self.picture.as_ref().map(|_| name_of(&self.picture));
+                obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
+                let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
+                let lost = (whole_texture(asset).is_some() && picture.is_none()).then_some(NO_TEXTURE);
+                return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
             }
-            html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
+            (OutputFormat::Ply, _) => {
+                ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
+                return Ok(whole_texture(asset).iter().map(|_| NO_TEXTURE.to_owned()).collect());
+            }
+            (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
+            (OutputFormat::Gltf, Some(bin)) => {
+                let encoding = named(options.encoding(details));
+                gltf::write_gltf(main, bin, &name, path, asset, &encoding)?
+            }
+            (OutputFormat::Html, _) => {
+                let title = path.file_stem().filter(|name| *name != "-").unwrap_or("trisplat".as_ref());
+                let encoding = options.page_encoding(details);
+                if !asset.mesh.normals.is_empty() {
+                    let unlit =
+                        "html: the page shows colours as they are; `lit` is for files that engines read";
+                    details.notes.get_or_insert_default().push(unlit.into());
+                }
+                html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
+            }
+            _ => {
+                let encoding = named(options.encoding(details));
+                gltf::write_glb(main, path, asset, &encoding)?
+            }
+        };
+        if written.worst_position_error > 0.0 {
+            details.worst_position_error = Some(written.worst_position_error);
+            details.collapsed_triangles = Some(written.collapsed);
         }
-        _ => {
-            let encoding = named(options.encoding(details));
-            gltf::write_glb(main, path, asset, &encoding)?
-        }
-    };
-    if written.worst_position_error > 0.0 {
-        details.worst_position_error = Some(written.worst_position_error);
-        details.collapsed_triangles = Some(written.collapsed);
+        Ok(written.warnings)
     }
-    Ok(written.warnings)
 }
 
 /// The scene for a phone: without its backdrop, since the room is around it.
