@@ -73,9 +73,9 @@ impl Search {
 
     /// The same for Gaussians in whose place the scene has triangles.
     pub(super) fn of_splats(mut self, splats: &Splats) -> Option<Chosen> {
-        let Unit { length, reach, .. } = self.unit;
+        let Unit { middle, length, reach } = self.unit;
         let around = around(reach, self.up, true).iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
-        if !photographed::surround(splats, &around) {
+        if !photographed::surround(splats, &around, middle, reach * length) {
             return self.viewpoints();
         }
         let places = photographed::places(splats, length, self.up);

@@ -32,7 +32,9 @@ const USUAL_PX: f32 = 4.0;
 /// Limits of the width and height of the pictures, px.
 const LEAST_SIDE: f32 = 256.0;
 const MOST_SIDE: f32 = 1600.0;
-/// Least share of the corners of pictures from around that surroundings cover.
+/// What is farther from the middle than this many times the radius of nearly everything is behind an object, not part of it.
+const BEHIND: f32 = 1.1;
+/// Least share of the corners of pictures from around that it covers in surroundings: 0 for a guitar and a ball, 0.5 to 0.8 for three captures.
 const CORNERS: f32 = 0.3;
 /// Least covered share of a pixel that is measured.
 const LEAST_COVER: f32 = 0.1;
@@ -111,15 +113,7 @@ impl Judge {
     fn new(splats: &Splats) -> Self {
         let chosen: Vec<usize> = evenly_spaced(splats.len(), MOST).collect();
         let grown = (splats.len() as f32 / chosen.len().max(1) as f32).sqrt();
-        let splats = Splats {
-            positions: chosen.iter().map(|i| splats.positions[*i]).collect(),
-            scales: chosen.iter().map(|i| splats.scales[*i] * grown).collect(),
-            rotations: chosen.iter().map(|i| splats.rotations[*i]).collect(),
-            opacity: chosen.iter().map(|i| splats.opacity[*i]).collect(),
-            sh: vec![[0.0; 3]; chosen.len()],
-            sh_degree: 0,
-            filter: splats.filter,
-        };
+        let splats = colourless(splats, &chosen, grown);
         Self { options: GaussianOptions::suited_to(&splats, [0.0; 3]), splats }
     }
 
@@ -158,8 +152,25 @@ impl Judge {
     }
 }
 
-/// Whether `splats` fill the corners of the pictures that `cameras`, which look at all of them, take: then they are surroundings.
-pub(super) fn surround(splats: &Splats, cameras: &[Camera]) -> bool {
+/// Some of `splats` without colours, `grown` times as large.
+fn colourless(splats: &Splats, chosen: &[usize], grown: f32) -> Splats {
+    Splats {
+        positions: chosen.iter().map(|i| splats.positions[*i]).collect(),
+        scales: chosen.iter().map(|i| splats.scales[*i] * grown).collect(),
+        rotations: chosen.iter().map(|i| splats.rotations[*i]).collect(),
+        opacity: chosen.iter().map(|i| splats.opacity[*i]).collect(),
+        sh: vec![[0.0; 3]; chosen.len()],
+        sh_degree: 0,
+        filter: splats.filter,
+    }
+}
+
+/// Whether `splats` are surroundings: what lies behind the `reach` around their `middle` fills the corners of the pictures that `cameras` take,
+/// which look at all within it.
+pub(super) fn surround(splats: &Splats, cameras: &[Camera], middle: Vec3, reach: f32) -> bool {
+    let behind = |i: &usize| splats.positions[*i].distance(middle) > BEHIND * reach;
+    let behind: Vec<usize> = (0..splats.len()).filter(behind).collect();
+    let splats = &colourless(splats, &behind, 1.0);
     let options = GaussianOptions::suited_to(splats, [0.0; 3]);
     let corner = |camera: &Camera| {
         let frame = gaussian::draw(splats, &camera.resized(UVec2::splat(SIDE)), &options);
@@ -222,9 +233,12 @@ mod tests {
         let around: Vec<Camera> = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()]
             .map(|eye| camera(eye * 6.0, Vec3::ZERO, Vec3::new(0.1, 0.9, 0.2), 45.0, SIDE))
             .to_vec();
-        assert!(surround(&room(20.0), &around));
+        assert!(surround(&room(20.0), &around, Vec3::ZERO, 2.0));
         let mut thing = room(20.0);
         thing.retain(|i| !i.is_multiple_of(50));
-        assert!(!surround(&thing, &around));
+        assert!(!surround(&thing, &around, Vec3::ZERO, 2.0));
+        // Nor does one whose own rim reaches into the corners.
+        thing.scales.iter_mut().for_each(|scale| *scale *= 12.0);
+        assert!(!surround(&thing, &around, Vec3::ZERO, 2.0));
     }
 }
