@@ -59,7 +59,7 @@ pub(crate) fn make() -> Case {
         "--poses",
         "in/colmap",
         "--steps",
-        "20",
+        "100",
         "--max-triangles",
         "200",
         "--force",
