@@ -15,7 +15,6 @@ mod photos;
 mod reshape;
 mod robustness;
 mod shell;
-mod sky;
 mod stages;
 mod teacher;
 mod texture;

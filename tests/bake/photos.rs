@@ -46,7 +46,7 @@ fn unseen(
 }
 
 /// Triangles of some size around the origin, with a colour per corner.
-pub(super) fn scene() -> Mesh {
+fn scene() -> Mesh {
     let place =
         |i: u64| Vec3::new((i % 5) as f32 - 2.0, (i / 5 % 5) as f32 - 2.0, (i / 25) as f32 - 1.5) * 0.5;
     let positions: Vec<Vec3> = (0..100).flat_map(|i| random_triangle(i, place(i), 0.5)).collect();
@@ -56,11 +56,11 @@ pub(super) fn scene() -> Mesh {
 }
 
 /// The same triangles, all of one grey.
-pub(super) fn grey(mesh: &Mesh) -> Mesh {
+fn grey(mesh: &Mesh) -> Mesh {
     Mesh { colors: Colors::Face(vec![[0.2; 3]; mesh.face_count()]), ..mesh.clone() }
 }
 
-pub(super) fn camera(view: usize) -> Camera {
+fn camera(view: usize) -> Camera {
     let lens = Camera {
         rotation: glam::Mat3::IDENTITY,
         translation: Vec3::ZERO,
@@ -73,7 +73,7 @@ pub(super) fn camera(view: usize) -> Camera {
 }
 
 /// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
-pub(super) fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
+fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
     photograph_at(mesh, 4, develop)
 }
 
@@ -108,7 +108,7 @@ fn load(folder: &Path) -> Dataset {
     Dataset::load(folder, &DatasetOptions { test_every: 0, ..DatasetOptions::default() }).unwrap()
 }
 
-pub(super) fn views(dataset: &Dataset) -> Views {
+fn views(dataset: &Dataset) -> Views {
     Views::new(dataset, &DatasetOptions::default())
 }
 
@@ -153,7 +153,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let behind = |when| {
         let (mut with, mut details) = (kept.clone(), BackdropDetails::default());
         let options = BackdropOptions { backdrop: when };
-        backdrop(&mut with, None, Some(&mut views(&dataset)), &options, &mut details).unwrap();
+        backdrop(&mut with, Some(&mut views(&dataset)), &options, &mut details).unwrap();
         with.face_count() - kept.face_count()
     };
     assert_eq!(behind(BackdropWhen::Auto), 0);
@@ -382,14 +382,13 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let (mut closed, mut details) = (mesh.clone(), BackdropDetails::default());
     let mut views = views(&dataset);
-    backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert!(details.holes.unwrap() > 0.3, "{details:?}");
-    assert_eq!(closed.face_count(), 100 + 120);
+    assert_eq!(closed.face_count(), 100 + 128);
     refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
-    let again =
-        backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert_eq!(again, Outcome::Skipped("triangles cover the photos"));
 }
 
@@ -408,25 +407,25 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
     };
     let first = baked(mesh.clone().into(), &options, Some(&mut views(&dataset)));
     let scene = first.scene_faces();
-    assert_eq!((first.provenance.backdrop, first.mesh.face_count() - scene), (120, 120));
+    assert_eq!((first.provenance.backdrop, first.mesh.face_count() - scene), (128, 128));
     let last = *first.chunks.last().unwrap();
-    assert_eq!((last.first as usize, last.count), (scene, 120));
+    assert_eq!((last.first as usize, last.count), (scene, 128));
     assert!(first.chunks.len() > 3 && first.chunks[..first.chunks.len() - 1].iter().all(|c| c.count <= 30));
     let bvh = first.bvh.as_ref().unwrap();
     assert_eq!((bvh.face_count as usize, bvh.roots.len()), (scene, first.chunks.len() - 1));
     // Whoever draws a level alone sees no hole either.
     let level = &first.levels[0];
-    assert_eq!((level.scene_faces(), level.provenance.backdrop), (scene / 2, 120));
+    assert_eq!((level.scene_faces(), level.provenance.backdrop), (scene / 2, 128));
     let corners = |asset: &Asset| -> Vec<_> {
         (asset.scene_faces()..asset.mesh.face_count()).map(|f| asset.mesh.corners(f)).collect()
     };
     assert_eq!(corners(level), corners(&first));
     let far = |mesh: &Mesh, face: usize| mesh.corners(face).into_iter().all(|v| v.length() > 3.0);
     assert!(
-        (scene..scene + 120).all(|face| far(&first.mesh, face)) && !(0..scene).any(|f| far(&first.mesh, f))
+        (scene..scene + 128).all(|face| far(&first.mesh, face)) && !(0..scene).any(|f| far(&first.mesh, f))
     );
     let (front, behind) = first.apart().unwrap();
-    assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 120));
+    assert_eq!((front.mesh.face_count(), behind.mesh.face_count()), (scene, 128));
     assert_eq!((front.provenance.backdrop, behind.scene_faces()), (0, 0));
 
     let again = |options: &BakeOptions| {
@@ -435,8 +434,8 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
         baked(input, options, None)
     };
     let kept = again(&BakeOptions::DEFAULT);
-    assert_eq!((kept.provenance.backdrop, kept.mesh.face_count()), (120, scene + 120));
-    assert!((scene..scene + 120).all(|face| far(&kept.mesh, face)));
+    assert_eq!((kept.provenance.backdrop, kept.mesh.face_count()), (128, scene + 128));
+    assert!((scene..scene + 128).all(|face| far(&kept.mesh, face)));
     let mut off = BakeOptions::DEFAULT;
     off.backdrop.backdrop = BackdropWhen::Off;
     let without = again(&off);
@@ -455,7 +454,7 @@ fn the_backdrop_stays_apart_from_the_scene_and_through_another_bake() {
             trisplat_formats::read(&folder.path().join(name), &trisplat::ReadOptions::default()).unwrap();
         file.scene.triangle_count()
     };
-    assert_eq!((faces("a.glb"), faces("a.backdrop.glb")), (scene, 120));
+    assert_eq!((faces("a.glb"), faces("a.backdrop.glb")), (scene, 128));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 mod package;
 
 use super::arrange::arrange;
-use super::backdrop::{BackdropWhen, backdrop, take_sky};
+use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
 use super::background::{BackgroundDetails, BackgroundFrom, background};
 use super::collision::collision;
 use super::color::color;
@@ -27,7 +27,7 @@ use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use std::sync::Arc;
 use trisplat_scene::{
-    Asset, Error, FaceTexture, ImportedScene, Limits, Placement, Provenance, Result, Scene,
+    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::{Camera, Viewpoint},
     mesh::Mesh,
     report::{Observer, Outcome, Report, StageDetails},
@@ -84,7 +84,7 @@ impl<'a> Recipe<'a> {
     /// Bakes inputs, merged.
     pub(super) fn run(mut self, inputs: Vec<ImportedScene>) -> Result<Asset> {
         let mut inputs: Vec<ImportedScene> =
-            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect::<Result<_>>()?;
+            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
         // For each input separately: two scenes side by side have no common middle.
         let when = self.options.backdrop.backdrop;
         inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
@@ -155,8 +155,7 @@ impl<'a> Recipe<'a> {
         }
         let mesh = self.texture(mesh, unseen)?;
         let closer = self.report.details::<TextureDetails>().and_then(|details| details.warning());
-        let is_textured = mesh.texture.as_ref().is_some_and(FaceTexture::is_whole);
-        self.report.warnings.extend(closer.filter(|_| is_textured));
+        self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
@@ -164,18 +163,13 @@ impl<'a> Recipe<'a> {
         // From the finished scene: tiles hold final triangles.
         let collision = collision.map(|mesh| self.placed(mesh));
         let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
-        let mut asset = Asset { levels, collision, backdrop_apart, ..asset };
-        if self.options.backdrop.backdrop == BackdropWhen::Sky {
-            take_sky(&mut asset);
-        }
-        let options = &self.options.tiles;
+        let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
     /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
-    fn untextured(&mut self, mut loaded: ImportedScene) -> Result<ImportedScene> {
-        let behind = loaded.take_backdrop();
+    fn untextured(&mut self, mut loaded: ImportedScene) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && self.views.is_some()
             && mesh.drop_texture()
@@ -184,8 +178,7 @@ impl<'a> Recipe<'a> {
             let warning = "the texture of the input became one colour per triangle, because photos decide colours: give `texture` for a new one";
             self.report.warnings.push(warning.to_owned());
         }
-        behind.map_or(Ok(()), |behind| loaded.put_backdrop(behind))?;
-        Ok(loaded)
+        loaded
     }
 
     /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of triangles is for
@@ -237,9 +230,9 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
-            crop(scene, seen_by, provenance.up, options, details)
-        })?;
+        let mut scene = self
+            .report
+            .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
             && !options.crop.is_empty()
         {
@@ -357,7 +350,6 @@ impl<'a> Recipe<'a> {
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
         let cameras = if chosen && budget.is_none() { &[] } else { cameras };
-        let becomes_backdrop = views.is_some() && options.backdrop.backdrop != BackdropWhen::Off;
         self.report.long_stage(
             self.observer,
             mesh,
@@ -369,10 +361,9 @@ impl<'a> Recipe<'a> {
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
                 let spared = spared(mesh, budget);
-                // Of a shell only its place behind the scene is left.
-                let replaced =
-                    if becomes_backdrop { spared.iter().filter(|spared| **spared).count() } else { 0 };
-                let limit = FaceLimit { most: budget.map(|most| most + replaced as u64), spared };
+                // A scene that keeps its shell gets no sphere, so its budget leaves no room for one.
+                let most = if spared.is_empty() { budget } else { options.prune.max_triangles };
+                let limit = FaceLimit { most, spared };
                 let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
                     Outcome::Changed(())
@@ -442,9 +433,10 @@ impl<'a> Recipe<'a> {
         let options = &self.options.backdrop;
         let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match cropped {
-            true => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
-            false => backdrop(mesh, given, views, options, details),
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
+            _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
+            Some(given) => keep_backdrop(mesh, given, options, details),
+            None => backdrop(mesh, views, options, details),
         })
     }
 

@@ -1,9 +1,8 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
-use glam::Vec2;
 use rayon::prelude::*;
 use trisplat_scene::{
-    FaceTexture, Result,
+    Result,
     mesh::{Colors, Mesh},
     report::{Outcome, StageDetails},
 };
@@ -60,7 +59,7 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
     if mesh.positions.is_empty() {
         return Ok(Outcome::Skipped("there are no corners"));
     }
-    if mesh.texture.as_ref().is_some_and(FaceTexture::is_whole) {
+    if mesh.texture.is_some() {
         return Ok(Outcome::Skipped("corners show different parts of the texture"));
     }
     if !mesh.indices.is_empty() {
@@ -145,11 +144,10 @@ fn share(mesh: &mut Mesh) {
     mesh.indices = indices;
 }
 
-/// The bits of a corner's position and colour, and of its place on a texture.
-fn key(mesh: &Mesh, corner: usize) -> [u32; 8] {
+/// The bits of a corner's position and colour.
+fn key(mesh: &Mesh, corner: usize) -> [u32; 6] {
     let ([x, y, z], [r, g, b]) = (mesh.positions[corner].to_array(), corner_color(mesh, corner));
-    let place = mesh.texture.as_ref().map_or(Vec2::ZERO, |texture| texture.uvs[corner / 3][corner % 3]);
-    [x, y, z, r, g, b, place.x, place.y].map(f32::to_bits)
+    [x, y, z, r, g, b].map(f32::to_bits)
 }
 
 fn corner_color(mesh: &Mesh, corner: usize) -> [f32; 3] {
@@ -159,6 +157,6 @@ fn corner_color(mesh: &Mesh, corner: usize) -> [f32; 3] {
     }
 }
 
-fn hash(key: &[u32; 8]) -> u64 {
+fn hash(key: &[u32; 6]) -> u64 {
     xxh3_64(bytemuck::bytes_of(key))
 }

@@ -1,14 +1,18 @@
-//! Smooth colours of a shell without photos: one colour per triangle looks like cut stone.
+//! The colours of the backdrop, solved together: it is one closed surface, and few or no photos show much of
+//! it.
 //!
-//! Corners at one vertex pull each other, and so do those of one triangle:
+//! Colours fitted triangle by triangle jump from one to the next, and stay unchanged where no photo looks.
+//! Here corners at one vertex pull each other, and so do those of one triangle. Photos outweigh both pulls;
+//! without photos a colour lies between its neighbours:
 //!
 //! ```text
-//! minimise Σ_triangles τ ∫ (drawn(e) - own)² + μ Σ_vertices Σ_k (e_k - ē_vertex)² + λ Σ_triangles Σ_k (e_k - ē_triangle)²
+//! minimise Σ_pixels (photo - drawn(e))² + μ Σ_vertices Σ_k (e_k - ē_vertex)² + λ Σ_triangles Σ_k (e_k - ē_triangle)²
 //! ```
 //!
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
-//! other.
+//! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history.md`.
 
+use super::equations::{Equations, Fit};
 use std::collections::HashMap;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -26,6 +30,16 @@ const TRUSTED_PX: f64 = 300.0;
 const STEPS: usize = 400;
 const RESIDUAL: f64 = 1e-4;
 
+/// Gives the backdrop of `mesh`, its faces from `behind` on, the colours that are best for all of them
+/// together; `fit` holds the sums of the photos.
+pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
+    if behind < mesh.face_count() {
+        let solved = solve(mesh, behind, fit.sums(behind), fit.encoded(behind));
+        let corners = solved.iter().flatten().map(|corner| corner.map(linear_from_srgb));
+        mesh.vertex_colors()[3 * behind..].iter_mut().zip(corners).for_each(|(color, new)| *color = new);
+    }
+}
+
 /// Smooths a shell of one colour per triangle when there are no photos.
 pub(crate) fn smooth_shell(shell: &mut Mesh) {
     let encoded = |face| shell.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
@@ -36,17 +50,25 @@ pub(crate) fn smooth_shell(shell: &mut Mesh) {
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
 type CornerColors = Vec<[[f32; 3]; 3]>;
 
-/// The seamless colours of a shell.
+/// Better colours for the faces from `first` on, which have the colours `encoded`; `sums` are those of the
+/// photos.
+fn solve(mesh: &Mesh, first: usize, sums: &[Equations], encoded: &[[[f32; 3]; 3]]) -> CornerColors {
+    let matrices = sums.iter().map(|sums| sums.matrix().map(f64::from)).collect();
+    let system = System { matrices, ..System::of(mesh, first) };
+    system.improved(encoded, |face, corner, channel| f64::from(sums[face].right()[corner][channel]))
+}
+
+/// The seamless colours of a backdrop without photos.
 fn smooth(mesh: &Mesh, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
     // The mean over a triangle of the products of its barycentric weights.
     let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
     let matrices = vec![[own, other, other, own, other, own]; mesh.face_count()];
-    System { matrices, ..System::of(mesh) }.improved(encoded)
+    System { matrices, ..System::of(mesh, 0) }.improved(encoded, |_, _, _| 0.0)
 }
 
 /// The pulls on the colours of corners.
 struct System {
-    /// The pull of each triangle's own colour, 00 01 02 11 12 22. `[face]`
+    /// The matrix of the photos, 00 01 02 11 12 22. `[face]`
     matrices: Vec<[f64; 6]>,
     /// The vertex at each corner. `[3 face]`
     vertices: Vec<u32>,
@@ -56,10 +78,10 @@ struct System {
 
 impl System {
     /// Corners are at one vertex if their positions are bitwise equal.
-    fn of(mesh: &Mesh) -> Self {
+    fn of(mesh: &Mesh, first: usize) -> Self {
         let mut known: HashMap<[u32; 3], u32> = HashMap::new();
         let mut counts: Vec<f64> = Vec::new();
-        let corners = (0..mesh.face_count()).flat_map(|face| mesh.corners(face));
+        let corners = (first..mesh.face_count()).flat_map(|face| mesh.corners(face));
         let vertices = corners.map(|position| {
             // 0 and -0 are one place.
             let vertex = *known.entry((position + 0.0).to_array().map(f32::to_bits)).or_insert_with(|| {
@@ -73,14 +95,21 @@ impl System {
         Self { matrices: Vec::new(), vertices, counts }
     }
 
-    /// The colours at which all pulls balance.
-    fn improved(&self, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
+    /// The colours at which all pulls balance; `right` is the residual of the photos with the present
+    /// colours.
+    fn improved(
+        &self,
+        encoded: &[[[f32; 3]; 3]],
+        right: impl Fn(usize, usize, usize) -> f64,
+    ) -> CornerColors {
         let (mut better, alone) = (encoded.to_vec(), self.blocks());
         for channel in 0..3 {
             let now: Vec<f64> = encoded.iter().flatten().map(|corner| f64::from(corner[channel])).collect();
             // The present pulls between corners.
             let mut wanted = self.pull(&now, 0.0);
-            wanted.iter_mut().for_each(|wanted| *wanted = -*wanted);
+            for (i, wanted) in wanted.iter_mut().enumerate() {
+                *wanted = right(i / 3, i % 3, channel) - *wanted;
+            }
             let step = self.conjugate_gradients(&wanted, &alone);
             for (corner, (now, step)) in better.iter_mut().flatten().zip(now.iter().zip(step)) {
                 corner[channel] = (now + step).clamp(0.0, 1.0) as f32;
@@ -89,8 +118,8 @@ impl System {
         better
     }
 
-    /// The matrix of all pulls except damping, times `x`; the triangles' own colours have the weight `own`.
-    fn pull(&self, x: &[f64], own: f64) -> Vec<f64> {
+    /// The matrix of all pulls except damping, times `x`; the photos have the weight `photos`.
+    fn pull(&self, x: &[f64], photos: f64) -> Vec<f64> {
         let mut means = vec![0.0; self.counts.len()];
         for (x, vertex) in x.iter().zip(&self.vertices) {
             means[*vertex as usize] += x / self.counts[*vertex as usize];
@@ -102,7 +131,7 @@ impl System {
             let shown = [a * x0 + b * x1 + c * x2, b * x0 + d * x1 + e * x2, c * x0 + e * x1 + f * x2];
             for (k, x) in [x0, x1, x2].into_iter().enumerate() {
                 let seam = SEAM_PX * (x - means[self.vertices[3 * face + k] as usize]);
-                out.push(own * shown[k] + seam + FLATNESS_PX * (x - mean));
+                out.push(photos * shown[k] + seam + FLATNESS_PX * (x - mean));
             }
         }
         out
@@ -176,9 +205,20 @@ mod tests {
         Mesh { positions, colors, ..Mesh::default() }
     }
 
+    /// Photos that show `level` on this number of pixels of a black face.
+    fn shows(level: f32, pixels: u32) -> Equations {
+        let mut sums = Equations::default();
+        for _ in 0..pixels {
+            for weights in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+                sums.add(&weights, &[level; 3], &[0.0; 3], 1.0 / 3.0);
+            }
+        }
+        sums
+    }
+
     /// The largest step of a colour between two corners at one place.
     fn worst_seam(mesh: &Mesh, colors: &CornerColors) -> f32 {
-        let system = System::of(mesh);
+        let system = System::of(mesh, 0);
         let mut range = vec![(f32::MAX, f32::MIN); system.counts.len()];
         for (corner, vertex) in colors.iter().flatten().zip(&system.vertices) {
             let (low, high) = range[*vertex as usize];
@@ -188,10 +228,35 @@ mod tests {
     }
 
     #[test]
+    fn what_photos_show_is_kept_what_none_shows_is_between_and_no_seam_is_seen() {
+        let mesh = sphere();
+        let count = mesh.face_count();
+        let height = |face: usize| mesh.centroid(face).y / 5.0;
+        let sums: Vec<Equations> = (0..count)
+            .map(|face| match height(face) {
+                h if h > 0.5 => shows(0.8, 200),
+                h if h < -0.5 => shows(0.2, 200),
+                _ => Equations::default(),
+            })
+            .collect();
+        let colors = solve(&mesh, 0, &sums, &vec![[[0.0; 3]; 3]; count]);
+        for (face, corners) in colors.iter().enumerate() {
+            let mean = corners.iter().map(|corner| corner[1]).sum::<f32>() / 3.0;
+            match height(face) {
+                h if h > 0.7 => assert!((mean - 0.8).abs() < 0.03, "{h}: {mean}"),
+                h if h < -0.7 => assert!((mean - 0.2).abs() < 0.03, "{h}: {mean}"),
+                h if h.abs() < 0.1 => assert!((mean - 0.5).abs() < 0.15, "{h}: {mean}"),
+                _ => assert!((0.15..0.85).contains(&mean), "{mean}"),
+            }
+        }
+        assert!(worst_seam(&mesh, &colors) < 0.03, "{}", worst_seam(&mesh, &colors));
+    }
+
+    #[test]
     fn triangles_that_share_no_vertex_are_solved_in_one_step() {
         let mesh = sphere().part(&[0, 9, 77]);
         let matrices = vec![[300.0, 20.0, 1.0, 2.0, 0.5, 9.0]; 3];
-        let system = System { matrices, ..System::of(&mesh) };
+        let system = System { matrices, ..System::of(&mesh, 0) };
         let right: Vec<f64> = (0..9).map(|i| f64::from(i) - 3.0).collect();
         let solved = solved_alone(&system.blocks(), &right);
         let mut back = system.pull(&solved, 1.0);
