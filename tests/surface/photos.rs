@@ -23,7 +23,7 @@ fn photos_alone_become_a_textured_surface() {
     let options = MeshOptions { surface, texture, ..MeshOptions::default() };
     let mut job = MeshJob::new(None, Some(dataset.clone()), options);
     // By steps, not by time: a slow machine makes the same surface.
-    (job.train.steps, job.budget) = (300, None);
+    (job.train.steps, job.train.max_triangles, job.budget) = (400, 4000, None);
     let mut report = Report::new("mesh");
     let asset = job.run(&mut report, &mut (), &mut ()).unwrap().unwrap();
     asset.mesh.validate().unwrap();
