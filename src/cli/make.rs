@@ -27,7 +27,7 @@ use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions, bud
 const GOOD_PSNR: f64 = 28.0;
 /// A training that spent this share of its budget would have used more.
 const USED_UP: f64 = 0.8;
-/// So many of the photos that came out worst are named.
+/// How many of the photos that came out worst are named.
 const WORST: usize = 2;
 
 /// Photos or videos, and the files to make.

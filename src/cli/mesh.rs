@@ -31,7 +31,7 @@ pub struct MeshArgs {
     /// ones
     #[arg(value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// File to write: .ply .glb .gltf .obj, with --texture .html too
+    /// File to write: .ply .glb .gltf .obj .usdz, with --texture .html too
     #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
     /// Replace OUT if it exists

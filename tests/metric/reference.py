@@ -1,4 +1,4 @@
-"""Writes reference.json: PSNR and SSIM by scikit-image and FLIP by NVIDIA's flip-evaluator, neither of which shares code with trisplat.
+"""Writes reference.json: PSNR and SSIM by scikit-image and FLIP by NVIDIA's flip-evaluator. Neither shares code with trisplat.
 
 Usage: python -m venv venv && venv/bin/pip install scikit-image flip-evaluator && venv/bin/python tests/metric/reference.py
 

@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use trisplat_scene::{Error, Result, guard::guarded, image::RgbImage};
 
-/// Number of decoding threads. So many of the next photos stay in memory even beyond the budget, so that training does not
+/// Number of decoding threads, and of the next photos that stay in memory even beyond the budget, so that training does not
 /// wait for the disk.
 const WORKERS: usize = 2;
 /// A taken photo is searched only this near to the front of the queue, because it occurs again later.

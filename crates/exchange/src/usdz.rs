@@ -33,7 +33,6 @@ pub fn write(out: &mut dyn Write, picture: Option<(&str, &[u8])>, asset: &Asset)
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let stored = SimpleFileOptions::default()
         .compression_method(zip::CompressionMethod::Stored)
-        .large_file(false)
         .with_alignment(ALIGNMENT);
     // The first file of an archive is its scene.
     zip.start_file(LAYER, stored)?;

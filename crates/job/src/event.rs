@@ -23,7 +23,7 @@ pub enum TrainPart {
 pub enum Event<'a> {
     /// A step was made.
     Step {
-        /// Of which part.
+        /// The part that it belongs to.
         part: TrainPart,
         /// Step, triangles, loss and PSNR.
         sample: &'a TrainSample,

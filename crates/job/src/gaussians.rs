@@ -8,7 +8,7 @@ use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::{Dataset, DatasetOptions, View, exposure::ExposureUse};
 use trisplat_scene::math::evenly_spaced::evenly_spaced;
-use trisplat_scene::{Error, ImportedSplats, Result, camera::Camera, placed};
+use trisplat_scene::{Error, ImportedSplats, Result, Soup, camera::Camera, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
@@ -89,24 +89,29 @@ pub(super) fn solid(
         // Drawings do not differ in exposure.
         options.exposure = ExposureUse::Off;
     }
-    if teacher.shows_surroundings() {
+    let surroundings = teacher.shows_surroundings();
+    if surroundings {
         options.rates.vertices *= CALM;
     }
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
-    if teacher.shows_surroundings() {
-        // What lies far behind few viewpoints would else be painted close in front of them.
-        let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
-        let views: Vec<View> =
-            dataset.train().map(|view| View { camera: to_file(&view.camera), ..view.clone() }).collect();
-        let views: Vec<&View> = views.iter().collect();
-        first.append(shell_around(&middles, &views, &options, how.photo_bytes())?);
+    if surroundings {
+        let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
+        let views: Vec<View> = dataset.train().map(view).collect();
+        first.append(shell_behind(&first, &views, &options, how.photo_bytes())?);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
     Ok(Hardened { scene, pictures, stage })
+}
+
+/// The shell behind the `first` triangles, as `views` show it: what lies far behind few viewpoints would else be painted close in front of
+/// them.
+fn shell_behind(first: &Soup, views: &[View], options: &TrainOptions, photo_bytes: u64) -> Result<Soup> {
+    let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+    shell_around(&middles, &views.iter().collect::<Vec<_>>(), options, photo_bytes)
 }
 
 impl Effort {

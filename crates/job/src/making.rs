@@ -13,10 +13,9 @@ use trisplat_capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output;
 use trisplat_scene::{
-    Budget, Error, Limits, Result, Seconds,
+    Error, Limits, Result, Seconds,
     atomic::{AtomicFile, MadeFolders, Manifest},
     input,
-    process::cpu_secs,
     report::{Report, StageReport},
 };
 use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
@@ -213,10 +212,7 @@ impl MakeJob {
                 job.options =
                     trisplat_scene::layered::Layered::over(&point.meta.options, point.meta.options.clone())
             }
-            None => match self.budget {
-                Some(budget) => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + TRAINING * budget.0))),
-                None => job.options = job.options.giving(&["steps"]),
-            },
+            None => job.limit(self.budget.map(|budget| Seconds(TRAINING * budget.0))),
         }
         job.resume = resume;
         job.outputs = RunOptions {

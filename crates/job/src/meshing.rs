@@ -8,8 +8,7 @@ use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, Content};
 use trisplat_scene::{
-    Asset, Budget, Error, Result, Seconds,
-    process::cpu_secs,
+    Asset, Error, Result, Seconds,
     report::{Observer, Report},
 };
 use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample};
@@ -82,10 +81,7 @@ impl MeshJob {
             (None, Some(photos)) => {
                 let mut job = TrainJob::new(photos.clone(), self.train);
                 job.dataset_options = self.dataset_options.clone();
-                match self.budget {
-                    Some(budget) => job.budget = Some(Budget::cpu(Seconds(cpu_secs() + budget.0))),
-                    None => job.options = job.options.giving(&["steps"]),
-                }
+                job.limit(self.budget);
                 let done = match job.run(trains) {
                     Err(Error::Stopped { .. }) => return Ok(None),
                     done => done?,

@@ -13,8 +13,9 @@ use std::time::Instant;
 use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
 use trisplat_scene::{
-    Budget, Error, ImportedScene, Result, Spending,
+    Budget, Error, ImportedScene, Result, Seconds, Spending,
     layered::Layered,
+    process::cpu_secs,
     report::{Report, StageDetails, StageReport},
 };
 use trisplat_train::{
@@ -150,6 +151,14 @@ impl TrainJob {
             resume: None,
             force_resume: false,
             preparation: None,
+        }
+    }
+
+    /// Gives the run this CPU time from now on; without one, the steps of its options, which count as given: then equal jobs make equal bytes.
+    pub(super) fn limit(&mut self, cpu_time: Option<Seconds>) {
+        match cpu_time {
+            Some(time) => self.budget = Some(Budget::cpu(Seconds(cpu_secs() + time.0))),
+            None => self.options = self.options.clone().giving(&["steps"]),
         }
     }
 

@@ -1,6 +1,8 @@
 //! Counter-based random numbers: a value depends only on (seed, purpose, step, index), so the order of
 //! evaluation and the number of threads cannot change it.
 
+use glam::Vec3;
+
 /// A stream of random numbers for one purpose at one step.
 #[derive(Debug, Clone, Copy)]
 pub struct Rng {
@@ -30,6 +32,14 @@ impl Rng {
     /// Uniform in [0, 1), 53 bits.
     pub fn uniform_f64(self, index: u64) -> f64 {
         (self.bits(index) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// A direction uniform over the sphere, from entries `2 index` and `2 index + 1`.
+    pub fn on_sphere(self, index: u64) -> Vec3 {
+        let z = 2.0 * self.uniform(2 * index) - 1.0;
+        let angle = std::f32::consts::TAU * self.uniform(2 * index + 1);
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        Vec3::new(r * angle.cos(), r * angle.sin(), z)
     }
 
     /// Standard normal (Box-Muller on two uniforms of the same entry).

@@ -45,10 +45,8 @@ impl<'a> GaussianTeacher<'a> {
         let n = splats.len();
         let options = GaussianOptions::suited_to(splats, [0.0; 3]);
         let (weights, sums, seen) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
-        let is_surrounded = false;
-        let teacher =
-            Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded };
-        Self { is_surrounded: teacher.is_surrounded(cameras), ..teacher }
+        let is_surrounded = shows_surroundings(splats, &options, cameras);
+        Self { splats, options, weights, sums, seen, pictures: 0, pixels: [0.0; 2], is_surrounded }
     }
 
     /// The picture of `camera`. Surroundings have their gaps closed. An object is over black, with the covered share of each pixel as alpha,
@@ -77,16 +75,6 @@ impl<'a> GaussianTeacher<'a> {
         self.pixels = [self.pixels[0] + all as f64 - open, self.pixels[1] + all as f64];
     }
 
-    /// True when `cameras` look at surroundings: the Gaussians cover nearly all of their pictures.
-    fn is_surrounded(&self, cameras: &[Camera]) -> bool {
-        let chosen = evenly_spaced(cameras.len(), LOOKS).map(|i| cameras[i].within(LOOK_SIDE));
-        let frames = chosen.map(|camera| gaussian::draw(self.splats, &camera, &self.options));
-        let (open, all) = frames.fold((0.0, 0), |(open, all), frame| {
-            (open + frame.transmittance.iter().sum::<f32>(), all + frame.rgb.len())
-        });
-        all > 0 && open < (1.0 - SURROUNDED) * all as f32
-    }
-
     /// True when the cameras look at surroundings, not at an object.
     pub fn shows_surroundings(&self) -> bool {
         self.is_surrounded
@@ -108,4 +96,14 @@ impl<'a> GaussianTeacher<'a> {
         chosen.sort_unstable();
         self.splats.to_soup(chosen)
     }
+}
+
+/// True when `cameras` look at surroundings: the Gaussians cover nearly all of their pictures.
+fn shows_surroundings(splats: &Splats, options: &GaussianOptions, cameras: &[Camera]) -> bool {
+    let chosen = evenly_spaced(cameras.len(), LOOKS).map(|i| cameras[i].within(LOOK_SIDE));
+    let frames = chosen.map(|camera| gaussian::draw(splats, &camera, options));
+    let (open, all) = frames.fold((0.0, 0), |(open, all), frame| {
+        (open + frame.transmittance.iter().sum::<f32>(), all + frame.rgb.len())
+    });
+    all > 0 && open < (1.0 - SURROUNDED) * all as f32
 }

@@ -1,4 +1,4 @@
-//! Chooses viewpoints in a photographed place of which only Gaussians are left, without cameras.
+//! Chooses viewpoints for Gaussians of a photographed place that come without cameras.
 //!
 //! Gaussians are small and their depths agree where photos were taken from; seen from elsewhere they are large, blurred and
 //! full of gaps. So places are tried, the best of them are improved step by step, and the rest is left out.
@@ -63,7 +63,7 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
         let target = splats.positions[(rng.bits(8 * i) % n) as usize];
         let share = rng.uniform(8 * i + 1);
         let distance = unit * DISTANCES[0] * (DISTANCES[1] / DISTANCES[0]).powf(share);
-        (target + on_sphere(rng, 8 * i + 2) * distance, target)
+        (target + rng.on_sphere(4 * i + 1) * distance, target)
     });
     let mut places: Vec<Place> = first.map(|(eye, target)| judge.place(eye, target, up)).collect();
     places.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -73,8 +73,8 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
         let step = FIRST_STEP * 0.7f32.powi(round as i32);
         for (i, place) in places.iter_mut().enumerate() {
             let length = step * place.eye.distance(place.target);
-            let shift = |k: u64| on_sphere(rng, 8 * i as u64 + k) * length;
-            let moved = judge.place(place.eye + shift(0), place.target + shift(4), up);
+            let shift = |k: u64| rng.on_sphere(4 * i as u64 + k) * length;
+            let moved = judge.place(place.eye + shift(0), place.target + shift(2), up);
             if moved.cost < place.cost {
                 *place = moved;
             }
@@ -88,14 +88,6 @@ pub(super) fn places(splats: &Splats, unit: f32, up: Vec3) -> Vec<Camera> {
     let side = 2.0 * focal * (FOV.to_radians() / 2.0).tan();
     let side = UVec2::splat(side.clamp(LEAST_SIDE, MOST_SIDE) as u32);
     places.iter().map(|place| place.camera.resized(side)).collect()
-}
-
-/// A direction uniform over the sphere.
-fn on_sphere(rng: Rng, index: u64) -> Vec3 {
-    let z = 2.0 * rng.uniform(index) - 1.0;
-    let (sin, cos) = (std::f32::consts::TAU * rng.uniform(index + 1)).sin_cos();
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(r * cos, r * sin, z)
 }
 
 /// Draws depths and sizes of Gaussians.

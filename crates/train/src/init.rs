@@ -41,7 +41,7 @@ pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64)
     Soup {
         vertices: (0..n)
             .map(|i| {
-                std::array::from_fn(|c| points[i].position + radii[i] * on_sphere(rng, (3 * i + c) as u64))
+                std::array::from_fn(|c| points[i].position + radii[i] * rng.on_sphere((3 * i + c) as u64))
             })
             .collect(),
         opacity: vec![FIRST_OPACITY; n],
@@ -50,14 +50,6 @@ pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64)
         sh_degree: 0,
         ..Soup::default()
     }
-}
-
-/// A point uniform on the unit sphere.
-fn on_sphere(rng: Rng, index: u64) -> Vec3 {
-    let z = 2.0 * rng.uniform(2 * index) - 1.0;
-    let angle = std::f32::consts::TAU * rng.uniform(2 * index + 1);
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
 #[cfg(test)]
