@@ -226,11 +226,13 @@ fn gzipped(bytes: &[u8]) -> Vec<u8> {
 
 #[test]
 fn spz_is_unpacked_in_its_own_frame_with_y_up() {
-    for (version, turn) in [
-        (2, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0)),
-        (3, Quat::from_xyzw(0.0, 0.0, 0.5f32.sqrt(), 0.5f32.sqrt())),
+    let half = Quat::from_xyzw(0.0, 0.0, 0.5f32.sqrt(), 0.5f32.sqrt());
+    for (version, turn, bytes) in [
+        (2, Quat::from_xyzw(1.0, 0.0, 0.0, 0.0), gzipped(&spz_bytes(2))),
+        (3, half, gzipped(&spz_bytes(3))),
+        (4, half, spz4_bytes()),
     ] {
-        let loaded = read("a.spz", &gzipped(&spz_bytes(version))).expect("valid");
+        let loaded = read("a.spz", &bytes).expect("valid");
         let splats = loaded.splats;
         assert_eq!(splats.positions[0], Vec3::new(-1.0, 1.5, 0.0));
         assert!(close(splats.scales[0], Vec3::new(1.0, (-1f32).exp(), (-2f32).exp()), 1e-6));
@@ -240,6 +242,25 @@ fn spz_is_unpacked_in_its_own_frame_with_y_up() {
         assert!(same_turn(splats.rotations[0], turn, 1e-2), "{version}: {:?}", splats.rotations[0]);
         assert_eq!((splats.filter, loaded.provenance.up), (ScreenFilter::ANTIALIASED, Some(UpAxis::Y)));
     }
+}
+
+/// The same in version 4: an array of each quantity, in frames of zstd that store the bytes as they are.
+fn spz4_bytes() -> Vec<u8> {
+    let mut out = spz_bytes(3);
+    let mut rest = out.split_off(16);
+    (out[4], out[15]) = (4, 6);
+    out.extend(32u32.to_le_bytes());
+    out.extend([0; 12]);
+    let mut frames = Vec::new();
+    for length in [9u8, 1, 3, 3, 4, 9] {
+        let behind = rest.split_off(usize::from(length));
+        let frame = [&[0x28, 0xb5, 0x2f, 0xfd, 0x20, length, length << 3 | 1, 0, 0], &rest[..]].concat();
+        out.extend((frame.len() as u64).to_le_bytes());
+        out.extend(u64::from(length).to_le_bytes());
+        frames.extend(frame);
+        rest = behind;
+    }
+    [out, frames].concat()
 }
 
 fn webp(pixels: [u8; 4], width: u32) -> Vec<u8> {
@@ -299,6 +320,149 @@ fn sog_is_read_from_its_pictures_and_codebooks() {
     assert!(error.contains("labels.webp") && error.contains("Gaussian 0"), "{error}");
 }
 
+/// A GLB of one Gaussian with SH of degree 1 under a node with these properties; `edit` changes the document.
+fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+    let half = 0.5f32.sqrt();
+    let numbers = [
+        vec![1.0, 2.0, 3.0],
+        vec![half, 0.0, 0.0, half],
+        vec![0.1, 0.2, 0.3],
+        vec![0.25],
+        vec![0.5, -0.5, 1.0],
+        vec![1.0, 2.0, 3.0],
+        vec![4.0, 5.0, 6.0],
+        vec![7.0, 8.0, 9.0],
+    ];
+    let names = [
+        "ROTATION",
+        "SCALE",
+        "OPACITY",
+        "SH_DEGREE_0_COEF_0",
+        "SH_DEGREE_1_COEF_0",
+        "SH_DEGREE_1_COEF_1",
+        "SH_DEGREE_1_COEF_2",
+    ];
+    let mut attributes = serde_json::json!({"POSITION": 0});
+    names.iter().enumerate().for_each(|(i, name)| {
+        attributes[format!("KHR_gaussian_splatting:{name}")] = (i + 1).into();
+    });
+    let (mut views, mut accessors, mut bin) = (Vec::new(), Vec::new(), Vec::<u8>::new());
+    for (i, values) in numbers.iter().enumerate() {
+        let shape = ["", "SCALAR", "", "VEC3", "VEC4"][values.len()];
+        views.push(serde_json::json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": 4 * values.len()}));
+        accessors
+            .push(serde_json::json!({"bufferView": i, "componentType": 5126, "count": 1, "type": shape}));
+        values.iter().for_each(|value| bin.extend((*value as f32).to_le_bytes()));
+    }
+    let splatting = serde_json::json!({"kernel": "ellipse", "colorSpace": "srgb_rec709_display"});
+    let primitive = serde_json::json!({"mode": 0, "attributes": attributes, "extensions": {"KHR_gaussian_splatting": splatting}});
+    let node: serde_json::Value = serde_json::from_str(&format!("{{\"mesh\": 0{node}}}")).expect("JSON");
+    let mut document = serde_json::json!({
+        "asset": {"version": "2.0"}, "extensionsUsed": ["KHR_gaussian_splatting"], "extensionsRequired": ["KHR_gaussian_splatting"],
+        "nodes": [node], "meshes": [{"primitives": [primitive]}], "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": bin.len()}],
+    });
+    edit(&mut document);
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let word = |length: usize| (length as u32).to_le_bytes().to_vec();
+    let all = 28 + json.len() + bin.len();
+    let (json_length, bin_length) = (word(json.len()), word(bin.len()));
+    [
+        b"glTF".to_vec(),
+        word(2),
+        word(all),
+        json_length,
+        b"JSON".to_vec(),
+        json,
+        bin_length,
+        b"BIN\0".to_vec(),
+        bin,
+    ]
+    .concat()
+}
+
+#[test]
+fn a_gltf_of_gaussians_is_read_in_the_place_of_its_nodes() {
+    let turn = Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
+    let loaded = read("a.glb", &glb("", |_| {})).expect("valid");
+    let splats = loaded.splats;
+    assert_eq!(
+        (splats.positions[0], splats.sh_degree, splats.opacity[0]),
+        (Vec3::new(1.0, 2.0, 3.0), 1, 0.25)
+    );
+    assert_eq!((splats.scales[0], splats.sh[0]), (Vec3::new(0.1, 0.2, 0.3), [0.5, -0.5, 1.0]), "linear");
+    assert_eq!(splats.sh[1..], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]);
+    assert!(same_turn(splats.rotations[0], turn, 1e-6), "x y z w");
+    assert_eq!((loaded.provenance.up, loaded.warnings.len()), (Some(UpAxis::Y), 0));
+
+    let node = r#","translation":[10,0,0],"scale":[2,2,2],"rotation":[0,0,0.70710678,0.70710678]"#;
+    let loaded = read("a.glb", &glb(node, |_| {})).expect("valid");
+    let splats = loaded.splats;
+    assert!(close(splats.positions[0], Vec3::new(6.0, 2.0, 6.0), 1e-5), "{}", splats.positions[0]);
+    assert!(close(splats.scales[0], Vec3::new(0.2, 0.4, 0.6), 1e-5));
+    let wanted = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2) * turn;
+    assert!(same_turn(splats.rotations[0], wanted, 1e-5));
+    assert!(splats.sh[1..].iter().all(|c| *c == [0.0; 3]) && loaded.warnings[0].contains("from all sides"));
+}
+
+#[test]
+fn a_gltf_of_gaussians_that_cannot_be_read_says_why() {
+    type Edit = fn(&mut serde_json::Value);
+    let cases: [(&str, Edit, &str); 7] = [
+        (r#","scale":[1,2,1]"#, |_| {}, "apply the scale"),
+        (r#","scale":[-1,1,1]"#, |_| {}, "mirrors"),
+        ("", |d| d["meshes"][0]["primitives"][0]["mode"] = 1.into(), "no points"),
+        (
+            "",
+            |d| d["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:SCALE"] = 99.into(),
+            "accessor 99",
+        ),
+        ("", |d| d["accessors"][3]["count"] = 0.into(), "expected 1 of 1"),
+        (
+            "",
+            |d| {
+                d["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["colorSpace"] =
+                    "lin_rec709_display".into()
+            },
+            "lin_rec709_display",
+        ),
+        (
+            "",
+            |d| {
+                d["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["extensions"] =
+                    serde_json::json!({"KHR_gaussian_splatting_compression_spz_2": {}})
+            },
+            "spz_2",
+        ),
+    ];
+    for (node, edit, needle) in cases {
+        let error = read("a.glb", &glb(node, edit)).expect_err(needle).to_string();
+        assert!(
+            error.contains("a.glb") && error.contains(needle) && !error.contains('\n'),
+            "{needle}: {error}"
+        );
+    }
+}
+
+#[test]
+fn arrays_of_spz_4_that_do_not_fit_are_refused() {
+    type Edit = fn(&mut Vec<u8>);
+    let cases: [(Edit, &str); 5] = [
+        (|b| b[8..12].copy_from_slice(&u32::MAX.to_le_bytes()), "expected 38654705655"),
+        (|b| b[40] = 10, "10 by the table"),
+        (|b| b[16..20].copy_from_slice(&u32::MAX.to_le_bytes()), "table of arrays"),
+        (|b| b[39] = 1, "array 0: lies beyond"),
+        (|b| b[128] = 0, "zstd -t"),
+    ];
+    for (edit, needle) in cases {
+        let mut bytes = spz4_bytes();
+        edit(&mut bytes);
+        let error = read("a.spz", &bytes).expect_err(needle).to_string();
+        assert!(error.contains(needle) && !error.contains('\n'), "{needle}: {error}");
+    }
+}
+
 #[test]
 fn a_file_cut_anywhere_is_one_error_or_another_format() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -308,6 +472,8 @@ fn a_file_cut_anywhere_is_one_error_or_another_format() {
         ("a.splat", splat_record().repeat(2)),
         ("a.spz", gzipped(&spz_bytes(2))),
         ("b.spz", gzipped(&spz_bytes(3)[..40])),
+        ("c.spz", spz4_bytes()),
+        ("a.glb", glb("", |_| {})),
         ("a.sog", sog_bytes(0)),
     ];
     for (name, bytes) in files {
@@ -342,7 +508,7 @@ fn promises_beyond_the_file_or_the_limits_are_refused_before_memory_is_taken() {
 fn versions_without_a_reader_are_refused_with_a_remedy() {
     let v1 = gzipped(&spz_bytes(1));
     let cases: [(&str, &[u8], &str); 3] = [
-        ("a.spz", b"NGSP\x04\0\0\0rest", "SPZ version 4"),
+        ("a.spz", b"NGSP\x05\0\0\0and the rest of it", "SPZ version 5"),
         ("b.spz", &v1, "SPZ version 1"),
         ("a.ksplat", &[0; 4096], ".ksplat"),
     ];

@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::path::Path;
 use trisplat_scene::Error;
 
-/// The extension of glTF that holds them (a Khronos release candidate).
+/// The extension of glTF that holds them.
 pub const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// The names of formats that have readers.
@@ -18,7 +18,7 @@ pub(crate) const SPLAT: &str = ".splat";
 pub fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
         "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat bake` turns them into triangles, and `trisplat info` and \
-         `trisplat render` read them too: as PLY, .splat, SPZ (versions 2 and 3) and SOG (version 2)"
+         `trisplat render` read them too: as PLY, .splat, SPZ (versions 2 to 4), SOG (version 2) and glTF"
     );
     Error::unsupported(path, reason)
 }

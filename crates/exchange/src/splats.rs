@@ -6,6 +6,8 @@ mod sog;
 mod splat;
 mod spz;
 
+pub use build::{finish, unit, zeroed};
+
 use super::format::Format;
 use super::read_options::ReadOptions;
 use super::source::Source;

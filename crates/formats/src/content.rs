@@ -2,9 +2,8 @@
 
 use super::read::{detect, read_as};
 use std::path::Path;
-use trisplat_exchange::ReadOptions;
-use trisplat_exchange::Source;
-use trisplat_exchange::splats;
+use trisplat_exchange::{Format, ReadOptions, Source, splats};
+use trisplat_gltf as gltf;
 use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// What a file holds.
@@ -33,9 +32,9 @@ impl Content {
 /// Errors of the format's reader, or an unknown format.
 pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
     let mut source = Source::open(path, &options.limits)?;
-    match splats::format_of(&mut source)? {
+    match format_of_splats(&mut source, &options.limits)? {
         Some(format) => {
-            splats::read_as(format, source, &ReadOptions { sh_degree: 3, ..*options }).map(Content::Splats)
+            read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }).map(Content::Splats)
         }
         None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
     }
@@ -47,6 +46,26 @@ pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
     if path.as_os_str() == "-" {
         return false;
     }
-    let format = Source::open(path, limits).and_then(|mut source| splats::format_of(&mut source));
+    let format = Source::open(path, limits).and_then(|mut source| format_of_splats(&mut source, limits));
     format.is_ok_and(|format| format.is_some())
+}
+
+/// The format of an open file when it holds Gaussians that are read.
+pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<Option<Format>> {
+    if let Some(format) = splats::format_of(source)? {
+        return Ok(Some(format));
+    }
+    let format = Format::detect(&source.head()?, &source.named());
+    match format {
+        Some(Format::Glb | Format::Gltf) if gltf::holds_splats(source, limits)? => Ok(format),
+        _ => Ok(None),
+    }
+}
+
+/// The Gaussians in an open file of that format, with the cameras in a list beside it.
+pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    match format {
+        Format::Glb | Format::Gltf => gltf::read_splats(source, options),
+        _ => splats::read_as(format, source, options),
+    }
 }

@@ -1,6 +1,6 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
-use super::content::Content;
+use super::content::{Content, format_of_splats, read_splats};
 use super::html;
 use super::read::{detect, read_as};
 use glam::Vec3;
@@ -10,7 +10,6 @@ use std::path::Path;
 use trisplat_exchange::Format;
 use trisplat_exchange::ReadOptions;
 use trisplat_exchange::Source;
-use trisplat_exchange::splats;
 use trisplat_gltf::{GltfInfo, gltf_info};
 use trisplat_scene::{
     FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
@@ -211,11 +210,11 @@ pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, ImportedScene)>
 /// Errors of reading.
 pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Content)> {
     let mut source = Source::open(path, &options.limits)?;
-    let Some(format) = splats::format_of(&mut source)? else {
+    let Some(format) = format_of_splats(&mut source, &options.limits)? else {
         return info_of_scene(path, source, options).map(|(info, loaded)| (info, Content::Scene(loaded)));
     };
     let bytes = source.len;
-    let loaded = splats::read_as(format, source, options)?;
+    let loaded = read_splats(format, source, options)?;
     let info = Info {
         path: path.display().to_string(),
         format,

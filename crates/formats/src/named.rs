@@ -12,17 +12,13 @@ use trisplat_scene::Limits;
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
 /// reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
-    if let Some(list) = splats::cameras::beside(path)
-        && holds_splats(path, limits)
-    {
-        return vec![list];
-    }
+    let mut files = Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
     // These hold everything themselves; a compressed one would be unpacked to be recognised.
     let alone = |path: &Path| {
         matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))
     };
     if path.as_os_str() == "-" || is_packed(path) && alone(&path.with_extension("")) {
-        return Vec::new();
+        return files;
     }
     let named = Source::open(path, limits).and_then(|mut source| {
         let head = source.head()?;
@@ -32,7 +28,8 @@ pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
             _ => Ok(Vec::new()),
         }
     });
-    named.unwrap_or_default()
+    files.extend(named.unwrap_or_default());
+    files
 }
 
 #[cfg(test)]

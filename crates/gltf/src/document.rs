@@ -272,7 +272,7 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limi
 }
 
 /// An array of at most [`ENTRIES`] entries.
-fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
 ) -> std::result::Result<Vec<T>, D::Error> {
     struct Limited<T>(PhantomData<T>);

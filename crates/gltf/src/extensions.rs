@@ -1,6 +1,7 @@
 //! The glTF extensions read and written: their names, and the objects without types in `gltf-json`.
 
 use serde::{Deserialize, Serialize};
+use trisplat_exchange::gaussians;
 
 /// The material shows its colour without lights.
 pub(crate) const UNLIT: &str = "KHR_materials_unlit";
@@ -16,7 +17,8 @@ pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that a file may require: those that are read, and those that only change the look of a surface.
-const READABLE: [&str; 9] = [
+const READABLE: [&str; 10] = [
+    gaussians::GLTF_EXTENSION,
     QUANTIZATION,
     MESHOPT,
     MESHOPT_KHR,

@@ -72,7 +72,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     finish(&path, loaded)
 }
 
-fn check_support(path: &Path, document: &Document) -> Result<()> {
+pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
     if !document.asset.version.starts_with("2.") {
         return Err(Error::unsupported(
             path,

@@ -7,7 +7,7 @@ use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats};
 
 /// As many Gaussians of zeros.
-pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
+pub fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
     limits.vertices(path.display(), count as u64)?;
     let coefficients = count.saturating_mul((usize::from(sh_degree) + 1).pow(2));
     Ok(Splats {
@@ -32,7 +32,7 @@ pub(crate) fn read_all(path: &Path, from: impl Read, most: u64, limits: &Limits)
 }
 
 /// The rotation of a quaternion w, x, y, z of any length; not finite where it has none.
-pub(crate) fn unit([w, x, y, z]: [f64; 4]) -> Quat {
+pub fn unit([w, x, y, z]: [f64; 4]) -> Quat {
     let length = (w * w + x * x + y * y + z * z).sqrt();
     let [w, x, y, z] = [w, x, y, z].map(|part| (part / length) as f32);
     Quat::from_xyzw(x, y, z, w)
@@ -46,7 +46,7 @@ pub(crate) fn sh0(channel: f64) -> f32 {
 /// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted from their positions.
 ///
 /// Errors: none are left; numbers out of range.
-pub(crate) fn finish(
+pub fn finish(
     path: &Path,
     mut splats: Splats,
     mut provenance: Provenance,

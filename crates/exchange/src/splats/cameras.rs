@@ -65,7 +65,7 @@ impl Entry {
 }
 
 /// Adds the cameras of a list beside the file; a warning says why one is not used.
-pub(super) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
+pub fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
     let Some(list) = beside(path) else { return };
     match read(&list, DVec3::from(loaded.provenance.placement.center), limits) {
         Ok(cameras) => loaded.cameras = cameras,

@@ -1,10 +1,14 @@
-//! SPZ versions 2 and 3 (nianticlabs/spz): gzip over a header and one array per quantity.
+//! SPZ versions 2 to 4 (nianticlabs/spz): a header and one array per quantity.
+//!
+//! Versions 2 and 3 are gzip over all of it. Version 4 is not: each array is a zstd frame of its own, and a table of their lengths
+//! follows 16 more bytes of header.
 //!
 //! ```text
-//! header     u32 "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits, u8 flags (1: antialiased), u8 reserved
+//! header     u32 "NGSP", u32 version, u32 count, u8 SH degree, u8 fractional bits, u8 flags (1: antialiased), u8 arrays (version 4)
+//!            version 4: u32 place of the table, 12 bytes reserved; in the table per array u64 packed and u64 unpacked length
 //! positions  3 i24 each, in units of 2^-(fractional bits)      opacities  u8
 //! colours    3 u8 each: sh[0] = (byte / 255 - 0.5) / 0.15      scales     3 u8 each: exp(byte / 16 - 10)
-//! rotations  version 2: x, y, z as byte / 127.5 - 1; version 3: u32, 10 bits for each but the largest
+//! rotations  version 2: x, y, z as byte / 127.5 - 1; later: u32, 10 bits for each but the largest
 //! SH         u8 per coefficient and channel, channels innermost: (byte - 128) / 128
 //! ```
 //! Axes: +x right, +y up, +z back.
@@ -12,11 +16,15 @@
 use super::build::{finish, read_all, unit, zeroed};
 use crate::{ReadOptions, Source, gaussians};
 use glam::DVec3;
+use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::ErrorKind;
-use trisplat_scene::{Error, ImportedSplats, Provenance, Result, ScreenFilter, Splats, UpAxis};
+use std::path::Path;
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis};
 
 const HEADER: usize = 16;
+/// Of version 4.
+const LONG_HEADER: usize = 32;
 /// Gzip makes nothing smaller than this many times.
 const LARGEST_RATIO: u64 = 1032;
 
@@ -31,26 +39,73 @@ struct Header {
 
 /// The Gaussians of the file.
 pub(super) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
-    if source.head()?.starts_with(b"NGSP") {
-        return Err(gaussians::refusal(&source.path, "SPZ version 4"));
-    }
-    let path = &source.path;
-    let most = source.len.saturating_mul(LARGEST_RATIO);
-    let unpacked = flate2::read::GzDecoder::new(std::io::BufReader::new(&*source.file));
-    let bytes = read_all(path, unpacked, most, &options.limits).map_err(|error| match error {
-        Error::Io { source, .. } if is_damage(source.kind()) => {
-            Error::malformed(path, "its compressed bytes", "end too soon or are damaged; `gzip -t` tests it")
-        }
-        other => other,
-    })?;
+    let is_plain = source.head()?.starts_with(b"NGSP");
+    let (path, limits) = (&source.path, &options.limits);
+    let file = std::io::BufReader::new(&*source.file);
+    let bytes = if is_plain {
+        streams(path, &read_all(path, file, source.len, limits)?, limits)?
+    } else {
+        let most = source.len.saturating_mul(LARGEST_RATIO);
+        let unpacked = read_all(path, flate2::read::GzDecoder::new(file), most, limits);
+        unpacked.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))?
+    };
     let header = Header::parse(&source, &bytes)?;
     let splats = header.splats(&source, &bytes[HEADER..], options)?;
     let provenance = Provenance { up: Some(UpAxis::Y), ..Provenance::default() };
     finish(path, splats, provenance, Vec::new(), DVec3::ZERO)
 }
 
-fn is_damage(kind: ErrorKind) -> bool {
-    matches!(kind, ErrorKind::InvalidInput | ErrorKind::InvalidData | ErrorKind::UnexpectedEof)
+/// The error of a decoder that met wrong bytes, with the program that tests them.
+fn damaged(path: &Path, error: Error, place: &str, test: &str) -> Error {
+    use ErrorKind::{InvalidData, InvalidInput, Other, UnexpectedEof};
+    match error {
+        Error::Io { source, .. }
+            if matches!(source.kind(), InvalidInput | InvalidData | UnexpectedEof | Other) =>
+        {
+            Error::malformed(path, place, format!("end too soon or are damaged; `{test}` tests it"))
+        }
+        other => other,
+    }
+}
+
+/// The short header and the arrays of version 4, which then lie as in version 3.
+fn streams(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Vec<u8>> {
+    if bytes.len() < LONG_HEADER || word(bytes, 4) != 4 {
+        // The header is judged with that of other versions.
+        return Ok(bytes[..bytes.len().min(HEADER)].to_vec());
+    }
+    let cut = |place: &str| Error::malformed(path, place, "lies beyond the end of the file: cut short");
+    let (table, arrays) = (word(bytes, 16) as usize, usize::from(bytes[15]));
+    let lengths = bytes.get(table..).and_then(|rest| rest.get(..16 * arrays));
+    let lengths = lengths.ok_or_else(|| cut("table of arrays"))?;
+    let (mut packed, mut out) = (&bytes[table + lengths.len()..], bytes[..HEADER].to_vec());
+    let per_splat = [9, 1, 3, 3, 4, 3 * ((u64::from(bytes[12]) + 1).pow(2) - 1)];
+    for (i, (entry, each)) in lengths.chunks_exact(16).zip(per_splat).enumerate() {
+        let place = format!("array {i}");
+        let [length, unpacked] =
+            [0, 8].map(|at| u64::from(word(entry, at)) | u64::from(word(entry, at + 4)) << 32);
+        let some = usize::try_from(length).ok().and_then(|length| packed.split_at_checked(length));
+        let (array, behind) = some.ok_or_else(|| cut(&place))?;
+        let decoder = StreamingDecoder::new(array).map_err(|e| Error::io(path, std::io::Error::other(e)));
+        let array = decoder.and_then(|decoder| read_all(path, decoder, unpacked, limits));
+        let array = array.map_err(|error| damaged(path, error, &place, "zstd -t"))?;
+        let wanted = u64::from(word(bytes, 8)) * each;
+        if [array.len() as u64, unpacked] != [wanted; 2] {
+            let reason = format!("has {} bytes, {unpacked} by the table; expected {wanted}", array.len());
+            return Err(Error::malformed(path, place, reason));
+        }
+        limits.reserve::<u8>(path.display(), &mut out, array.len())?;
+        out.extend(array);
+        packed = behind;
+    }
+    Ok(out)
+}
+
+/// The number of four bytes from `at`.
+fn word(bytes: &[u8], at: usize) -> u32 {
+    let mut four = [0; 4];
+    four.copy_from_slice(&bytes[at..at + 4]);
+    u32::from_le_bytes(four)
 }
 
 impl Header {
@@ -59,13 +114,8 @@ impl Header {
         if bytes.len() < HEADER || !bytes.starts_with(b"NGSP") {
             return Err(malformed("does not begin with NGSP: not an SPZ file, or a broken one".to_owned()));
         }
-        let word = |at: usize| {
-            let mut four = [0; 4];
-            four.copy_from_slice(&bytes[at..at + 4]);
-            u32::from_le_bytes(four)
-        };
-        let (version, sh_degree, fractional_bits) = (word(4), bytes[12], bytes[13]);
-        if !matches!(version, 2 | 3) {
+        let (version, sh_degree, fractional_bits) = (word(bytes, 4), bytes[12], bytes[13]);
+        if !(2..=4).contains(&version) {
             return Err(gaussians::refusal(&source.path, &format!("SPZ version {version}")));
         }
         if sh_degree > 3 || fractional_bits > 24 {
@@ -74,7 +124,7 @@ impl Header {
             );
             return Err(malformed(reason));
         }
-        let count = word(8) as usize;
+        let count = word(bytes, 8) as usize;
         Ok(Self { version, count, sh_degree, fractional_bits, antialiased: bytes[14] & 1 == 1 })
     }
 
@@ -126,7 +176,7 @@ impl Header {
     }
 }
 
-/// w, x, y, z of version 2, three bytes, or version 3, four.
+/// w, x, y, z of version 2, three bytes, or a later one, four.
 fn rotation(bytes: &[u8]) -> [f64; 4] {
     let [mut x, mut y, mut z, mut w] = [0.0; 4];
     if let [a, b, c] = *bytes {

@@ -1,0 +1,251 @@
+//! Gaussian splats in glTF: points with `KHR_gaussian_splatting`, as Khronos ratified it in 2026.
+//!
+//! Scales are linear, opacities no logits, rotations x y z w, and each coefficient of the spherical harmonics has an attribute of its own.
+
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::container::ContainerFile;
+use super::document::{self, Document, limited};
+use super::extras;
+use super::nodes::{self, MeshInstance};
+use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
+use gltf_json::mesh::POINTS;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
+use std::path::Path;
+use trisplat_exchange::far::{origin_of, sampled};
+use trisplat_exchange::gaussians::GLTF_EXTENSION;
+use trisplat_exchange::splats::{cameras, finish, unit, zeroed};
+use trisplat_exchange::{ReadOptions, Source};
+use trisplat_scene::guard::guarded;
+use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats};
+
+/// Colours that are read: those of photos.
+const COLORS: &str = "srgb_rec709_display";
+/// How much the axes of a node may differ in length, as a share.
+const UNEVEN: f64 = 1e-3;
+
+/// The primitives of a document, as far as Gaussians are concerned.
+#[derive(Deserialize)]
+struct SplatDocument {
+    #[serde(default, deserialize_with = "limited")]
+    meshes: Vec<SplatMesh>,
+}
+
+#[derive(Deserialize)]
+struct SplatMesh {
+    #[serde(default, deserialize_with = "limited")]
+    primitives: Vec<SplatPrimitive>,
+}
+
+#[derive(Deserialize)]
+struct SplatPrimitive {
+    #[serde(default)]
+    mode: Option<u32>,
+    #[serde(default)]
+    attributes: BTreeMap<String, usize>,
+    #[serde(default)]
+    extensions: SplatExtensions,
+}
+
+#[derive(Default, Deserialize)]
+struct SplatExtensions {
+    #[serde(rename = "KHR_gaussian_splatting")]
+    splatting: Option<Splatting>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Splatting {
+    #[serde(default)]
+    color_space: Option<String>,
+    #[serde(default)]
+    extensions: BTreeMap<String, IgnoredAny>,
+}
+
+/// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a broken one holds none.
+pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
+    let container = ContainerFile::read(source, limits);
+    source.rewind().map_err(|e| Error::io(&source.path, e))?;
+    let Ok(container) = container else { return Ok(false) };
+    // Few files name it, so few are parsed twice.
+    if !container.json.windows(GLTF_EXTENSION.len()).any(|text| text == GLTF_EXTENSION.as_bytes()) {
+        return Ok(false);
+    }
+    let document = document::parse::<SplatDocument>(&source.path, &container.json, limits);
+    let is_splats = |primitive: &SplatPrimitive| primitive.extensions.splatting.is_some();
+    Ok(document.is_ok_and(|document| {
+        let mut all = document.meshes.iter().flat_map(|mesh| &mesh.primitives).peekable();
+        all.peek().is_some() && all.all(is_splats)
+    }))
+}
+
+/// The Gaussians of the default scene, with the cameras in a list beside the file.
+///
+/// # Errors
+/// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven scales.
+pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    let (path, limits) = (source.path.clone(), options.limits);
+    guarded(&path, || {
+        let container = ContainerFile::read(&mut source, &limits)?;
+        let document: Document = document::parse(&path, &container.json, &limits)?;
+        let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
+        super::read::check_support(&path, &document)?;
+        let instances = nodes::instances(&path, &document, &limits)?;
+        let buffers = Buffers::new(source, &container, &document.buffers, options);
+        let mut reader =
+            Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };
+        let parts = reader.parts(&own, &instances)?;
+        let (splats, origin) = reader.splats(&parts, options)?;
+        let mut loaded = finish(&path, splats, extras::provenance(&document.asset), reader.warnings, origin)?;
+        cameras::add_beside(&path, &mut loaded, &limits);
+        Ok(loaded)
+    })
+}
+
+/// The Gaussians of one primitive under one node.
+struct Part {
+    place: String,
+    /// Accessors of position, rotation, scale and opacity.
+    basic: [usize; 4],
+    /// Those of the spherical harmonics, all degrees in order.
+    sh: Vec<usize>,
+    count: usize,
+    transform: DMat4,
+    turn: DQuat,
+    scale: f64,
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    accessors: Accessors<'a>,
+    warnings: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn parts(&mut self, document: &SplatDocument, instances: &[MeshInstance]) -> Result<Vec<Part>> {
+        let mut parts = Vec::new();
+        for instance in instances {
+            let Some(mesh) = document.meshes.get(instance.mesh) else {
+                let reason =
+                    format!("shows mesh {}, but the file has {}", instance.mesh, document.meshes.len());
+                return Err(Error::malformed(self.path, format!("node {}", instance.node), reason));
+            };
+            for (i, primitive) in mesh.primitives.iter().enumerate() {
+                parts.push(self.part(
+                    primitive,
+                    format!("mesh {} primitive {i}", instance.mesh),
+                    instance,
+                )?);
+            }
+        }
+        Ok(parts)
+    }
+
+    fn part(&mut self, primitive: &SplatPrimitive, place: String, instance: &MeshInstance) -> Result<Part> {
+        let malformed = |reason: String| Error::malformed(self.path, place.clone(), reason);
+        let unsupported = |what: String| Error::unsupported(self.path, format!("{place}: {what}"));
+        if primitive.mode != Some(POINTS) {
+            return Err(malformed("has Gaussians that are no points (`mode` 0)".to_owned()));
+        }
+        let splatting = primitive.extensions.splatting.as_ref();
+        if let Some(name) = splatting.and_then(|s| s.extensions.keys().next()) {
+            return Err(unsupported(format!("its Gaussians need {name}; export them again without")));
+        }
+        if let Some(other) = splatting.and_then(|s| s.color_space.as_deref()).filter(|name| *name != COLORS) {
+            return Err(unsupported(format!("its colours are {other}; export them again as {COLORS}")));
+        }
+        let accessor = |name: &str| primitive.attributes.get(name).copied();
+        let own = |name: &str| accessor(&format!("{GLTF_EXTENSION}:{name}"));
+        let basic =
+            [accessor("POSITION"), own("ROTATION"), own("SCALE"), own("OPACITY"), own("SH_DEGREE_0_COEF_0")];
+        let [Some(position), Some(rotation), Some(scale), Some(opacity), Some(first)] = basic else {
+            let wants = "POSITION and, of the extension, ROTATION, SCALE, OPACITY and SH_DEGREE_0_COEF_0";
+            return Err(malformed(format!("lacks an attribute; expected {wants}")));
+        };
+        let mut sh = vec![first];
+        for degree in 1..=3 {
+            let all = (0..2 * degree + 1).map(|n| own(&format!("SH_DEGREE_{degree}_COEF_{n}")));
+            match all.collect::<Option<Vec<usize>>>() {
+                Some(all) => sh.extend(all),
+                None => break,
+            }
+        }
+        let transform = instance.transform.unwrap_or(DMat4::IDENTITY);
+        let axes = DMat3::from_mat4(transform);
+        let size = axes.determinant().cbrt();
+        let is_even = (axes.transpose() * axes)
+            .abs_diff_eq(DMat3::from_diagonal(DVec3::splat(size * size)), UNEVEN * size * size);
+        if !(size > 0.0 && is_even) {
+            let what = format!(
+                "node {} mirrors it or scales its axes differently; apply the scale before the export",
+                instance.node
+            );
+            return Err(unsupported(what));
+        }
+        let turn = DQuat::from_mat3(&(axes * size.recip()));
+        let basic = [position, rotation, scale, opacity];
+        let count =
+            self.check(&place, basic.into_iter().zip([3, 4, 3, 1]).chain(sh.iter().map(|i| (*i, 3))))?;
+        Ok(Part { place, basic, sh, count, transform, turn, scale: size })
+    }
+
+    /// The number of elements that all of these accessors have, each with so many components.
+    fn check(&mut self, place: &str, accessors: impl Iterator<Item = (usize, u64)>) -> Result<usize> {
+        let mut count = None;
+        for (accessor, width) in accessors {
+            let layout = self.accessors.layout(accessor)?;
+            let count = *count.get_or_insert(layout.count);
+            if layout.count != count || layout.width != width {
+                let (found, has) = (layout.count, layout.width);
+                let reason = format!(
+                    "has {found} elements of {has} numbers in accessor {accessor}; expected {count} of {width}"
+                );
+                return Err(Error::malformed(self.path, place, reason));
+            }
+            self.accessors.buffers.spend(count.saturating_mul(4 * width))?;
+        }
+        Ok(count.unwrap_or(0) as usize)
+    }
+
+    /// All of them, and the origin that was subtracted from their positions.
+    fn splats(&mut self, parts: &[Part], options: &ReadOptions) -> Result<(Splats, DVec3)> {
+        let total = parts.iter().fold(0usize, |sum, part| sum.saturating_add(part.count));
+        let degree = parts.iter().map(|part| part.sh.len().isqrt() as u8 - 1).max().unwrap_or(0);
+        let mut splats = zeroed(self.path, total, degree.min(options.sh_degree), &options.limits)?;
+        let k = splats.sh_count();
+        let mut positions: Vec<DVec3> = options.limits.zeroed(self.path.display(), total)?;
+        let mut base = 0;
+        for part in parts {
+            let [position, rotation, scale, opacity] = part.basic;
+            self.accessors.for_each(position, 0.0, |i, place: [f64; 3]| {
+                positions[base + i] = part.transform.transform_point3(DVec3::from(place));
+            })?;
+            self.accessors.for_each(rotation, 0.0, |i, [x, y, z, w]: [f64; 4]| {
+                let [x, y, z, w] = DVec4::from(part.turn * DQuat::from_xyzw(x, y, z, w)).to_array();
+                splats.rotations[base + i] = unit([w, x, y, z]);
+            })?;
+            self.accessors.for_each(scale, 0.0, |i, lengths: [f64; 3]| {
+                splats.scales[base + i] = (DVec3::from(lengths) * part.scale).as_vec3();
+            })?;
+            self.accessors.for_each(opacity, 0.0, |i, [value]| splats.opacity[base + i] = value as f32)?;
+            let is_turned = part.turn.w.abs() < 1.0 - f64::EPSILON;
+            let drawn = if is_turned { 1 } else { part.sh.len().min(k) };
+            if drawn < part.sh.len().min(k) {
+                let warning =
+                    format!("{}: a node turns it, so its colours are the same from all sides", part.place);
+                self.warnings.push(warning);
+            }
+            for (j, coefficient) in part.sh[..drawn].iter().enumerate() {
+                self.accessors.for_each(*coefficient, 0.0, |i, rgb: [f64; 3]| {
+                    splats.sh[(base + i) * k + j] = rgb.map(|c| c as f32);
+                })?;
+            }
+            base += part.count;
+        }
+        let origin = origin_of(sampled(total).map(|i| positions[i]).collect());
+        splats.positions.iter_mut().zip(&positions).for_each(|(to, p)| *to = (*p - origin).as_vec3());
+        Ok((splats, origin))
+    }
+}
