@@ -22,7 +22,7 @@ use trisplat_view::show;
 /// What to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
-    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog).
+    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog .glb).
     ///
     /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
     /// with default options; and from a quantised and compressed file. This shows the loss of each step.

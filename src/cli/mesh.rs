@@ -24,7 +24,7 @@ use trisplat_scene::{Error, Result, layered::Layers, report::Report};
 #[derive(Debug, clap::Args)]
 pub struct MeshArgs {
     /// Scene to make a surface of: a trained soup (.ply .pt), a mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat
-    /// .spz .sog), whose drawings are its photos; or posed photos alone, on which a scene is trained first, for half a minute of CPU time
+    /// .spz .sog .glb), whose drawings are its photos; or posed photos alone, on which a scene is trained first, for half a minute of CPU time
     #[arg(value_name = "SCENE|PHOTOS")]
     pub input: PathBuf,
     /// Posed photos of it, whose cameras determine the surface; without them the cameras of SCENE, or chosen

@@ -16,7 +16,7 @@ use trisplat_train::BackendOptions;
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
     /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
-    /// Or Gaussian splats (.ply .splat .spz .sog), drawn as their trainers draw them.
+    /// Or Gaussian splats (.ply .splat .spz .sog .glb), drawn as their trainers draw them.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// How it is drawn.
