@@ -352,7 +352,7 @@ fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
         views.push(serde_json::json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": 4 * values.len()}));
         accessors
             .push(serde_json::json!({"bufferView": i, "componentType": 5126, "count": 1, "type": shape}));
-        values.iter().for_each(|value| bin.extend((*value as f32).to_le_bytes()));
+        values.iter().for_each(|value| bin.extend(value.to_le_bytes()));
     }
     let splatting = serde_json::json!({"kernel": "ellipse", "colorSpace": "srgb_rec709_display"});
     let primitive = serde_json::json!({"mode": 0, "attributes": attributes, "extensions": {"KHR_gaussian_splatting": splatting}});
