@@ -231,8 +231,9 @@ else
 fi
 
 if [ -n "${TRISPLAT_PYTHON:-}" ]; then
-    section 'maturin'
-    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" || fail "pip could not install maturin $MATURIN"
+    section 'maturin and notebooks'
+    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" nbclient ipykernel pillow ||
+        fail "pip could not install maturin $MATURIN and what runs a notebook"
     echo "maturin $MATURIN"
 fi
 
