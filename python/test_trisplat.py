@@ -112,7 +112,7 @@ assert [now["step"] for now in seen] == list(range(1, 151)) and {now["part"] for
 assert seen[-1]["psnr"] > seen[0]["psnr"] and seen[-1]["triangles"] <= 600
 seen.clear()
 report = trisplat.train(photos, folder / "stopped.ply", **few, callback=lambda now: seen.append(now) or now["step"] < 20)
-assert len(seen) == 20 and report["stopped"] and len(trisplat.read(folder / "stopped.ply")["triangles"])
+assert len(seen) == 20 and report["stages"][-1]["details"]["stopped"] and len(trisplat.read(folder / "stopped.ply")["triangles"])
 
 
 def interrupt(now):
