@@ -50,8 +50,8 @@ pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &RgbImage) -> P
     put(out, name, picture.rgb.as_flattened().to_vec(), &[height, width, 3])
 }
 
-/// An array that owns the values.
-pub fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
+/// Adds an array that owns the values.
+fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
     out.set_item(key, PyArray1::from_vec(out.py(), values).reshape(shape)?)
 }
 

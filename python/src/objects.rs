@@ -36,7 +36,8 @@ pub fn to_trimesh<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>
 #[pyfunction]
 pub fn to_open3d<'py>(source: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     let py = source.py();
-    let (geometry, utility) = (py.import("open3d")?.getattr("geometry")?, py.import("open3d")?.getattr("utility")?);
+    let (geometry, utility) =
+        (py.import("open3d")?.getattr("geometry")?, py.import("open3d")?.getattr("utility")?);
     let mut mesh = mesh(source)?;
     encode(&mut mesh);
     if let Colors::Face(colors) = &mesh.colors {
@@ -77,6 +78,6 @@ fn mesh(source: &Bound<'_, PyAny>) -> PyResult<Mesh> {
 fn encode(mesh: &mut Mesh) {
     let (Colors::Face(colors) | Colors::Vertex(colors)) = &mut mesh.colors;
     for channel in colors.as_flattened_mut() {
-        *channel = srgb_from_linear(*channel);
+        *channel = srgb_from_linear(channel.clamp(0.0, 1.0));
     }
 }

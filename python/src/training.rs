@@ -3,7 +3,7 @@
 use crate::{arrays, cpu_budget, exists, options, raised};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::{TeacherSource, TrainJobObserver};
@@ -120,11 +120,11 @@ struct Part<'a> {
 impl TrainObserver for Part<'_> {
     fn stepped(&mut self, sample: &TrainSample) {
         let Watcher { callback: Some(callback), stopped, raised } = self.watcher else { return };
-        let called = Python::attach(|py| {
+        let called = Python::attach(|py| -> PyResult<bool> {
             let mut event = serde_json::to_value(sample).unwrap_or_default();
             event["part"] = self.name.into();
             let said = callback.bind(py).call1((options::to_python(py, &event)?,))?;
-            Ok(said.is(PyBool::new(py, false)))
+            Ok(said.extract().is_ok_and(|goes_on: bool| !goes_on))
         });
         match called {
             Ok(stops) => *stopped |= stops,
