@@ -282,7 +282,7 @@ fn what_cannot_be_drawn_says_why() {
     let layers = ["--orbit", "1", "--show", "contributions"];
     fail(&[&["render", &mesh, "-o", &out][..], &layers].concat(), &["--show", "one layer"]);
     let wires = ["--orbit", "1", "--show", "wires"];
-    fail(&[&["render", &soup, "-o", &out][..], &wires].concat(), &["--show", "baked file, or --as solid"]);
+    fail(&[&["render", &soup, "-o", &out][..], &wires].concat(), &["--show", "only a baked file has wires"]);
     let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];
     fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["--limit camera_pixels="]);
     let large = [&large[..], &["--limit", "camera_pixels=300000000"]].concat();

@@ -278,7 +278,7 @@ impl SceneRenderer {
             return Err(Error::invalid(
                 "show",
                 "wires",
-                "a baked file, or `mode` solid: soft triangles fade at their edges",
+                "color, depth, normal, contributions or random-subset: only a baked file has wires",
             ));
         };
         Ok(show::wires(scene.solid.visibility(&scene.mesh, camera, &scene.options), camera.size))
