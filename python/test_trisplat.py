@@ -4,6 +4,7 @@ import ast
 import inspect
 import json
 import pathlib
+import signal
 import struct
 import sys
 
@@ -59,6 +60,28 @@ red = {"positions": np.array(corner, float), "colors": [[1, 0, 0]]}
 both = trisplat.bake([red, white], preset="fast", up="y")
 assert len(both["faces"]) == 2
 
+# Nothing is copied on reading: arrays own their memory, or are views of one that does, and can be written.
+for array in (*trisplat.read(samples / "soups/studio.ply").values(), *mesh.values()):
+    assert array.flags.writeable and array.flags.c_contiguous and array.base is not None
+# Objects of other packages, in the colours that eyes see.
+import open3d
+import trimesh
+
+for source in (mesh, folder / "a.glb"):
+    triangles = mesh["positions"][mesh["faces"]]
+    other = trisplat.to_trimesh(source)
+    assert isinstance(other, trimesh.Trimesh) and np.array_equal(np.asarray(other.triangles, np.float32), triangles)
+    third = trisplat.to_open3d(source)
+    assert isinstance(third, open3d.geometry.TriangleMesh)
+    assert np.array_equal(np.asarray(third.vertices, np.float32)[np.asarray(third.triangles)], triangles)
+    linear = mesh["colors"].repeat(3, axis=0) if len(mesh["colors"]) == 500 else mesh["colors"]
+    srgb = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)
+    assert np.allclose(np.asarray(third.vertex_colors), srgb, atol=1 / 255)
+    seen = other.visual.face_colors if other.visual.kind == "face" else other.visual.vertex_colors
+    assert np.abs(seen[:, :3] - 255 * (srgb[::3] if len(seen) == 500 else srgb)).max() <= 1
+refused(ValueError, "trisplat.bake", trisplat.to_trimesh, soup)
+refused(OSError, "none.glb", trisplat.to_open3d, folder / "none.glb")
+
 # Levels and tiles as the program writes them.
 trisplat.bake(samples / "soups/studio.ply", folder / "b.glb", lod=[0.5], target="godot", **options)
 assert (folder / "b.lod1.glb").exists() and (folder / "b.lod.tscn").exists()
@@ -81,6 +104,27 @@ assert report["options"]["steps"] == 150, report["options"]
 trained = trisplat.train(str(photos), **few)
 stored = trisplat.read(folder / "trained.ply")
 assert all(np.array_equal(trained[key], stored[key]) for key in trained) and len(trained["triangles"]) <= 600
+
+# A callback sees every step, stops by False, and ends the training by what it raises; Ctrl-C does, between two steps.
+seen = []
+trisplat.train(photos, **few, callback=seen.append)
+assert [now["step"] for now in seen] == list(range(1, 151)) and {now["part"] for now in seen} == {"scene"}
+assert seen[-1]["psnr"] > seen[0]["psnr"] and seen[-1]["triangles"] <= 600
+seen.clear()
+report = trisplat.train(photos, folder / "stopped.ply", **few, callback=lambda now: seen.append(now) or now["step"] < 20)
+assert len(seen) == 20 and report["stages"][-1]["details"]["stopped"] and len(trisplat.read(folder / "stopped.ply")["triangles"])
+
+
+def interrupt(now):
+    if now["step"] == 5:
+        signal.raise_signal(signal.SIGINT)
+
+
+refused(KeyboardInterrupt, "", trisplat.train, photos, folder / "interrupted.ply", **few, callback=interrupt)
+refused(ZeroDivisionError, "zero", trisplat.train, photos, folder / "interrupted.ply", **few, callback=lambda now: 1 / 0)
+both = dict(few, teacher="auto")
+refused(KeyboardInterrupt, "", trisplat.train, photos, folder / "interrupted.ply", **both, callback=interrupt)
+assert not (folder / "interrupted.ply").exists()
 trisplat.bake(folder / "trained.ply", folder / "trained.glb", preset="fast")
 scores = trisplat.eval(folder / "trained.glb", photos, ssaa=1, coverage=False, dataset_options=how)
 [solid] = scores["steps"]

@@ -1,7 +1,7 @@
 """Photos to triangle scenes for game engines, numpy in and out."""
 
 from os import PathLike
-from typing import Any, Literal, Mapping, Optional, Sequence, Union, overload
+from typing import Any, Callable, Literal, Mapping, Optional, Sequence, Union, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ def train(
     teacher: Optional[str] = None,
     budget: Optional[float] = None,
     dataset_options: Optional[Mapping[str, Any]] = None,
+    callback: Optional[Callable[[dict[str, Any]], Any]] = None,
     **options: Any,
 ) -> dict[str, NDArray[Any]]: ...
 @overload
@@ -41,9 +42,13 @@ def train(
     teacher: Optional[str] = None,
     budget: Optional[float] = None,
     dataset_options: Optional[Mapping[str, Any]] = None,
+    callback: Optional[Callable[[dict[str, Any]], Any]] = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Trains a scene on a folder of photos with poses. Returns the report with `output`, the arrays of the soup without."""
+    """Trains a scene on a folder of photos with poses. Returns the report with `output`, the arrays of the soup without.
+
+    `callback` gets part, step, triangles, loss and psnr after every step; where it returns False, the scene so far is the result.
+    """
 
 @overload
 def bake(
@@ -88,9 +93,15 @@ def render(
     dataset: Optional[_Path] = None,
     split: _Split = "test",
     width: int = 960,
-    show: Literal["color", "depth", "normal", "contributions", "random-subset"] = "color",
+    show: Literal["color", "depth", "normal", "wires", "contributions", "random-subset"] = "color",
     mode: Optional[_Mode] = None,
     ssaa: Literal[1, 2, 4] = 4,
     dataset_options: Optional[Mapping[str, Any]] = None,
 ) -> dict[str, NDArray[np.uint8]]:
     """Pictures of a scene, (H, W, 3), by their names."""
+
+def to_trimesh(source: _Source) -> Any:
+    """A mesh as a `trimesh.Trimesh`."""
+
+def to_open3d(source: _Source) -> Any:
+    """A mesh as an `open3d.geometry.TriangleMesh`."""

@@ -219,8 +219,11 @@ if [ -x "$judges/godot4" ]; then required=$required,godot4; fi
 if [ -x "$judges/godot4-screen" ]; then required=$required,godot4-screen; fi
 
 section 'a compiler for C#'
-if ! has mcs && has apt-get && apt-cache show mono-mcs >/dev/null 2>&1; then (apt_install 'scripts for Unity' mono-mcs) || true; fi
-if has mcs; then
+json=/usr/lib/mono/gac/System.Runtime.Serialization
+if ! { has mcs && [ -e $json ]; } && has apt-get && apt-cache show mono-mcs >/dev/null 2>&1; then
+    (apt_install 'scripts for Unity' mono-mcs libmono-system-runtime-serialization4.0-cil) || true
+fi
+if has mcs && [ -e $json ]; then
     required=$required,mcs
     mcs --version
 else
@@ -228,8 +231,9 @@ else
 fi
 
 if [ -n "${TRISPLAT_PYTHON:-}" ]; then
-    section 'maturin'
-    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" || fail "pip could not install maturin $MATURIN"
+    section 'maturin and notebooks'
+    "$python" -m pip install --quiet --disable-pip-version-check "maturin==$MATURIN" nbclient ipykernel pillow ||
+        fail "pip could not install maturin $MATURIN and what runs a notebook"
     echo "maturin $MATURIN"
 fi
 

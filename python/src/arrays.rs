@@ -1,5 +1,6 @@
 //! Scenes to arrays and back.
 
+use bytemuck::allocation::cast_vec;
 use glam::Vec3;
 use numpy::{AllowTypeChange, Element, PyArray1, PyArrayLikeDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -8,8 +9,8 @@ use pyo3::types::PyDict;
 use trisplat::{Mesh, Scene, Soup};
 use trisplat_scene::{image::RgbImage, mesh::Colors};
 
-/// The arrays of a scene.
-pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDict>> {
+/// The arrays of a scene: its own memory, handed on.
+pub fn of_scene(py: Python<'_>, scene: Scene) -> PyResult<Bound<'_, PyDict>> {
     match scene {
         Scene::Soup(soup) => of_soup(py, soup),
         Scene::Mesh(mesh) => of_mesh(py, mesh),
@@ -17,28 +18,28 @@ pub fn of_scene<'py>(py: Python<'py>, scene: &Scene) -> PyResult<Bound<'py, PyDi
 }
 
 /// The arrays of a soup.
-pub fn of_soup<'py>(py: Python<'py>, soup: &Soup) -> PyResult<Bound<'py, PyDict>> {
+pub fn of_soup(py: Python<'_>, soup: Soup) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    let count = soup.len();
-    let corners = soup.vertices.iter().flatten().flat_map(|p| p.to_array()).collect();
-    put(&out, "triangles", corners, &[count, 3, 3])?;
-    put(&out, "opacity", soup.opacity.clone(), &[count])?;
-    put(&out, "sigma", soup.sigma.clone(), &[count])?;
-    put(&out, "sh", soup.sh.as_flattened().to_vec(), &[count, soup.sh_count(), 3])?;
+    let (count, coefficients) = (soup.len(), soup.sh_count());
+    put(&out, "triangles", cast_vec::<_, [f32; 9]>(soup.vertices).into_flattened(), &[count, 3, 3])?;
+    put(&out, "opacity", soup.opacity, &[count])?;
+    put(&out, "sigma", soup.sigma, &[count])?;
+    put(&out, "sh", soup.sh.into_flattened(), &[count, coefficients, 3])?;
     Ok(out)
 }
 
 /// The arrays of a mesh; faces without shared vertices get running numbers.
-pub fn of_mesh<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<Bound<'py, PyDict>> {
+pub fn of_mesh(py: Python<'_>, mesh: Mesh) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
-    let faces = (0..mesh.face_count()).flat_map(|face| mesh.face(face)).collect();
-    let positions = mesh.positions.iter().flat_map(|p| p.to_array()).collect();
-    let (Colors::Face(colors) | Colors::Vertex(colors)) = &mesh.colors;
-    put(&out, "positions", positions, &[mesh.vertex_count(), 3])?;
-    put::<u32>(&out, "faces", faces, &[mesh.face_count(), 3])?;
-    put(&out, "colors", colors.as_flattened().to_vec(), &[colors.len(), 3])?;
+    let (faces, vertices) = (mesh.face_count(), mesh.vertex_count());
+    put(&out, "positions", cast_vec::<_, [f32; 3]>(mesh.positions).into_flattened(), &[vertices, 3])?;
+    let running = || (0..vertices as u32).collect();
+    put(&out, "faces", if mesh.indices.is_empty() { running() } else { mesh.indices }, &[faces, 3])?;
+    let (Colors::Face(colors) | Colors::Vertex(colors)) = mesh.colors;
+    let count = colors.len();
+    put(&out, "colors", colors.into_flattened(), &[count, 3])?;
     if !mesh.opacity.is_empty() {
-        put(&out, "opacity", mesh.opacity.clone(), &[mesh.face_count()])?;
+        put(&out, "opacity", mesh.opacity, &[faces])?;
     }
     Ok(out)
 }
@@ -49,6 +50,7 @@ pub fn put_picture(out: &Bound<'_, PyDict>, name: &str, picture: &RgbImage) -> P
     put(out, name, picture.rgb.as_flattened().to_vec(), &[height, width, 3])
 }
 
+/// Adds an array that owns the values.
 fn put<T: Element>(out: &Bound<'_, PyDict>, key: &str, values: Vec<T>, shape: &[usize]) -> PyResult<()> {
     out.set_item(key, PyArray1::from_vec(out.py(), values).reshape(shape)?)
 }

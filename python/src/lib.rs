@@ -3,6 +3,7 @@
 //! module.
 
 mod arrays;
+mod objects;
 mod options;
 mod training;
 
@@ -20,13 +21,13 @@ use trisplat_scene::{Budget, Seconds};
 ///
 /// A soup: triangles (N, 3, 3), opacity (N,), sigma (N,) and sh (N, K, 3), spherical harmonics. A mesh:
 /// positions (V, 3), faces (F, 3), and colors in linear light, (F, 3) for faces or (V, 3) for vertices;
-/// opacity (F,) unless opaque.
+/// opacity (F,) unless opaque. Arrays own what was read: nothing is copied.
 ///
 /// Raises OSError for errors of the system, ValueError for an unknown or broken file.
 #[pyfunction]
 fn read<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
     let loaded = py.detach(|| trisplat_formats::read(&path, &ReadOptions::default())).map_err(raised)?;
-    arrays::of_scene(py, &loaded.scene)
+    arrays::of_scene(py, loaded.scene)
 }
 
 /// Bakes a scene for a game engine, from a file, from arrays of `read`, or from a list of these, merged.
@@ -68,7 +69,7 @@ fn bake<'py>(
     let done = py.detach(work).map_err(raised)?;
     match output {
         Some(_) => options::to_python(py, &serde_json::to_value(&done.report).unwrap_or_default()),
-        None => Ok(arrays::of_mesh(py, &done.asset.mesh)?.into_any()),
+        None => Ok(arrays::of_mesh(py, done.asset.mesh)?.into_any()),
     }
 }
 
@@ -106,7 +107,7 @@ fn eval<'py>(
 /// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its
 /// subject, or from the cameras of `dataset`.
 ///
-/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal", "contributions" or "random-subset"; `split`, `mode`,
+/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal", "wires", "contributions" or "random-subset"; `split`, `mode`,
 /// `ssaa` and `dataset_options` as in `eval`.
 ///
 /// Raises OSError, ValueError.
@@ -189,5 +190,7 @@ fn python_module(whole: &Bound<'_, PyModule>) -> PyResult<()> {
     whole.add_function(wrap_pyfunction!(training::train, whole)?)?;
     whole.add_function(wrap_pyfunction!(bake, whole)?)?;
     whole.add_function(wrap_pyfunction!(eval, whole)?)?;
-    whole.add_function(wrap_pyfunction!(render, whole)?)
+    whole.add_function(wrap_pyfunction!(render, whole)?)?;
+    whole.add_function(wrap_pyfunction!(objects::to_trimesh, whole)?)?;
+    whole.add_function(wrap_pyfunction!(objects::to_open3d, whole)?)
 }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::{TeacherSource, TrainJobObserver};
 use trisplat_scene::{atomic::AtomicFile, report::OutputReport};
-use trisplat_train::TrainObserver;
+use trisplat_train::{TrainObserver, TrainSample};
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
@@ -17,9 +17,12 @@ use trisplat_train::TrainObserver;
 /// in CPU seconds. `dataset_options` are those for reading the photos: {"max_size": 800}. All other keywords
 /// are options of the training, as in a config file: steps=3000, max_triangles=20_000, preset="solid".
 ///
+/// `callback` is called after every step with a dict: part ("scene", or "trial" and "teacher" before it), step, triangles, loss, psnr
+/// and more. Where it returns False, the training stops, and the scene so far is the result; what it raises ends the training too.
+///
 /// Raises FileExistsError for a file that exists, unless `force`; OSError, ValueError; KeyboardInterrupt between two steps.
 #[pyfunction]
-#[pyo3(signature = (dataset, output=None, *, force=false, teacher=None, budget=None, dataset_options=None, **options))]
+#[pyo3(signature = (dataset, output=None, *, force=false, teacher=None, budget=None, dataset_options=None, callback=None, **options))]
 #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn train<'py>(
     py: Python<'py>,
@@ -29,6 +32,7 @@ pub fn train<'py>(
     teacher: Option<String>,
     budget: Option<f64>,
     dataset_options: Option<&Bound<'py, PyDict>>,
+    callback: Option<Py<PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let layered = options::resolve(py, options, TrainOptions::preset)?;
@@ -44,7 +48,7 @@ pub fn train<'py>(
             return Err(exists(path));
         }
     }
-    let mut watcher = Watcher::default();
+    let mut watcher = Watcher { callback, stopped: false, raised: None };
     let work = || {
         // A folder that is not writable fails before the work.
         let file = output.as_deref().map(AtomicFile::create).transpose()?;
@@ -53,36 +57,82 @@ pub fn train<'py>(
         let Ok(teacher) = teacher.map(|teacher| teacher.parse::<TeacherSource>()).transpose();
         job.teacher = teacher;
         let mut done = job.run(&mut watcher)?;
-        if let (Some(file), Some(path), None) = (file, &output, &watcher.interrupted) {
+        if let (Some(file), Some(path), None) = (file, &output, &watcher.raised) {
             let bytes = done.trained.save_to(file)?;
             done.report.outputs.push(OutputReport { path: path.display().to_string(), bytes });
         }
         done.report.inputs = vec![dataset.display().to_string()];
         Ok::<_, Error>(done)
     };
-    let done = py.detach(work).map_err(raised)?;
-    if let Some(interrupt) = watcher.interrupted {
-        return Err(interrupt);
+    let done = py.detach(work);
+    if let Some(raised) = watcher.raised {
+        return Err(raised);
     }
+    let done = done.map_err(raised)?;
     match output {
         Some(_) => options::to_python(py, &serde_json::to_value(&done.report).unwrap_or_default()),
-        None => Ok(arrays::of_soup(py, &done.trained.soup)?.into_any()),
+        None => Ok(arrays::of_soup(py, done.trained.soup)?.into_any()),
     }
 }
 
-/// Stops a training when Python was interrupted.
-#[derive(Default)]
+/// Tells Python of every step, and stops a training when Python wants to.
 struct Watcher {
-    interrupted: Option<PyErr>,
+    callback: Option<Py<PyAny>>,
+    stopped: bool,
+    raised: Option<PyErr>,
+}
+
+impl Watcher {
+    fn part(&mut self, name: &'static str) -> Box<dyn TrainObserver + '_> {
+        Box::new(Part { name, watcher: self })
+    }
 }
 
 impl TrainObserver for Watcher {
+    fn stepped(&mut self, sample: &TrainSample) {
+        self.part("scene").stepped(sample);
+    }
+
     fn wants_to_stop(&mut self) -> bool {
-        if self.interrupted.is_none() {
-            self.interrupted = Python::attach(|py| py.check_signals()).err();
+        if self.raised.is_none() {
+            self.raised = Python::attach(|py| py.check_signals()).err();
         }
-        self.interrupted.is_some()
+        self.stopped || self.raised.is_some()
     }
 }
 
-impl TrainJobObserver for Watcher {}
+impl TrainJobObserver for Watcher {
+    fn watching_begins(&mut self, _: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
+        Ok(self.part("trial"))
+    }
+
+    fn teacher_begins(&mut self, _: &TrainOptions, _: bool) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
+        Ok(self.part("teacher"))
+    }
+}
+
+/// The steps of one part of a training.
+struct Part<'a> {
+    name: &'static str,
+    watcher: &'a mut Watcher,
+}
+
+impl TrainObserver for Part<'_> {
+    fn stepped(&mut self, sample: &TrainSample) {
+        let Watcher { callback: Some(callback), stopped, raised } = self.watcher else { return };
+        let called = Python::attach(|py| -> PyResult<bool> {
+            let mut event = serde_json::to_value(sample).unwrap_or_default();
+            event["part"] = self.name.into();
+            let said = callback.bind(py).call1((options::to_python(py, &event)?,))?;
+            Ok(said.extract().is_ok_and(|goes_on: bool| !goes_on))
+        });
+        match called {
+            Ok(stops) => *stopped |= stops,
+            Err(error) => *raised = Some(error),
+        }
+    }
+
+    fn wants_to_stop(&mut self) -> bool {
+        self.watcher.wants_to_stop()
+    }
+}

@@ -62,6 +62,7 @@ mod train_terminal;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;
+mod version;
 #[cfg(feature = "view")]
 pub mod view;
 

@@ -256,9 +256,11 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
     }
     assert_eq!(draw("train", &["--dataset", &dataset, "--split", "train"]).len(), 35);
     assert_eq!(draw("circle", &["--dataset", &dataset, "--orbit", "3"]).len(), 3);
-    for (name, more) in
-        [("solid", &["--as", "solid"][..]), ("solid depth", &["--as", "solid", "--show", "depth"])]
-    {
+    for (name, more) in [
+        ("solid", &["--as", "solid"][..]),
+        ("solid depth", &["--as", "solid", "--show", "depth"]),
+        ("wires", &["--as", "solid", "--show", "wires"]),
+    ] {
         let pictures = draw(name, &[&["--dataset", &dataset][..], more].concat());
         assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{name} is of one colour");
         assert!(!kinds.contains(&pictures), "{name} is another kind's picture");
@@ -279,6 +281,8 @@ fn what_cannot_be_drawn_says_why() {
     fail(&["eval", &mesh, &dataset, "--ssaa", "3"], &["--ssaa", "1, 2 or 4"]);
     let layers = ["--orbit", "1", "--show", "contributions"];
     fail(&[&["render", &mesh, "-o", &out][..], &layers].concat(), &["--show", "one layer"]);
+    let wires = ["--orbit", "1", "--show", "wires"];
+    fail(&[&["render", &soup, "-o", &out][..], &wires].concat(), &["--show", "only a baked file has wires"]);
     let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];
     fail(&[&["render", &mesh, "-o", &out][..], &large].concat(), &["--limit camera_pixels="]);
     let large = [&large[..], &["--limit", "camera_pixels=300000000"]].concat();

@@ -12,6 +12,7 @@ mod examples;
 mod fidelity;
 mod guards;
 mod inputs;
+mod install;
 mod library;
 mod make;
 mod max_bytes;

@@ -16,6 +16,18 @@ fn runs(command: &mut Command) {
     assert!(done.status.success(), "{command:?}\n{said}");
 }
 
+/// Runs a notebook in its folder, and asserts what its cells show.
+const NOTEBOOK: &str = r#"
+import sys, nbclient, nbformat
+path = sys.argv[1]
+notebook = nbformat.read(path, 4)
+assert not any(cell.get("outputs") for cell in notebook.cells), "the notebook is kept without outputs"
+nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": path.rpartition("/")[0]}}).execute()
+shown = [kind for cell in notebook.cells for output in cell.get("outputs", []) for kind in output.get("data", {})]
+assert shown.count("image/png") == 2, shown
+assert any("'psnr': 2" in str(cell.get("outputs")) for cell in notebook.cells), "the scene has 20 to 30 dB"
+"#;
+
 #[test]
 fn the_wheel_reads_and_bakes() {
     if std::env::var_os("TRISPLAT_PYTHON").is_none() {
@@ -43,4 +55,7 @@ fn the_wheel_reads_and_bakes() {
     let mut test = Command::new(bin.join("python"));
     test.arg("-B").arg(here("python/test_trisplat.py")).arg(here("samples")).arg(folder.path());
     runs(test.env("PYTHONPATH", &site));
+    let mut notebook = Command::new(bin.join("python"));
+    notebook.args(["-B", "-c", NOTEBOOK]).arg(here("examples/photos_to_glb.ipynb"));
+    runs(notebook.env("PYTHONPATH", &site));
 }

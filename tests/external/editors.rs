@@ -3,7 +3,9 @@
 use super::{assert_same_scene, have, here, project, runs, studio};
 use crate::folders::copy_folder;
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 use trisplat_formats::{ReadOptions, read};
@@ -45,6 +47,77 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     let dumped = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(!said.contains("SCRIPT ERROR"), "{said}");
     assert_same_scene(folder.path(), &dumped);
+}
+
+/// Whether there is a compiler for C#.
+pub(super) fn has_mcs() -> bool {
+    have("mcs", Command::new("mcs").arg("--version").output().is_ok())
+}
+
+/// Compiles scripts against declarations of Unity's functions.
+pub(super) fn compile_for_unity(out: &Path, sources: &[PathBuf]) {
+    let kind = if out.extension().is_some_and(|end| end == "exe") { "exe" } else { "library" };
+    let mut compile = Command::new("mcs");
+    compile.args(["-define:UNITY_EDITOR", "-warnaserror", "-nowarn:0649", "-r:System.Xml.dll"]);
+    compile.args(["-r:System.Runtime.Serialization.dll", &format!("-target:{kind}")]);
+    let done =
+        runs(compile.arg(format!("-out:{}", out.display())).arg(here("tests/unity/editor.cs")).args(sources));
+    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
+    assert!(done.status.success(), "{said}");
+}
+
+/// The importer for Unity makes the meshes, colours and ground that a GLB baked by hand has; its editor is not here, so stand-ins for its
+/// functions hold what it makes.
+#[test]
+fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
+    if !has_mcs() {
+        return;
+    }
+    let folder = project("tests/godot4", "godot");
+    let at = |name: &str| folder.path().join(name);
+    let mut sources = vec![here("tests/unity/import.cs")];
+    let scripts = fs::read_dir(here("editors/unity/Editor")).unwrap().map(|file| file.unwrap().path());
+    sources.extend(scripts.filter(|path| path.extension().is_some_and(|end| end == "cs")));
+    compile_for_unity(&at("import.exe"), &sources);
+    let import = |program: &str, scene: &Path, flags: &[&str]| {
+        let mut command = Command::new("mono");
+        let done =
+            runs(command.arg(at("import.exe")).arg(program).arg(scene).arg(at("dump.bin")).args(flags));
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8_lossy(&done.stdout).into_owned()
+    };
+    let program = env!("CARGO_BIN_EXE_trisplat");
+    let said = import(program, &studio(), &["--set", "chunk_triangles=3000", "--teacher", "off"]);
+    assert_same_scene(folder.path(), &said);
+    // By default what lies behind comes too, drawn from inside only.
+    let said = import(program, &here("samples/soups/trained.ply"), &[]);
+    assert!(said.lines().any(|line| line.starts_with("node backdrop ") && line.ends_with("False")), "{said}");
+    let lost = import(program, &at("missing.ply"), &[]);
+    assert!(lost.starts_with("error trisplat cannot bake ") && lost.contains("does not exist"), "{lost}");
+    let lost = import("no-such-program", &studio(), &[]);
+    assert!(lost.starts_with("error ") && lost.contains("Preferences > Trisplat"), "{lost}");
+}
+
+/// Unity leaves out files of an installed package that have no `.meta`, and tells assets apart by the GUID in it.
+#[test]
+fn every_file_of_the_package_for_unity_has_its_own_guid() {
+    let mut folders = vec![here("editors/unity")];
+    let mut guids = BTreeSet::new();
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.extension().is_some_and(|end| end == "meta") {
+                assert!(path.with_extension("").exists(), "{} is of no file", path.display());
+                continue;
+            }
+            let meta = fs::read_to_string(format!("{}.meta", path.display())).unwrap();
+            let guid = meta.lines().find_map(|line| line.strip_prefix("guid: ")).unwrap();
+            assert!(guid.len() == 32 && guids.insert(guid.to_owned()), "{}: {guid}", path.display());
+            if path.is_dir() {
+                folders.push(path);
+            }
+        }
+    }
+    assert!(guids.len() >= 8, "{guids:?}");
 }
 
 /// Blender installs the extension from its archive, and imports every corner and colour that the program bakes.

@@ -1,5 +1,6 @@
 //! What engines get for levels of detail, opened by those that run here; scripts for others are checked as far as can be.
 
+use super::editors::{compile_for_unity, has_mcs};
 use super::{bake, have, here, python, runs, studio};
 use serde_json::Value;
 use std::fs;
@@ -57,21 +58,14 @@ fn godot_draws_each_level_within_its_range() {
 
 #[test]
 fn the_script_for_unity_compiles() {
-    let there = Command::new("mcs").arg("--version").output().is_ok();
-    if !have("mcs", there) {
+    if !has_mcs() {
         return;
     }
     let folder = TempDir::new().unwrap();
     // A name that is none of a class.
     levels(folder.path(), &studio(), "my-room.glb", "unity");
-    let mut compile = Command::new("mcs");
-    compile
-        .args(["-target:library", "-define:UNITY_EDITOR", "-warnaserror", "-nowarn:0649"])
-        .arg("-out:checked.dll");
-    compile.arg(folder.path().join("my-room.lod.cs")).arg(here("samples/engines/unity/TrisplatScene.cs"));
-    let done = runs(compile.arg(here("tests/unity/editor.cs")).current_dir(folder.path()));
-    let said = [done.stdout, done.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
-    assert!(done.status.success(), "{said}");
+    let sources = [folder.path().join("my-room.lod.cs"), here("samples/engines/unity/TrisplatScene.cs")];
+    compile_for_unity(&folder.path().join("checked.dll"), &sources);
 }
 
 #[test]

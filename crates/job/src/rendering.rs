@@ -90,10 +90,10 @@ impl RenderJob {
 
     /// Refuses kinds of pictures without float values.
     ///
-    /// Errors: normals and layer counts.
+    /// Errors: normals, wires and layer counts.
     pub fn check_values(&self) -> Result<()> {
         match self.show {
-            PictureKind::Normal | PictureKind::Contributions => {
+            PictureKind::Normal | PictureKind::Wires | PictureKind::Contributions => {
                 Err(Error::invalid("floats", "given", "`show` color, depth or random-subset"))
             }
             _ => Ok(()),
@@ -197,7 +197,7 @@ impl ReadyRender {
     /// A picture as floats, before rounding to 8 bits, and its array shape: sRGB-encoded colours `[H, W, 3]`, or depths z in
     /// units of the cameras' world `[H, W]`, 0 for empty pixels. The CPU draws it.
     ///
-    /// Errors: normals and layer counts.
+    /// Errors: normals, wires and layer counts.
     pub fn values(&mut self, camera: usize) -> Result<(Vec<u32>, Vec<f32>)> {
         self.job.check_values()?;
         let camera = &self.cameras[camera].1;
@@ -219,6 +219,7 @@ impl ReadyRender {
             PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
             PictureKind::Depth => renderer.depth(camera),
             PictureKind::Normal => renderer.normal(camera),
+            PictureKind::Wires => renderer.wires(camera),
             PictureKind::Contributions => renderer.contributions(camera),
         }
     }
@@ -236,6 +237,8 @@ pub enum PictureKind {
     Depth,
     /// Normals in camera space.
     Normal,
+    /// Edges of the triangles that are seen; baked files only.
+    Wires,
     /// Number of layers per pixel.
     Contributions,
     /// Colour of some triangles only, so that their shapes can be seen.

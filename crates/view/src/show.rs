@@ -1,7 +1,7 @@
-//! Pictures of depth, normals, layers per pixel and errors.
+//! Pictures of depth, normals, wires, layers per pixel and errors.
 
 use glam::UVec2;
-use trisplat_raster::soft::Frame;
+use trisplat_raster::{soft::Frame, solid::Visibility};
 use trisplat_scene::image::RgbImage;
 
 /// A pixel with less coverage counts as background.
@@ -39,6 +39,23 @@ pub fn normal(frame: &Frame) -> RgbImage {
         // The camera's axes are x right, y down, z forward.
         if seen { [x, -y, -z].map(|c| 0.5 + 0.5 * c / length) } else { [0.0; 3] }
     })
+}
+
+/// The edges between the faces that are seen, black on white, in pixels of `size`.
+pub fn wires(seen: &Visibility, size: UVec2) -> RgbImage {
+    let samples = (seen.size.x / size.x) as usize;
+    let [width, height] = seen.size.to_array().map(|n| n as usize);
+    let mut ink = vec![0; size.element_product() as usize];
+    for y in 1..height {
+        for x in 1..width {
+            let i = y * width + x;
+            let edge = seen.face[i] != seen.face[i - 1] || seen.face[i] != seen.face[i - width];
+            ink[y / samples * size.x as usize + x / samples] += usize::from(edge);
+        }
+    }
+    // An edge straight across a pixel takes one sample in each row or column, and makes it black.
+    let code = |ink: &usize| [255 - (255 * ink / samples).min(255) as u8; 3];
+    RgbImage { size, rgb: ink.iter().map(code).collect(), alpha: None }
 }
 
 /// Layers per pixel, from black for none to white for the 99th percentile of pixels with layers.

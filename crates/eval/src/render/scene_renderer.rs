@@ -272,11 +272,24 @@ impl SceneRenderer {
         self.geometry(camera).map(show::normal)
     }
 
+    /// The edges of what is seen; see [`show::wires`]. Fails for soups and Gaussians, which fade at their edges.
+    pub fn wires(&mut self, camera: &Camera) -> Result<RgbImage> {
+        let Self::Solid(scene) = self else {
+            return Err(Error::invalid(
+                "show",
+                "wires",
+                "color, depth, normal, contributions or random-subset: only a baked file has wires",
+            ));
+        };
+        Ok(show::wires(scene.solid.visibility(&scene.mesh, camera, &scene.options), camera.size))
+    }
+
     /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
     /// everywhere.
     pub fn contributions(&mut self, camera: &Camera) -> Result<RgbImage> {
         let Self::Soft(scene) = self else {
-            let wants = "color, depth, normal or random-subset: a solid drawing has one layer everywhere";
+            let wants =
+                "color, depth, normal, wires or random-subset: a solid drawing has one layer everywhere";
             return Err(Error::invalid("show", "contributions", wants));
         };
         scene.draw(camera, false);

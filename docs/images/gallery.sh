@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Makes the pictures of docs/gallery.md: a photo, the same view of the file as `trisplat render` draws it, and its wires.
+# Usage: docs/images/gallery.sh TRISPLAT DATA FILES   (with ImageMagick)
+# DATA holds the data sets `banana` and `beach`, and splats.ply, Gaussians trained on `banana`. Files that are in the folder FILES are taken as
+# they are, others made by the commands of the page, in three minutes of CPU time for all.
+set -euo pipefail
+trisplat=$(realpath "$1")
+data=$(realpath "$2")
+mkdir -p "$3"
+files=$(realpath "$3")
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+# scene NAME DATASET PHOTO COMMAND...: the file of a command that writes $files/NAME.glb, seen from a photo that training did not see.
+scene() {
+    local name=$1 dataset=$2 photo=$3
+    shift 3
+    [ -e "$files/$name.glb" ] || "$trisplat" "$@" -o "$files/$name.glb"
+    for show in color wires; do
+        "$trisplat" render "$files/$name.glb" --dataset "$dataset" --show $show -q -o "$folder/${name}_$show"
+    done
+    convert "$dataset/images/$photo" "$folder/${name}_color/${photo%.*}.png" "$folder/${name}_wires/${photo%.*}.png" \
+        -resize 400x -background white -splice 6x0+0+0 +append -chop 6x0+0+0 -quality 80 "docs/images/gallery-$name.jpg"
+}
+scene bananas "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s
+scene beach "$data/beach" DJI_0026.jpg make "$data/beach" --budget 20s
+scene splats "$data/banana" DSC_0431.jpg bake "$data/splats.ply" --preset fast
+scene room samples/dataset view_0008.png bake samples/soups/trained.ply --dataset samples/dataset
