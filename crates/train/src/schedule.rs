@@ -24,7 +24,8 @@ const SH_RATE: f64 = 0.008;
 const SH_REST_SHARE: f64 = 0.05;
 /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
 const VERTICES_FINAL_SHARE: f64 = 0.01;
-/// Rate of the corners when engine shading begins, as a factor of the rate just before.
+/// Rate of the corners when engine shading begins, of a triangle of `update::RATED_SIZE`, as a factor of the rate
+/// just before.
 const ENGINE_VERTICES_SCALE: f64 = 2.0;
 /// Last rate of the corners, as a factor of that, reached log-linearly.
 const ENGINE_VERTICES_FINAL_SHARE: f64 = 0.1;

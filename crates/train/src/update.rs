@@ -10,6 +10,12 @@ use trisplat_raster::soft::SoupGrad;
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
 
+/// Size of an opaque triangle whose corners move at the scheduled rate, scene units: the root of its area. Others
+/// move in proportion to their size, so a step is the same share of every triangle.
+pub(crate) const RATED_SIZE: f32 = 0.01;
+/// Least and largest factor of the rate, for slivers and for triangles around everything.
+pub(crate) const RATE_FACTORS: [f32; 2] = [0.1, 30.0];
+
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
 /// for game engines).
 #[derive(Debug, Clone, Copy)]
@@ -51,6 +57,12 @@ fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
     let sums: Vec<f64> =
         values.par_chunks(CHUNK).map(|chunk| chunk.iter().map(&number).sum::<f64>()).collect();
     sums.iter().sum()
+}
+
+/// Factor of the rate of an opaque triangle's corners.
+fn rate_factor(v: &[Vec3; 3]) -> f32 {
+    let [least, most] = RATE_FACTORS;
+    ((0.5 * cross(v).length()).sqrt() / RATED_SIZE).clamp(least, most)
 }
 
 fn cross(v: &[Vec3; 3]) -> Vec3 {
@@ -196,13 +208,18 @@ impl UpdateStep<'_> {
             d.iter_mut().zip(size).for_each(|(d, s)| *d += s);
         }
         let flat = |a| bytemuck::cast_mut::<[Vec3; 3], [f32; 9]>(a).as_mut_slice();
-        adam(self.vertices, flat(x), &d, flat(m), flat(v));
+        let rate = match self.rates.engine_shading {
+            Some(_) => self.vertices.times(rate_factor(x)),
+            None => self.vertices,
+        };
+        adam(rate, flat(x), &d, flat(m), flat(v));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::schedule::EngineShading;
     use crate::{TrainOptions, TrainPreset};
 
     #[test]
@@ -269,6 +286,25 @@ mod tests {
         }
         assert_ne!(now.vertices[2], before.vertices[2]);
         assert_ne!(now.sh[2 * k + 1], before.sh[2 * k + 1]);
+    }
+
+    #[test]
+    fn opaque_triangles_move_in_proportion_to_their_size() {
+        let sides = [0.001f32, 0.01, 0.02, 100.0];
+        let moved = |engine_shading| {
+            let (mut state, gradient, rates) = four_triangles();
+            state.params.vertices = sides.map(|side| [Vec3::ZERO, side * Vec3::X, side * Vec3::Y]).to_vec();
+            let rates = StepParams { engine_shading, ..rates };
+            let regularisers = Regularisers::new(&state, &rates);
+            update(&mut state, &gradient, &rates, &regularisers);
+            [0, 1, 2, 3].map(|i| -state.params.vertices[i][0].x / rates.vertices as f32)
+        };
+        let close = |a: [f32; 4], b: [f32; 4]| (0..4).all(|i| (a[i] / b[i] - 1.0).abs() < 1e-4);
+        assert!(close(moved(None), [1.0; 4]), "soft: {:?}", moved(None));
+        let [least, most] = RATE_FACTORS;
+        let of = |side: f32| side * 0.5f32.sqrt() / RATED_SIZE;
+        let opaque = moved(Some(EngineShading::TRAINED));
+        assert!(close(opaque, [least, of(0.01), of(0.02), most]), "opaque: {opaque:?}");
     }
 
     #[test]

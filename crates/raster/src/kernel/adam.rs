@@ -25,6 +25,11 @@ impl Rate {
         Self { step: (rate / first) as f32, second: (1.0 / second) as f32 }
     }
 
+    /// `factor` times this rate.
+    pub fn times(self, factor: f32) -> Self {
+        Self { step: factor * self.step, ..self }
+    }
+
     /// Of its two numbers, [`Rate::step`] and [`Rate::second`].
     pub fn from_parts(step: f32, second: f32) -> Self {
         Self { step, second }
