@@ -4,11 +4,11 @@ use crate::{arrays, cpu_budget, exists, options, raised};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
-use trisplat_job::{TeacherSource, TrainJobObserver};
+use trisplat_job::TeacherSource;
 use trisplat_scene::{atomic::AtomicFile, report::OutputReport};
-use trisplat_train::TrainObserver;
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
@@ -44,7 +44,7 @@ pub fn train<'py>(
             return Err(exists(path));
         }
     }
-    let mut watcher = Watcher::default();
+    let mut interrupted = None;
     let work = || {
         // A folder that is not writable fails before the work.
         let file = output.as_deref().map(AtomicFile::create).transpose()?;
@@ -52,8 +52,14 @@ pub fn train<'py>(
         (job.options, job.dataset_options, job.budget) = (layered, how, budget);
         let Ok(teacher) = teacher.map(|teacher| teacher.parse::<TeacherSource>()).transpose();
         job.teacher = teacher;
-        let mut done = job.run(&mut watcher)?;
-        if let (Some(file), Some(path), None) = (file, &output, &watcher.interrupted) {
+        // Stops when Python was interrupted.
+        let mut done = job.run(&mut |_| {
+            if interrupted.is_none() {
+                interrupted = Python::attach(|py| py.check_signals()).err();
+            }
+            if interrupted.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+        if let (Some(file), Some(path), None) = (file, &output, &interrupted) {
             let bytes = done.trained.save_to(file)?;
             done.report.outputs.push(OutputReport { path: path.display().to_string(), bytes });
         }
@@ -61,7 +67,7 @@ pub fn train<'py>(
         Ok::<_, Error>(done)
     };
     let done = py.detach(work).map_err(raised)?;
-    if let Some(interrupt) = watcher.interrupted {
+    if let Some(interrupt) = interrupted {
         return Err(interrupt);
     }
     match output {
@@ -69,20 +75,3 @@ pub fn train<'py>(
         None => Ok(arrays::of_soup(py, &done.trained.soup)?.into_any()),
     }
 }
-
-/// Stops a training when Python was interrupted.
-#[derive(Default)]
-struct Watcher {
-    interrupted: Option<PyErr>,
-}
-
-impl TrainObserver for Watcher {
-    fn wants_to_stop(&mut self) -> bool {
-        if self.interrupted.is_none() {
-            self.interrupted = Python::attach(|py| py.check_signals()).err();
-        }
-        self.interrupted.is_some()
-    }
-}
-
-impl TrainJobObserver for Watcher {}

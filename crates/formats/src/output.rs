@@ -18,7 +18,7 @@ use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},
     ranges::{self, Called},
-    report::{Observer, Outcome, OutputReport, Report, StageDetails},
+    report::{Outcome, OutputReport, Report, StageDetails, StageObserver},
 };
 
 pub use beside::Beside;
@@ -316,7 +316,7 @@ pub fn write(
     files: OutputFiles,
     options: &OutputOptions,
     report: &mut Report,
-    observer: &mut dyn Observer,
+    observer: StageObserver<'_>,
 ) -> Result<()> {
     let mut writer = SetWriter { options, started: files, written: Vec::new() };
     let (mut warnings, mut tiles) = (Vec::new(), None);
