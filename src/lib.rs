@@ -38,8 +38,8 @@ pub use trisplat_bake::{MeshOptions, mesh};
 pub use trisplat_dataset::{Dataset, DatasetOptions};
 pub use trisplat_formats::{OutputOptions, ReadOptions};
 pub use trisplat_job::{
-    BakeDone, BakeInput, BakeJob, Baked, Draw, EvalJob, Event, MakeJob, MeshJob, RenderJob, TrainDone,
-    TrainJob, TrainPart, bake, draw, read, score, train,
+    BakeDone, BakeInput, BakeJob, Baked, Draw, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob,
+    TrainDone, TrainJob, TrainPart, bake, draw, read, score, train,
 };
 pub use trisplat_scene::Asset;
 pub use trisplat_scene::Limits;
@@ -47,7 +47,7 @@ pub use trisplat_scene::Soup;
 pub use trisplat_scene::camera::Camera;
 pub use trisplat_scene::image::RgbImage;
 pub use trisplat_scene::mesh::Mesh;
-pub use trisplat_scene::report::Report;
+pub use trisplat_scene::report::{Report, StageEvent};
 pub use trisplat_scene::{Error, Result};
 pub use trisplat_scene::{ImportedScene, Scene};
-pub use trisplat_train::{TrainOptions, TrainPreset, TrainSample, Trained};
+pub use trisplat_train::{TrainEvent, TrainOptions, TrainPreset, TrainSample, Trained};

@@ -10,6 +10,7 @@ mod training;
 use pyo3::exceptions::{PyFileExistsError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
+use std::ops::ControlFlow::Continue;
 use std::path::PathBuf;
 use std::str::FromStr;
 use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
@@ -62,8 +63,8 @@ fn bake<'py>(
     let work = || {
         job.photos = dataset.map(|path| Dataset::load(&path, &job.dataset_options)).transpose()?;
         match &output {
-            Some(output) => job.write(output, output.start()?, &mut ()),
-            None => job.run(&mut ()),
+            Some(output) => job.write(output, output.start()?, &mut |_| Continue(())),
+            None => job.run(&mut |_| Continue(())),
         }
     };
     let done = py.detach(work).map_err(raised)?;

@@ -4,11 +4,12 @@ use crate::{arrays, cpu_budget, exists, options, raised};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
-use trisplat_job::{TeacherSource, TrainJobObserver};
+use trisplat_job::{Event, TeacherSource, TrainPart};
 use trisplat_scene::{atomic::AtomicFile, report::OutputReport};
-use trisplat_train::{TrainObserver, TrainSample};
+use trisplat_train::TrainEvent;
 
 /// Trains a scene on a folder of photos with poses, as the program does.
 ///
@@ -56,7 +57,7 @@ pub fn train<'py>(
         (job.options, job.dataset_options, job.budget) = (layered, how, budget);
         let Ok(teacher) = teacher.map(|teacher| teacher.parse::<TeacherSource>()).transpose();
         job.teacher = teacher;
-        let mut done = job.run(&mut watcher)?;
+        let mut done = job.run(&mut |event| watcher.watch(&event))?;
         if let (Some(file), Some(path), None) = (file, &output, &watcher.raised) {
             let bytes = done.trained.save_to(file)?;
             done.report.outputs.push(OutputReport { path: path.display().to_string(), bytes });
@@ -83,56 +84,30 @@ struct Watcher {
 }
 
 impl Watcher {
-    fn part(&mut self, name: &'static str) -> Box<dyn TrainObserver + '_> {
-        Box::new(Part { name, watcher: self })
-    }
-}
-
-impl TrainObserver for Watcher {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.part("scene").stepped(sample);
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
+    fn watch(&mut self, event: &Event<'_>) -> ControlFlow<()> {
         if self.raised.is_none() {
-            self.raised = Python::attach(|py| py.check_signals()).err();
+            match Python::attach(|py| self.tell(py, event)) {
+                Ok(stops) => self.stopped |= stops,
+                Err(error) => self.raised = Some(error),
+            }
         }
-        self.stopped || self.raised.is_some()
-    }
-}
-
-impl TrainJobObserver for Watcher {
-    fn watching_begins(&mut self, _: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.part("trial"))
+        if self.stopped || self.raised.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    fn teacher_begins(&mut self, _: &TrainOptions, _: bool) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.part("teacher"))
-    }
-}
-
-/// The steps of one part of a training.
-struct Part<'a> {
-    name: &'static str,
-    watcher: &'a mut Watcher,
-}
-
-impl TrainObserver for Part<'_> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        let Watcher { callback: Some(callback), stopped, raised } = self.watcher else { return };
-        let called = Python::attach(|py| -> PyResult<bool> {
-            let mut event = serde_json::to_value(sample).unwrap_or_default();
-            event["part"] = self.name.into();
-            let said = callback.bind(py).call1((options::to_python(py, &event)?,))?;
-            Ok(said.extract().is_ok_and(|goes_on: bool| !goes_on))
-        });
-        match called {
-            Ok(stops) => *stopped |= stops,
-            Err(error) => *raised = Some(error),
+    /// True when the callback asks to stop.
+    fn tell(&self, py: Python<'_>, event: &Event<'_>) -> PyResult<bool> {
+        py.check_signals()?;
+        let (Event::Train(part, TrainEvent::Step { sample, .. }), Some(callback)) = (event, &self.callback) else {
+            return Ok(false);
+        };
+        let mut step = serde_json::to_value(sample).unwrap_or_default();
+        step["part"] = match part {
+            TrainPart::Trial => "trial",
+            TrainPart::Teacher => "teacher",
+            TrainPart::Scene => "scene",
         }
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.watcher.wants_to_stop()
+        .into();
+        let said = callback.bind(py).call1((options::to_python(py, &step)?,))?;
+        Ok(said.extract().is_ok_and(|goes_on: bool| !goes_on))
     }
 }

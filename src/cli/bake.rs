@@ -3,12 +3,12 @@
 use super::Global;
 use super::bake_args::BakeArgs;
 use super::bake_city;
-use super::bake_preparation::Terminal;
 use super::files;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
 use super::progress::Progress;
+use super::terminal::Terminal;
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -46,7 +46,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         began: Some(clock),
     };
     let mut terminal = Terminal::new(global, command());
-    let BakeDone { mut report, .. } = job.write(&output, files, &mut terminal)?;
+    let BakeDone { mut report, .. } = job.write(&output, files, &mut |event| terminal.tell(event))?;
     report.dry_run = args.dry_run;
     say(&report, &terminal.done());
     match &args.report {

@@ -9,13 +9,14 @@ use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use super::stress;
 use std::ffi::OsString;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use trisplat_bench::{bake, cost, fidelity, machine, measure, raster, stress::StressArgs};
 #[cfg(feature = "gpu")]
 use trisplat_bench::{card, fps};
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};
-use trisplat_train::{TrainObserver, TrainSample};
+use trisplat_train::TrainEvent;
 
 /// Which benchmark.
 #[derive(Debug, clap::Args)]
@@ -217,7 +218,11 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
     progress.line(
         "case            target      ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP",
     );
-    let rows = fidelity::run(args, &mut TrainLines(&progress), &mut |row| {
+    let mut observer = |event: TrainEvent<'_>| {
+        tell(&progress, &event);
+        ControlFlow::Continue(())
+    };
+    let rows = fidelity::run(args, &mut observer, &mut |row| {
         progress.line(&format!(
             "{:<16}{:<10}{:>6}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}{}",
             row.case,
@@ -238,17 +243,14 @@ fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<(
 }
 
 /// Prints the progress of a training now and then.
-struct TrainLines<'a>(&'a Progress);
-
-impl TrainObserver for TrainLines<'_> {
-    fn sampled(&mut self, sample: &TrainSample) {
-        if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
-            let held_out = sample.test_psnr.map_or(String::new(), |p| {
-                format!(", {p:.2} held out{}", ShrunkSize::beside(sample.test_size))
-            });
-            let (step, triangles) = (sample.step, thousands(sample.triangles));
-            self.0.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));
-        }
+fn tell(progress: &Progress, event: &TrainEvent<'_>) {
+    let TrainEvent::Sampled(sample) = event else { return };
+    if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
+        let held_out = sample
+            .test_psnr
+            .map_or(String::new(), |p| format!(", {p:.2} held out{}", ShrunkSize::beside(sample.test_size)));
+        let (step, triangles) = (sample.step, thousands(sample.triangles));
+        progress.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Global;
 use super::files;
 use super::progress::{Progress, thousands};
-use trisplat_bench::cost::{self, CostArgs, CostCell, CostObserver, CostReport};
+use trisplat_bench::cost::{self, CostArgs, CostCell, CostEvent, CostReport};
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};
 
@@ -11,24 +11,18 @@ use trisplat_scene::{Error, Result};
 pub(super) fn run(args: &CostArgs, global: &Global) -> Result<()> {
     let progress = Progress::new(global);
     progress.line("   steps  triangles     CPU s  PSNR dB    SSIM   of each seed");
-    let report = cost::run(args, &mut CostTable(&progress))?;
+    let report = cost::run(args, &mut |event| match event {
+        CostEvent::Begins { steps, max_triangles, seed } => {
+            let most = thousands(max_triangles);
+            progress.note(&format!("training: {steps} steps, {most} triangles, seed {seed}"));
+        }
+        CostEvent::Measured(cell) => progress.line(&line(cell)),
+    })?;
     progress.line("");
     summary(&report).iter().for_each(|line| progress.line(line));
     progress.done();
     let print = |e| Error::io("-", e);
     if args.json { files::print_json(&report, &mut std::io::stdout().lock()).map_err(print) } else { Ok(()) }
-}
-
-struct CostTable<'a>(&'a Progress);
-
-impl CostObserver for CostTable<'_> {
-    fn begins(&mut self, steps: u64, max_triangles: u64, seed: u64) {
-        self.0.note(&format!("training: {steps} steps, {} triangles, seed {seed}", thousands(max_triangles)));
-    }
-
-    fn measured(&mut self, cell: &CostCell) {
-        self.0.line(&line(cell));
-    }
 }
 
 /// A cell, without its band, which all cells decide.

@@ -5,15 +5,14 @@ use super::files;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::signals::{self, Listener};
+use super::signals;
+use super::terminal::Terminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use trisplat_capture::{Capture, CaptureObserver, CaptureOptions, VerdictDetails};
-use trisplat_scene::{
-    Result,
-    report::{Observer, Report, StageReport},
-};
+use trisplat_capture::{Capture, CaptureOptions, VerdictDetails};
+use trisplat_job::MakePart;
+use trisplat_scene::{Result, report::Report};
 
 /// Photos or videos, and the folder to make of them.
 #[derive(Debug, clap::Args)]
@@ -47,9 +46,10 @@ pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitC
     let command = <CaptureArgs as clap::Args>::augment_args(clap::Command::new("capture"));
     let mut report = Report::new("capture");
     report.options = serde_json::to_value(&args.options).unwrap_or_default();
-    let mut terminal = CaptureTerminal::new(Progress::new(global).with_flags_of(command));
-    let verdict = job.run(&mut report, &mut terminal)?;
-    let progress = terminal.done();
+    let mut terminal = Terminal::new(global, command);
+    terminal.begin_part(MakePart::Capture);
+    let verdict = job.run(&mut report, &mut |event| terminal.tell_stage(event))?;
+    let progress = &terminal.done();
     report.seconds = clock.elapsed().as_secs_f64();
     report.warnings.iter().for_each(|warning| progress.warn(warning));
     let folder = args.output.display();
@@ -75,54 +75,5 @@ pub(super) fn advise(verdict: &VerdictDetails, progress: &Progress) {
         progress.line(&format!(
             "           {picture} shows where: the photo before, one without a pose, the photo after"
         ));
-    }
-}
-
-/// Shows a capture and stops it on Ctrl-C.
-pub(super) struct CaptureTerminal {
-    progress: Progress,
-    stop: Listener,
-}
-
-impl CaptureTerminal {
-    pub(super) fn new(progress: Progress) -> Self {
-        Self { progress, stop: Listener::new() }
-    }
-
-    /// Removes the bar; returns the printer of lines.
-    fn done(&self) -> &Progress {
-        self.progress.done();
-        &self.progress
-    }
-}
-
-/// A failed capture leaves no bar either.
-impl Drop for CaptureTerminal {
-    fn drop(&mut self) {
-        self.progress.done();
-    }
-}
-
-impl CaptureObserver for CaptureTerminal {
-    fn noted(&mut self, what: &str) {
-        self.progress.note(what);
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.stop.is_asked()
-    }
-}
-
-impl Observer for CaptureTerminal {
-    fn started(&mut self, name: &str) {
-        self.progress.started(name);
-    }
-
-    fn progressed(&mut self, fraction: f64) {
-        self.progress.progressed(fraction);
-    }
-
-    fn finished(&mut self, stage: &StageReport) {
-        self.progress.finished(stage);
     }
 }

@@ -1,26 +1,21 @@
 //! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page, in one command.
 
 use super::Global;
-use super::bake_preparation::Terminal;
-use super::capture::{CaptureTerminal, advise};
+use super::capture::advise;
 use super::files;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::signals;
-use super::train_terminal::TrainTerminal;
-use indicatif::HumanCount;
+use super::terminal::Terminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use trisplat_bake::BakeOptions;
-use trisplat_capture::{CaptureObserver, CaptureOptions};
+use trisplat_capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
-use trisplat_job::{BakeJobObserver, MakeDone, MakeJob, MakeJobObserver, TrainJobObserver};
-use trisplat_scene::{
-    Error, Result, Seconds,
-    report::{Observer, StageReport},
-};
+use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
+use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions, budget::BudgetDetails};
 
 /// From here on nothing needs to be done about a scene, dB on held-out photos.
@@ -98,9 +93,14 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
 
     let work = job.work.display().to_string();
     let budget = args.steps.is_none().then_some(args.budget);
-    let mut terminal = MakeTerminal { global, budget };
-    let done = job.run(&mut terminal)?;
-    say(&done, args, &work, &terminal.progress());
+    let mut terminal = Terminal::new(global, command());
+    let done = job.run(&mut |event| {
+        if let (Event::Part(part), Some(budget)) = (&event, budget) {
+            announced(*part, budget).iter().for_each(|text| terminal.line(text));
+        }
+        terminal.tell(event)
+    })?;
+    say(&done, args, &work, &terminal.done());
     if done.stopped {
         return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
     }
@@ -189,97 +189,16 @@ fn next(details: &TrainDetails, psnr: f64, steps: Option<u64>, budget: Seconds) 
     (!ways.is_empty()).then(|| format!("next: {}", ways.join(", or ")))
 }
 
-/// Shows each part as its own command does.
-struct MakeTerminal<'a> {
-    global: &'a Global,
-    /// The time for training and bake, if it decides.
-    budget: Option<Seconds>,
-}
-
-impl MakeTerminal<'_> {
-    fn progress(&self) -> Progress {
-        Progress::new(self.global).with_flags_of(command())
-    }
-}
-
-impl MakeJobObserver for MakeTerminal<'_> {
-    fn captures(&mut self) -> Box<dyn CaptureObserver + '_> {
-        if let Some(budget) = self.budget {
-            self.progress().line(&format!(
-                "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that"
-            ));
+/// What the budget is for, as a part begins.
+fn announced(part: MakePart, budget: Seconds) -> Option<String> {
+    match part {
+        MakePart::Capture => Some(format!(
+            "camera poses are found first; the {budget} of --budget are for training and bake, and begin after that"
+        )),
+        MakePart::Train => {
+            Some(format!("of the {budget} of --budget, most are for training and the rest for the bake"))
         }
-        Box::new(CaptureTerminal::new(self.progress()))
-    }
-
-    fn trains(&mut self, teacher_files: &[PathBuf]) -> Result<Box<dyn TrainJobObserver + '_>> {
-        if let Some(budget) = self.budget {
-            let shares =
-                format!("of the {budget} of --budget, most are for training and the rest for the bake");
-            self.progress().line(&shares);
-        }
-        Ok(Box::new(TrainTerminal::new(self.global, teacher_files.to_vec())))
-    }
-
-    fn bakes(&mut self) -> Box<dyn BakeJobObserver + '_> {
-        Box::new(BakeTerminal(Terminal::new(self.global, command())))
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        signals::exit_code().is_some()
-    }
-
-    fn finished(&mut self, stage: &StageReport) {
-        let progress = self.progress();
-        match stage.details_as::<TrainDetails>() {
-            Some(train) => {
-                let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
-                let triangles = HumanCount(stage.after.triangles);
-                let (steps, cpu) = (HumanCount(train.steps), train.cpu_secs);
-                progress.line(&format!(
-                    "train      {:<55} {:>8.2} s",
-                    format!("{triangles} triangles, {steps} steps, {cpu:.0} CPU s{again}"),
-                    stage.seconds
-                ));
-            }
-            None => {
-                let mut progress = progress;
-                progress.finished(stage);
-            }
-        }
-    }
-}
-
-/// Shows a bake; the bar goes with it.
-struct BakeTerminal<'a>(Terminal<'a>);
-
-impl BakeJobObserver for BakeTerminal<'_> {
-    fn drew(&mut self, done: usize, all: usize) {
-        self.0.drew(done, all);
-    }
-
-    fn prepared(&mut self, stages: &[StageReport]) {
-        self.0.prepared(stages);
-    }
-}
-
-impl Observer for BakeTerminal<'_> {
-    fn started(&mut self, name: &str) {
-        self.0.started(name);
-    }
-
-    fn progressed(&mut self, fraction: f64) {
-        self.0.progressed(fraction);
-    }
-
-    fn finished(&mut self, stage: &StageReport) {
-        self.0.finished(stage);
-    }
-}
-
-impl Drop for BakeTerminal<'_> {
-    fn drop(&mut self) {
-        self.0.clear();
+        MakePart::Bake => None,
     }
 }
 

@@ -6,9 +6,9 @@ use super::info_dataset::is_dataset;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
-use super::progress::{Progress, thousands};
+use super::progress::thousands;
 use super::signals;
-use super::train_terminal::TrainTerminal;
+use super::terminal::Terminal;
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -83,15 +83,16 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         job.scene = Some(formats::read_content(&args.input, &args.dataset_options.read_options(3))?);
     }
     let command = <MeshArgs as clap::Args>::augment_args(clap::Command::new("mesh"));
-    let mut progress = Progress::new(global).with_flags_of(command);
-    let Some(asset) = job.run(&mut report, &mut TrainTerminal::new(global, Vec::new()), &mut progress)?
-    else {
+    let mut terminal = Terminal::new(global, command);
+    let Some(asset) = job.run(&mut report, &mut |event| terminal.tell(event))? else {
         return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
     };
-    output::write(&asset, &output, files, &options.output, &mut report, &mut progress)?;
+    output::write(&asset, &output, files, &options.output, &mut report, &mut |event| {
+        terminal.tell_stage(event)
+    })?;
     report.seconds = clock.elapsed().as_secs_f64();
 
-    progress.done();
+    let progress = terminal.done();
     report.warnings.iter().for_each(|warning| progress.warn(warning));
     for file in &report.outputs {
         let verb = if args.dry_run { "would write" } else { "wrote" };

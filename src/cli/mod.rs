@@ -7,7 +7,6 @@ pub mod bake;
 pub mod bake_args;
 mod bake_bytes;
 mod bake_city;
-mod bake_preparation;
 #[cfg(feature = "bench")]
 pub mod bench;
 #[cfg(feature = "bench")]
@@ -52,13 +51,12 @@ mod stdout;
 mod stress;
 mod suggestions;
 pub mod teacher_args;
+mod terminal;
 pub mod train;
 pub mod train_args;
 mod train_block;
 mod train_curve;
-mod train_preparation;
 pub mod train_progress;
-mod train_terminal;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;

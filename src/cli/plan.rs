@@ -180,7 +180,7 @@ fn train_coarse(
     bar.line("training the coarse scene");
     card.iter().for_each(|card| bar.line(&format!("training on {card}")));
     warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
-    let trained = task::unnamed(run.finish(&mut bar)?);
+    let trained = task::unnamed(run.finish(&mut |event| bar.tell(event))?);
     let lost = bar.done();
     match (trained.stopped, &trained.checkpoint) {
         (true, Some(_)) => {

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
 use trisplat_dataset::tracked_poses::TrackedPoses;
 use trisplat_job::watched::TrialRun;
-use trisplat_scene::report::{Observer, StageDetails, StageReport, counted};
+use trisplat_scene::report::{StageDetails, StageEvent, StageReport, counted};
+use trisplat_train::TrainDetails;
 
 /// What is shown for a stage that does not report progress.
 const SPINNER: &str = "{spinner} {prefix:<10} {elapsed}  {msg}";
@@ -99,7 +100,18 @@ impl Progress {
     }
 }
 
-impl Observer for Progress {
+impl Progress {
+    /// Shows an event of a stage.
+    pub fn tell(&mut self, event: StageEvent<'_>) {
+        match event {
+            StageEvent::Started(name) => self.started(name),
+            StageEvent::Progressed(fraction) => self.progressed(fraction),
+            StageEvent::Noted(what) => self.note(what),
+            StageEvent::Waiting => {}
+            StageEvent::Finished(stage) => self.finished(stage),
+        }
+    }
+
     fn started(&mut self, name: &str) {
         self.running = (Instant::now(), None);
         if let Some(bar) = &self.bar {
@@ -159,6 +171,12 @@ fn is_told(stage: &StageReport) -> bool {
 /// One row of the stage table: `prune      2,012,345 → 1,720,011  (-14.5%)   0.04 s`.
 fn row(stage: &StageReport) -> String {
     let name = &stage.name;
+    if let Some(train) = stage.details_as::<TrainDetails>() {
+        let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
+        let (triangles, steps) = (thousands(stage.after.triangles), counted(train.steps, "step"));
+        let text = format!("{triangles} triangles, {steps}, {:.0} CPU s{again}", train.cpu_secs);
+        return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
+    }
     if let Some(why) = &stage.skipped {
         let took = match stage.seconds >= TRIED_SECS {
             true => format!(" ({:.2} s)", stage.seconds),

@@ -11,29 +11,31 @@ use super::progress::Progress;
 use super::resume;
 use super::signals;
 use super::teacher_args;
+use super::terminal::Terminal;
 use super::train_args::TrainArgs;
 use super::train_block;
 use super::train_curve;
-use super::train_preparation::{Preparation, Prepared};
-use super::train_progress::{Bar, Watcher};
+use super::train_progress::Bar;
 use clap::ArgMatches;
 use indicatif::HumanCount;
 use std::io::Write;
-use std::path::Path;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::TrackedPoses};
 use trisplat_formats as formats;
-use trisplat_job::{ReadyTrain, TeacherPlan, TrainJob, reading, teacher_files};
+use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading, teacher_files};
 use trisplat_scene::{
     Error, ImportedScene, Result,
     atomic::AtomicFile,
     layered::{Layered, Layers},
-    report::{OutputReport, Report, counted},
+    report::{OutputReport, Report, StageReport, counted},
 };
 use trisplat_train::{
-    Checkpoint, ExposureDetails, OpenRun, PREVIEW, Preview, Quality, RunOptions, TrainOptions, Trained,
+    Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
+    TrainSample, Trained,
     budget::{Budget, BudgetDetails, Seconds},
     checkpoint, checkpoint_retention,
 };
@@ -56,7 +58,7 @@ pub fn run(
     let point = read.as_ref().ok().and_then(|(point, _)| point.as_ref());
     // An output that must not be written is said before a checkpoint that cannot be read.
     let mut files = guard(args, inputs, &outputs, point)?;
-    let (point, mut warnings) = read?;
+    let (point, warnings) = read?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
         None => resolve(args, matches)?,
@@ -75,48 +77,42 @@ pub fn run(
     (job.began, job.backend, job.outputs) = (Some(clock), args.backend_options.clone(), outputs);
     (job.resume, job.force_resume) = (point, args.force_resume);
 
-    let mut preparation = Preparation::new(global, &mut files, teacher_files(&teacher_file));
-    let ready = prepare(job, args, &mut preparation);
-    let Prepared { teachers, lost_teachers, lost, stop } = preparation.done();
-    let (ready, tracked) = match ready {
+    let mut terminal = Terminal::new(global, command());
+    if args.teacher.teacher.is_none() {
+        terminal.hint = " (--teacher off skips it)";
+    }
+    let teacher_files = teacher_files(&teacher_file);
+    let (claimed, written, failed) = (false, Vec::new(), None);
+    let mut shown =
+        Shown { args, terminal, files, teacher_files, watcher, warnings, claimed, written, failed };
+    let done = job.run(&mut |event| shown.tell(event));
+    let Shown { mut terminal, mut files, mut warnings, written, failed, mut watcher, .. } = shown;
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let done = match done {
         Err(Error::Stopped { what, checkpoint: Some(checkpoint) }) => {
+            drop(terminal);
             let command = resume::command(matches, args, &checkpoint);
             Progress::new(global).line(&format!("{what}; to continue: {command}"));
             return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
         }
-        ready => ready?,
+        done => done?,
     };
-    let (plan, notes) = (ready.budget_summary(), ready.notes());
-    let ReadyTrain { dataset, photos, teacher, teacher_share, warnings: about_inputs, start, .. } = ready;
-    let OpenRun { run, card, warnings: about_start } = start.open(&dataset)?;
-    warnings.extend(about_inputs);
-    warnings.extend(about_start);
-    let (triangles, steps) = (run.triangles(), run.steps());
-    let bar = Bar::new(global, run.options().steps, steps, args.log.as_deref(), run.curve())?;
-    drop(stop);
-    let mut bar = bar.losing_to(&lost).watched(photos.as_ref().unwrap_or(&dataset), watcher);
-    if let Some(card) = card {
-        bar.line(&format!("training on {card}"));
-        bar.say_rate(steps);
-    }
-    for warning in &warnings {
-        bar.line(&format!("warning: {}", flags::spell(warning, &command())));
-    }
-    let retrained = "the training continues; a resumed one trains its teacher again";
-    lost_teachers.iter().for_each(|error| bar.note_lost(error, retrained));
-    if let Some(tracked) = tracked {
-        bar.line(&format!("{tracked} (--set poses=off leaves them)"));
-    }
-    plan.iter().for_each(|plan| bar.line(plan));
-    let trained = run.finish(&mut bar)?;
-    let mut report = notes.report(&trained, triangles, Vec::new());
+    let TrainDone { trained, mut report, teacher, teacher_share } = done;
+    let Some(mut bar) = terminal.bar.take() else { unreachable!("a training that ended has begun") };
+    drop(terminal);
     let read = args.from.as_deref().into_iter().chain(teacher.input()).chain(args.dataset.as_deref());
     report.inputs = read.map(|path| path.display().to_string()).collect();
+    warnings.append(&mut report.warnings);
     report.warnings = warnings;
-    report.outputs.extend(teachers);
+    report.outputs.extend(written);
     write(args, &trained, report, clock, &mut files, &mut bar)?;
     let lost = bar.done();
-    summary(args, (&teacher, teacher_share), &trained, &mut bar);
+    let written = written_line(args, &trained);
+    bar.line(&written);
+    watcher.iter_mut().for_each(|watcher| watcher.ended(&written, trained.clone().into()));
+    summary(args, (&teacher, teacher_share), &trained, &bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
         let command = resume::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
@@ -124,19 +120,103 @@ pub fn run(
     ended(args, &trained, &lost)
 }
 
-/// Prepares the run; also what became of the photos' poses, in a sentence.
-fn prepare(
-    mut job: TrainJob,
-    args: &TrainArgs,
-    preparation: &mut Preparation<'_, '_>,
-) -> Result<(ReadyTrain, Option<String>)> {
-    job.watch(preparation)?;
-    let tracked = job.poses.as_ref().and_then(|stage| stage.details_as::<TrackedPoses>()?.summary());
-    // A requested one is claimed already.
-    if args.teacher.teacher.is_none() && job.teacher_plan() == TeacherPlan::Train {
-        preparation.claim_teachers()?;
+/// Another viewer of a run.
+pub trait Watcher {
+    /// The data set of the run.
+    fn begun(&mut self, dataset: &Dataset);
+    /// Whether it shows the present scene.
+    fn wants_scene(&mut self) -> bool;
+    /// The scene after the step of `sample`.
+    fn scene(&mut self, sample: &TrainSample, scene: Box<ImportedScene>);
+    /// The run has ended, with its result and the written scene.
+    fn ended(&mut self, what: &str, scene: ImportedScene);
+}
+
+/// Shows the training, and writes its teachers.
+struct Shown<'a, 'b> {
+    args: &'a TrainArgs,
+    terminal: Terminal<'a>,
+    files: Outputs<'b>,
+    teacher_files: Vec<PathBuf>,
+    watcher: Option<Box<dyn Watcher>>,
+    /// Notes on the checkpoint.
+    warnings: Vec<String>,
+    /// Whether the files of teachers that are trained by default are claimed.
+    claimed: bool,
+    /// The teachers that were written.
+    written: Vec<OutputReport>,
+    /// Why it stopped the job.
+    failed: Option<Error>,
+}
+
+impl Shown<'_, '_> {
+    fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
+        match event {
+            Event::Begins(begins) => {
+                self.failed = self.begin(begins).err();
+                if self.failed.is_some() {
+                    return ControlFlow::Break(());
+                }
+            }
+            Event::Teacher(which, teacher) => self.keep(which, teacher),
+            Event::Train(_, TrainEvent::Scene(sample, scene)) => {
+                if let Some(watcher) = &mut self.watcher {
+                    watcher.scene(sample, scene);
+                }
+            }
+            Event::Train(part, TrainEvent::Step { sample, wants_scene }) => {
+                if let (TrainPart::Scene, Some(watcher)) = (part, &mut self.watcher) {
+                    *wants_scene = watcher.wants_scene();
+                }
+                return self.terminal.tell(Event::Train(part, TrainEvent::Step { sample, wants_scene }));
+            }
+            event => return self.terminal.tell(event),
+        }
+        ControlFlow::Continue(())
     }
-    Ok((job.prepare(preparation)?, tracked))
+
+    fn begin(&mut self, begins: &TrainBegins<'_>) -> Result<()> {
+        match begins.part {
+            TrainPart::Trial => return self.terminal.begin(begins, None),
+            TrainPart::Teacher => {
+                // Requested ones are claimed already.
+                if self.args.teacher.teacher.is_none() && !std::mem::replace(&mut self.claimed, true) {
+                    self.teacher_files.iter().try_for_each(|path| self.files.claim("--teacher", path))?;
+                }
+                return self.terminal.begin(begins, None);
+            }
+            TrainPart::Scene => self.terminal.begin(begins, self.args.log.as_deref())?,
+        }
+        if let (Some(watcher), Some(photos)) = (&mut self.watcher, begins.photos) {
+            watcher.begun(photos);
+        }
+        for warning in self.warnings.iter().chain(begins.warnings) {
+            self.terminal.line(&format!("warning: {}", flags::spell(warning, &command())));
+        }
+        let tracked = |stage: &StageReport| stage.details_as::<TrackedPoses>()?.summary();
+        for moved in begins.stages.iter().filter_map(tracked) {
+            self.terminal.line(&format!("{moved} (--set poses=off leaves them)"));
+        }
+        Ok(())
+    }
+
+    /// Writes a teacher.
+    fn keep(&mut self, which: usize, teacher: &Trained) {
+        let path = &self.teacher_files[which];
+        match self.files.take(path).and_then(|file| teacher.save_to(file)) {
+            Ok(bytes) => {
+                self.written.push(OutputReport { path: path.display().to_string(), bytes });
+                // A later reading as this run's teachers would change the result; files that cannot be removed
+                // stay.
+                self.teacher_files[which + 1..].iter().for_each(|old| drop(std::fs::remove_file(old)));
+            }
+            // The run has the scene in memory.
+            Err(error) => {
+                let retrained = "the training continues; a resumed one trains its teacher again";
+                self.terminal.bar.iter_mut().for_each(|bar| bar.note_lost(&error, retrained));
+            }
+        }
+    }
 }
 
 /// The end of the program: success, stopped, or an error that names missing outputs beside the scene.
@@ -297,7 +377,7 @@ fn write(
         }
     }
     if let Some(path) = &args.report {
-        report.warnings.extend(bar.lost_so_far());
+        report.warnings.extend_from_slice(bar.lost_so_far());
         report.seconds = clock.elapsed().as_secs_f64();
         if let Err(error) = files.take(path).and_then(|file| files::save_json(&report, file)) {
             bar.note_lost(&error, "the report is missing");
@@ -335,12 +415,8 @@ fn next_command(args: &TrainArgs, solid: bool) -> String {
     format!("next: trisplat bake {}{photos}{harden} -o {file}", quoted(args.output.as_path()))
 }
 
-fn summary(
-    args: &TrainArgs,
-    (teacher, share): (&TeacherPlan, Option<f64>),
-    trained: &Trained,
-    bar: &mut Bar,
-) {
+/// The result of the run.
+fn written_line(args: &TrainArgs, trained: &Trained) -> String {
     let out = args.output.display();
     let triangles = HumanCount(trained.soup.len() as u64);
     let held_out = match trained.quality() {
@@ -358,10 +434,10 @@ fn summary(
         None => String::new(),
     };
     let (steps, cpu_secs) = (counted(trained.steps, "step"), trained.cpu_secs);
-    bar.ended(
-        &format!("wrote {out}: {triangles} triangles, {steps}, {cpu_secs:.1} CPU s{held_out}"),
-        trained,
-    );
+    format!("wrote {out}: {triangles} triangles, {steps}, {cpu_secs:.1} CPU s{held_out}")
+}
+
+fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trained: &Trained, bar: &Bar) {
     bar.line(&next_command(args, is_solid(&trained.soup)));
     if !is_solid(&trained.soup) {
         bar.line(

@@ -59,7 +59,7 @@ pub(super) fn run(
     for warning in broken.iter().chain(&warnings).chain(&dataset.warnings) {
         bar.line(&format!("warning: {warning}"));
     }
-    let trained = run.finish(&mut bar)?;
+    let trained = run.finish(&mut |event| bar.tell(event))?;
     let lost = bar.done();
     if trained.stopped {
         drop(set);

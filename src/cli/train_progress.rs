@@ -4,25 +4,13 @@ use super::signals::Listener;
 use super::stdout::Stdout;
 use super::{Global, messages};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
-use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-use trisplat_dataset::{Dataset, ShrunkSize};
-use trisplat_scene::{Error, ImportedScene, Result, report::counted};
-use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample, Trained, budget::Correction};
-
-/// Another observer of a run.
-pub trait Watcher: TrainObserver {
-    /// The data set of the run.
-    fn begun(&mut self, dataset: &Dataset);
-    /// The run has ended, with its result and the written scene.
-    fn ended(&mut self, what: &str, scene: ImportedScene);
-}
-
-/// Outputs that a run and the trainings that prepare it could not write, with their errors.
-pub type Lost = Rc<RefCell<Vec<String>>>;
+use trisplat_dataset::ShrunkSize;
+use trisplat_scene::{Error, Result};
+use trisplat_train::{Densified, TrainEvent, TrainSample, budget::Correction};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
@@ -31,7 +19,8 @@ pub struct Bar {
     bar: Option<ProgressBar>,
     log: Option<(PathBuf, Box<dyn Write>)>,
     /// Outputs that could not be written, with their errors.
-    lost: Lost,
+    lost: Vec<String>,
+    /// From here on a request to stop is for the training.
     stop: Option<Listener>,
     psnr: Option<(f64, Option<ShrunkSize>)>,
     steps: u64,
@@ -39,7 +28,6 @@ pub struct Bar {
     percent: Option<u64>,
     /// Steps made when the measurement of the rate began, until the rate is printed.
     rate_from: Option<u64>,
-    watcher: Option<Box<dyn Watcher>>,
 }
 
 /// How long the first steps are timed.
@@ -67,17 +55,8 @@ impl Bar {
         let stop = Some(Listener::new());
         let (quiet, verbose) = (global.quiet, global.verbose);
         let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
-        let (lost, psnr, rate_from, watcher) = (Lost::default(), None, None, None);
-        Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from, watcher })
-    }
-
-    /// The bar of a short training that leaves some photos out; `hint` says how to do without.
-    pub fn of_watching(global: &Global, options: &TrainOptions, hint: &str) -> Result<Self> {
-        let (bar, steps) = (Self::new(global, options.steps, 0, None, &[])?, counted(options.steps, "step"));
-        bar.line(&format!(
-            "a short training leaves some photos out, to see what more steps gain: {steps}{hint}"
-        ));
-        Ok(bar)
+        let (lost, psnr, rate_from) = (Vec::new(), None, None);
+        Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from })
     }
 
     /// Makes it print the steps per second when known; `done` steps are made already.
@@ -85,16 +64,9 @@ impl Bar {
         self.rate_from = Some(done);
     }
 
-    /// The same with another observer of the run on `dataset`.
-    pub fn watched(mut self, dataset: &Dataset, mut watcher: Option<Box<dyn Watcher>>) -> Self {
-        watcher.iter_mut().for_each(|watcher| watcher.begun(dataset));
-        self.watcher = watcher;
-        self
-    }
-
-    /// The same, with outputs that are lost added to `lost`.
-    pub fn losing_to(mut self, lost: &Lost) -> Self {
-        self.lost = Lost::clone(lost);
+    /// The same, after outputs that were lost before it.
+    pub fn losing(mut self, lost: Vec<String>) -> Self {
+        self.lost = lost;
         self
     }
 
@@ -114,24 +86,18 @@ impl Bar {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-        self.lost.take()
-    }
-
-    /// Prints the result of the run; `trained` was written.
-    pub fn ended(&mut self, what: &str, trained: &Trained) {
-        self.line(what);
-        self.watcher.iter_mut().for_each(|watcher| watcher.ended(what, trained.clone().into()));
+        std::mem::take(&mut self.lost)
     }
 
     /// Outputs that could not be written so far, with their errors.
-    pub fn lost_so_far(&self) -> Vec<String> {
-        self.lost.borrow().clone()
+    pub fn lost_so_far(&self) -> &[String] {
+        &self.lost
     }
 
     /// Warns that something was not written.
     pub fn note_lost(&mut self, error: &Error, what: &str) {
         self.line(&format!("warning: {error}; {what}"));
-        self.lost.borrow_mut().push(error.to_string());
+        self.lost.push(error.to_string());
     }
 }
 
@@ -166,7 +132,23 @@ impl Drop for Bar {
     }
 }
 
-impl TrainObserver for Bar {
+impl Bar {
+    /// Shows an event of the training; `Break` after a request to stop.
+    pub fn tell(&mut self, event: TrainEvent<'_>) -> ControlFlow<()> {
+        match event {
+            TrainEvent::Step { sample, .. } => self.stepped(sample),
+            TrainEvent::Sampled(sample) => self.sampled(sample),
+            TrainEvent::Densified(step, densified) => self.densified(step, densified),
+            TrainEvent::Corrected(correction) => self.corrected(correction),
+            TrainEvent::Lost(error) => self.note_lost(error, "the training continues"),
+            TrainEvent::Scene(..) => {}
+        }
+        match self.stop.as_ref().is_some_and(Listener::is_asked) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
     fn stepped(&mut self, sample: &TrainSample) {
         if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
             self.rate_from = None;
@@ -201,20 +183,6 @@ impl TrainObserver for Bar {
         }
     }
 
-    fn wants_scene(&mut self) -> bool {
-        self.watcher.as_mut().is_some_and(|watcher| watcher.wants_scene())
-    }
-
-    fn scene(&mut self, sample: &TrainSample, scene: ImportedScene) {
-        if let Some(watcher) = &mut self.watcher {
-            watcher.scene(sample, scene);
-        }
-    }
-
-    fn lost(&mut self, error: &Error) {
-        self.note_lost(error, "the training continues");
-    }
-
     fn densified(&mut self, step: u64, r: &Densified) {
         if self.verbose {
             self.line(&format!(
@@ -238,9 +206,5 @@ impl TrainObserver for Bar {
         if self.verbose {
             self.line(&format!("step {step}: {spent_secs:.1} s spent, {steps} steps in all"));
         }
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.stop.as_ref().is_some_and(Listener::is_asked)
     }
 }

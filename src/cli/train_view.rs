@@ -12,8 +12,8 @@
 use super::Global;
 use super::inputs::Inputs;
 use super::train;
+use super::train::Watcher;
 use super::train_args::TrainArgs;
-use super::train_progress::Watcher;
 use super::view::{self, PosedPhotos};
 use super::{messages, signals};
 use clap::ArgMatches;
@@ -26,7 +26,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::{Error, ImportedScene, Result};
-use trisplat_train::{TrainObserver, TrainSample};
+use trisplat_train::TrainSample;
 use trisplat_view::window::{
     self, SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowScene,
 };
@@ -138,20 +138,18 @@ impl SceneWatcher {
     }
 }
 
-impl TrainObserver for SceneWatcher {
+impl Watcher for SceneWatcher {
     fn wants_scene(&mut self) -> bool {
         self.asked = Instant::now();
         self.wanted.swap(false, Ordering::Relaxed)
     }
 
-    fn scene(&mut self, sample: &TrainSample, scene: ImportedScene) {
+    fn scene(&mut self, sample: &TrainSample, scene: Box<ImportedScene>) {
         let TrainSample { step, psnr, .. } = sample;
         let status = format!("step {step}, {psnr:.2} dB on the photos");
-        self.tell(News::Scene(Box::new(scene), status, self.asked.elapsed()));
+        self.tell(News::Scene(scene, status, self.asked.elapsed()));
     }
-}
 
-impl Watcher for SceneWatcher {
     fn begun(&mut self, dataset: &Dataset) {
         let (views, origin) = (dataset.views.clone(), dataset.origin);
         self.tell(News::Photos(PosedPhotos { views, origin }));

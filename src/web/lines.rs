@@ -4,12 +4,9 @@
 use serde::Serialize;
 use serde_json::json;
 use std::io::{self, Write};
-use trisplat_job::BakeJobObserver;
-use trisplat_scene::{
-    Result,
-    report::{Observer, StageReport},
-};
-use trisplat_train::{TrainObserver, TrainOptions, TrainSample};
+use trisplat_job::Event;
+use trisplat_scene::report::StageEvent;
+use trisplat_train::TrainEvent;
 
 /// Smallest reported change of a fraction.
 const STEP: f64 = 0.01;
@@ -25,6 +22,8 @@ pub(super) fn say(key: &str, value: impl Serialize) {
 #[derive(Debug, Default)]
 pub(super) struct Lines {
     told: f64,
+    /// Steps of the training.
+    steps: u64,
 }
 
 impl Lines {
@@ -36,40 +35,27 @@ impl Lines {
     }
 }
 
-impl Observer for Lines {
-    fn started(&mut self, name: &str) {
+impl Lines {
+    /// Prints what is new.
+    pub(super) fn tell(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Stage(StageEvent::Started(name)) => self.start(name),
+            Event::Stage(StageEvent::Progressed(fraction)) => self.at(*fraction),
+            Event::Stage(StageEvent::Finished(stage)) => say("finished", stage),
+            Event::Begins(begins) => {
+                self.start("train");
+                self.steps = begins.steps;
+            }
+            Event::Train(_, TrainEvent::Step { sample, .. }) => {
+                self.at(sample.step as f64 / self.steps.max(1) as f64);
+            }
+            Event::Drew { done, all } => self.at(*done as f64 / (*all).max(1) as f64),
+            _ => {}
+        }
+    }
+
+    fn start(&mut self, name: &str) {
         self.told = 0.0;
         say("stage", name);
-    }
-
-    fn progressed(&mut self, fraction: f64) {
-        self.at(fraction);
-    }
-
-    fn finished(&mut self, stage: &StageReport) {
-        say("finished", stage);
-    }
-}
-
-impl BakeJobObserver for Lines {
-    fn hardening_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
-        self.started("train");
-        Ok(Box::new(Steps { lines: self, all: options.steps }))
-    }
-
-    fn drew(&mut self, done: usize, all: usize) {
-        self.at(done as f64 / all.max(1) as f64);
-    }
-}
-
-/// The steps of a training.
-struct Steps<'a> {
-    lines: &'a mut Lines,
-    all: u64,
-}
-
-impl TrainObserver for Steps<'_> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.lines.at(sample.step as f64 / self.all.max(1) as f64);
     }
 }

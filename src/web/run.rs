@@ -5,6 +5,7 @@ use super::lines::{Lines, say};
 use glam::{DVec3, UVec2, Vec3};
 use serde_json::{Map, Value};
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -87,7 +88,12 @@ fn run(job: Job) -> Result<()> {
             let mut job = BakeJob::new(inputs.into_iter().map(BakeInput::File), resolved(options)?);
             job.harden = harden.then(HardenOptions::default);
             job.max_bytes = max_bytes;
-            say("report", job.save(&output, &mut Lines::default())?.report);
+            let mut lines = Lines::default();
+            let done = job.save(&output, &mut |event| {
+                lines.tell(&event);
+                ControlFlow::Continue(())
+            })?;
+            say("report", done.report);
             Ok(())
         }
     }

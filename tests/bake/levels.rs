@@ -1,6 +1,7 @@
 //! Levels of detail: which triangles stay, and what they cover.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use trisplat_bake::{
     Bake, BakeOptions, BakePreset, Decimation, LodDetails, LodOptions, LodRanking, SAMPLES, visible_px,
@@ -10,7 +11,7 @@ use trisplat_scene::{
     Asset, ImportedScene, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
-    report::{Observer, Report, StageProgress},
+    report::{Report, StageEvent, StageProgress},
 };
 
 /// A wall of 2 · 16 · 16 triangles that shade into each other, and as many hidden behind it.
@@ -86,10 +87,11 @@ fn holes(mesh: &Mesh) -> f64 {
 #[test]
 fn every_prefix_of_the_order_is_a_level() {
     let (mesh, cameras) = (wall(), cameras());
-    let visible_area = visible_px(&mesh, &cameras, SAMPLES, StageProgress::new(&mut ()));
+    let visible_area = visible_px(&mesh, &cameras, SAMPLES, StageProgress::new(&mut |_| Continue(())));
     let visible: Vec<u32> = (0..512).collect();
     let ranked = |fewest: usize| {
-        let (mut decimation, mut nobody) = (Decimation::new(&mesh, &cameras), ());
+        let (mut decimation, mut nobody) =
+            (Decimation::new(&mesh, &cameras), |_: StageEvent<'_>| Continue(()));
         let progress = StageProgress::new(&mut nobody);
         decimation.rank_by_importance(&visible_area, &visible, fewest, progress)
     };
@@ -176,29 +178,24 @@ fn shares_must_fall() {
     }
 }
 
-/// Every fraction that a stage has told.
-#[derive(Default)]
-struct Fractions(Vec<(String, Vec<f64>)>);
-
-impl Observer for Fractions {
-    fn started(&mut self, name: &str) {
-        self.0.push((name.to_owned(), Vec::new()));
-    }
-
-    fn progressed(&mut self, fraction: f64) {
-        self.0.last_mut().expect("a stage has started").1.push(fraction);
-    }
-}
-
 #[test]
 fn long_stages_say_how_far_they_have_come() {
     let mut options = BakeOptions::preset(BakePreset::Fast);
     options.lod = LodOptions { lod: vec![0.5, 0.25] };
     options.prune.max_triangles = Some(300);
-    let mut fractions = Fractions::default();
-    Bake::new(&options).observer(&mut fractions).run([loaded(cameras())]).unwrap();
+    // Every fraction that a stage has told.
+    let mut fractions: Vec<(String, Vec<f64>)> = Vec::new();
+    let mut observer = |event: StageEvent<'_>| {
+        match event {
+            StageEvent::Started(name) => fractions.push((name.to_owned(), Vec::new())),
+            StageEvent::Progressed(fraction) => fractions.last_mut().expect("a stage").1.push(fraction),
+            _ => {}
+        }
+        Continue(())
+    };
+    Bake::new(&options).observer(&mut observer).run([loaded(cameras())]).unwrap();
     for stage in ["unseen", "lod"] {
-        let (_, told) = fractions.0.iter().find(|(name, _)| name == stage).unwrap();
+        let (_, told) = fractions.iter().find(|(name, _)| name == stage).unwrap();
         assert!(told.is_sorted(), "{stage}: {told:?}");
         assert!(told.len() >= 20, "{stage}: {told:?}");
         assert!(told[0] < 0.05 && told[told.len() - 1] > 0.7, "{stage}: {told:?}");
@@ -211,7 +208,8 @@ fn corners_move_alike_on_any_number_of_threads() {
     let (mesh, cameras) = (wall(), cameras());
     let kept: Vec<u32> = (0..512).step_by(3).collect();
     let moved = || {
-        let (mut decimation, mut nobody) = (Decimation::new(&mesh, &cameras), ());
+        let (mut decimation, mut nobody) =
+            (Decimation::new(&mesh, &cameras), |_: StageEvent<'_>| Continue(()));
         decimation.move_corners(&kept, StageProgress::new(&mut nobody))
     };
     let serial = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -223,4 +221,20 @@ fn corners_move_alike_on_any_number_of_threads() {
     moves.apply(&mut after);
     let changed = |f: usize| after.corners(f) != mesh.corners(f);
     assert!((0..1024).filter(|f| changed(*f)).all(|f| kept.contains(&(f as u32))), "only those that stay");
+}
+
+#[test]
+fn an_observer_stops_a_bake_between_two_stages() {
+    let mut ended = Vec::new();
+    let mut observer = |event: StageEvent<'_>| match event {
+        StageEvent::Finished(stage) => {
+            ended.push(stage.name.clone());
+            if stage.name == "prune" { ControlFlow::Break(()) } else { Continue(()) }
+        }
+        _ => Continue(()),
+    };
+    let options = BakeOptions::preset(BakePreset::Fast);
+    let error = Bake::new(&options).observer(&mut observer).run([loaded(cameras())]).unwrap_err();
+    assert!(matches!(&error, trisplat::Error::Stopped { checkpoint: None, .. }), "{error}");
+    assert_eq!(ended.last().map(String::as_str), Some("prune"));
 }

@@ -3,6 +3,7 @@
 use super::hostile::random_triangle;
 use glam::{UVec2, Vec2, Vec3};
 use std::fmt::Write;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use tempfile::TempDir;
 use trisplat_bake::{
@@ -17,7 +18,7 @@ use trisplat_scene::{
     camera::Camera,
     image::RgbImage,
     mesh::{Colors, Mesh},
-    report::{Outcome, StageProgress},
+    report::{Outcome, StageEvent, StageProgress},
 };
 
 const VIEWS: usize = 24;
@@ -29,7 +30,7 @@ fn refit(
     details: &mut RefitDetails,
 ) -> Result<Outcome<()>> {
     let behind = mesh.face_count();
-    refit::refit(mesh, behind, views, options, details, &mut StageProgress::new(&mut ()))
+    refit::refit(mesh, behind, views, options, details, &mut StageProgress::new(&mut |_| Continue(())))
         .map(|found| found.outcome)
 }
 
@@ -42,7 +43,15 @@ fn unseen(
     details: &mut UnseenDetails,
 ) -> Result<Outcome<()>> {
     let limit = FaceLimit { most, ..FaceLimit::default() };
-    unseen::unseen(mesh, cameras, views, options, &limit, details, &mut StageProgress::new(&mut ()))
+    unseen::unseen(
+        mesh,
+        cameras,
+        views,
+        options,
+        &limit,
+        details,
+        &mut StageProgress::new(&mut |_| Continue(())),
+    )
 }
 
 /// Triangles of some size around the origin, with a colour per corner.
@@ -132,7 +141,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let drop = |options: &UnseenOptions, masks| {
         let (mut kept, mut details) = (mesh.clone(), UnseenDetails::default());
         let mut views = Views::new(&dataset, &DatasetOptions { masks, ..DatasetOptions::default() });
-        let mut nobody = ();
+        let mut nobody = |_: StageEvent<'_>| Continue(());
         let progress = &mut StageProgress::new(&mut nobody);
         details.masked = unseen::masked(&mut kept, Some(&mut views), options, progress).unwrap();
         unseen(&mut kept, &cameras, Some(&mut views), options, None, &mut details).unwrap();
@@ -533,7 +542,7 @@ fn colours_for_later_stages_have_not_seen_the_held_out_photos() {
     for (colors, which) in [(RefitColors::Flat, "flat"), (RefitColors::Auto, "auto")] {
         let mut fitted = grey(&mesh);
         let options = RefitOptions { refit: colors, ..RefitOptions::default() };
-        let (mut details, mut nobody) = (RefitDetails::default(), ());
+        let (mut details, mut nobody) = (RefitDetails::default(), |_: StageEvent<'_>| Continue(()));
         let mut progress = StageProgress::new(&mut nobody);
         let behind = mesh.face_count();
         let found =

@@ -2,6 +2,7 @@
 
 use super::teacher::{baked_with, ball, cameras, psnr, skipped, soft};
 use glam::Vec3;
+use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
     BakeOptions, BakePreset, ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, Views, reshape,
 };
@@ -13,7 +14,7 @@ use trisplat_scene::{
     ImportedScene,
     image::Image,
     mesh::{Colors, Mesh},
-    report::{Outcome, StageProgress},
+    report::{Outcome, StageEvent, StageProgress},
 };
 use trisplat_teacher::Teacher;
 
@@ -43,7 +44,7 @@ fn opaque() -> Mesh {
 /// The stage alone.
 fn reshaped(mesh: &mut Mesh, is_soft: bool, options: &ReshapeOptions) -> (Outcome<()>, ReshapeDetails) {
     let mut details = ReshapeDetails::default();
-    let mut nobody = ();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
     let traits = SceneTraits { is_soft, is_closed: false };
     let outcome = reshape(mesh, Some(&mut pictures()), traits, options, &mut details, &mut progress);
@@ -80,7 +81,7 @@ fn a_closed_scene_stays_closed() {
     let eyes = cameras();
     let black = eyes.iter().map(|camera| Image::filled(camera.size, [0.0; 3]).to_pixels()).collect();
     let mut views = Views::drawn(eyes.clone(), black);
-    let (mut details, mut nobody) = (ReshapeDetails::default(), ());
+    let (mut details, mut nobody) = (ReshapeDetails::default(), |_: StageEvent<'_>| Continue(()));
     let traits = SceneTraits { is_soft: true, is_closed: true };
     let mut progress = StageProgress::new(&mut nobody);
     reshape(&mut mesh, Some(&mut views), traits, &ReshapeOptions::DEFAULT, &mut details, &mut progress)
@@ -130,7 +131,8 @@ fn solid_scenes_and_shared_vertices_are_left_alone() {
 #[test]
 fn no_rounds_are_refused_with_the_remedy() {
     let options = ReshapeOptions { reshape_rounds: 0, ..ReshapeOptions::DEFAULT };
-    let (mut mesh, mut details, mut nobody) = (opaque(), ReshapeDetails::default(), ());
+    let (mut mesh, mut details, mut nobody) =
+        (opaque(), ReshapeDetails::default(), |_: StageEvent<'_>| Continue(()));
     let mut progress = StageProgress::new(&mut nobody);
     let error = reshape(&mut mesh, None, SceneTraits::default(), &options, &mut details, &mut progress)
         .unwrap_err()

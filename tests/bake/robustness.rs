@@ -2,6 +2,7 @@
 //! result is valid, and a second run has nothing to do. The stages that need cameras are in `photos.rs`.
 
 use super::hostile;
+use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
     BvhOptions, ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions,
     OrderOptions, PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions,
@@ -95,7 +96,7 @@ fn levels(mesh: &Mesh, what: &str) -> Result<Vec<Asset>> {
     };
     let mut levels = Vec::new();
     let run = |levels: &mut Vec<Asset>, details: &mut _| {
-        lod(levels, &source, &options, unfinished, details, &mut StageProgress::new(&mut ()))
+        lod(levels, &source, &options, unfinished, details, &mut StageProgress::new(&mut |_| Continue(())))
     };
     twice(run, &mut levels, what)?;
     Ok(levels)

@@ -1,6 +1,7 @@
 //! The stage `texture`: large triangles show what photos show of a scene with much more detail.
 
 use glam::{UVec2, Vec2, Vec3};
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_bake::{
     Bake, BakeOptions, TextureDetail, TextureDetails, TextureOptions, TextureWhen, UpChoice, Views,
@@ -17,7 +18,7 @@ use trisplat_scene::{
     image::RgbImage,
     math::metric,
     mesh::{Colors, Mesh},
-    report::{Outcome, Report, StageProgress},
+    report::{Outcome, Report, StageEvent, StageProgress},
 };
 
 pub(super) const DRAWING: SolidRasterOptions =
@@ -70,8 +71,14 @@ pub(super) fn photos() -> Vec<RgbImage> {
 
 pub(super) fn textured(mesh: &mut Mesh, options: &TextureOptions) -> (Result<Outcome<()>>, TextureDetails) {
     let (mut views, mut details) = (Views::drawn(cameras(), photos()), TextureDetails::default());
-    let outcome =
-        texture(mesh, Some(&mut views), None, options, &mut details, &mut StageProgress::new(&mut ()));
+    let outcome = texture(
+        mesh,
+        Some(&mut views),
+        None,
+        options,
+        &mut details,
+        &mut StageProgress::new(&mut |_| Continue(())),
+    );
     (outcome, details)
 }
 
@@ -106,7 +113,7 @@ fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
     let mut views = Views::drawn(cameras(), cameras().iter().enumerate().map(photo).collect());
     let mut run = |options: &TextureOptions| {
         let (mut mesh, mut details) = (grey(), TextureDetails::default());
-        let mut nobody = ();
+        let mut nobody = |_: StageEvent<'_>| Continue(());
         let mut progress = StageProgress::new(&mut nobody);
         let outcome = texture(&mut mesh, Some(&mut views), None, options, &mut details, &mut progress);
         (outcome.unwrap(), mesh, details)
@@ -134,7 +141,7 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
     let (mut mesh, mut details) = (wall(4, |_, _| [0.4; 3]), TextureDetails::default());
     // What the scene's own colours are said to reach is more than what texels do.
     let unseen = UnseenColors { colors: mesh.colors.clone(), psnr_of_own: Some(60.0) };
-    let mut nobody = ();
+    let mut nobody = |_: StageEvent<'_>| Continue(());
     let mut progress = StageProgress::new(&mut nobody);
     let outcome = texture(&mut mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress);
     assert!(details.psnr_after < details.psnr_before, "{details:?}");
@@ -160,8 +167,8 @@ fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
     let grey = wall(48, |_, _| [0.2; 3]).colors;
     let mut unseen = UnseenColors { colors: grey.clone(), psnr_of_own: None };
     let mut run = |unseen: UnseenColors, mesh: &mut Mesh| {
-        let mut progress = ();
-        let mut progress = StageProgress::new(&mut progress);
+        let mut nobody = |_: StageEvent<'_>| Continue(());
+        let mut progress = StageProgress::new(&mut nobody);
         let outcome =
             texture(mesh, Some(&mut views), Some(unseen), &AUTO, &mut details, &mut progress).unwrap();
         (outcome, details.psnr_before.unwrap(), details.psnr_after.unwrap())
@@ -209,7 +216,14 @@ fn a_texture_is_as_small_as_it_is_asked_to_be() {
 fn without_photos_it_says_what_it_wants() {
     let mut details = TextureDetails::default();
     let mut run = |options: &TextureOptions| {
-        texture(&mut grey(2), None, None, options, &mut details, &mut StageProgress::new(&mut ()))
+        texture(
+            &mut grey(2),
+            None,
+            None,
+            options,
+            &mut details,
+            &mut StageProgress::new(&mut |_| Continue(())),
+        )
     };
     let message = run(&ON).unwrap_err().to_string();
     assert!(message.contains("photos") && message.contains("dataset"), "{message}");
@@ -353,8 +367,15 @@ fn the_best_photos_meet_without_a_seam() {
         let (mut views, mut details) = (Views::drawn(cameras(), photos), TextureDetails::default());
         let mut mesh = connected(8);
         let options = TextureOptions { texture_detail: detail, ..ON };
-        texture(&mut mesh, Some(&mut views), None, &options, &mut details, &mut StageProgress::new(&mut ()))
-            .unwrap();
+        texture(
+            &mut mesh,
+            Some(&mut views),
+            None,
+            &options,
+            &mut details,
+            &mut StageProgress::new(&mut |_| Continue(())),
+        )
+        .unwrap();
         (psnr(&mesh), details)
     };
     let [(mean, _), (best, details)] = [TextureDetail::Mean, TextureDetail::Best].map(run);

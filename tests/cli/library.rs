@@ -4,13 +4,14 @@ use super::train::{dataset, succeed, train};
 use super::train_teacher::{SHORT, few_photos, read, train_few};
 use super::{sample, trisplat};
 use serde_json::json;
+use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_job::{BakeDone, BakeInput, HardenOptions, TeacherSource, TrainDone, TrainJobObserver};
+use trisplat_job::{BakeDone, BakeInput, Event, HardenOptions, TeacherSource, TrainDone};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
-use trisplat_train::{TrainObserver, Trained};
+use trisplat_train::Trained;
 
 /// What the flags of [`train`] ask for; `given` are flags of the training.
 fn job(given: serde_json::Value) -> TrainJob {
@@ -36,21 +37,8 @@ fn bytes(folder: &Path, trained: &Trained) -> Vec<u8> {
 fn a_training_by_default() {
     let folder = tempfile::tempdir().unwrap();
     succeed(&mut train(folder.path(), &["-o", "a.ply"]));
-    let done = job(json!({ "steps": 30 })).run(&mut ()).unwrap();
+    let done = job(json!({ "steps": 30 })).run(&mut |_| Continue(())).unwrap();
     assert!(bytes(folder.path(), &done.trained) == read(folder.path(), "a.ply"));
-}
-
-/// Keeps the teacher that was trained.
-#[derive(Default)]
-struct Teacher(Option<Trained>);
-
-impl TrainObserver for Teacher {}
-
-impl TrainJobObserver for Teacher {
-    fn keep_teacher(&mut self, _which: usize, teacher: &Trained) -> trisplat::Result<()> {
-        self.0 = Some(teacher.clone());
-        Ok(())
-    }
 }
 
 #[test]
@@ -62,22 +50,25 @@ fn a_training_of_few_photos() {
     let photos = Dataset::load(folder.join("photos"), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 30, max_triangles: 100, ..TrainOptions::default() };
     let scene = read(folder, "a.ply");
-    assert!(
-        bytes(folder, &trisplat::train(&photos, &options, |_| std::ops::ControlFlow::Continue(())).unwrap())
-            == scene
-    );
-    let mut teacher = Teacher::default();
+    assert!(bytes(folder, &trisplat::train(&photos, &options, &mut |_| Continue(())).unwrap()) == scene);
+    let mut teacher = None;
+    let mut observer = |event: Event<'_>| {
+        if let Event::Teacher(_, trained) = event {
+            teacher = Some(trained.clone());
+        }
+        Continue(())
+    };
     let TrainDone { trained, report, .. } =
-        TrainJob::new(photos.clone(), options.clone()).run(&mut teacher).unwrap();
+        TrainJob::new(photos.clone(), options.clone()).run(&mut observer).unwrap();
     assert!(bytes(folder, &trained) == scene);
-    assert!(bytes(folder, &teacher.0.unwrap()) == read(folder, "a.teacher.ply"));
+    assert!(bytes(folder, &teacher.unwrap()) == read(folder, "a.teacher.ply"));
     assert_eq!(
         report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(),
         ["poses", "teacher", "train"]
     );
     let mut without = TrainJob::new(photos, options);
     without.teacher = Some(TeacherSource::Off);
-    assert!(bytes(folder, &without.run(&mut ()).unwrap().trained) != scene);
+    assert!(bytes(folder, &without.run(&mut |_| Continue(())).unwrap().trained) != scene);
 }
 
 /// Counts the short trainings, and stops one of them.
@@ -88,25 +79,15 @@ struct Watching {
     stop: bool,
 }
 
-impl TrainObserver for Watching {}
-
-/// Stops before the first step.
-struct Stop;
-
-impl TrainObserver for Stop {
-    fn wants_to_stop(&mut self) -> bool {
-        true
-    }
-}
-
-impl TrainJobObserver for Watching {
-    fn watching_begins(&mut self, _options: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
-        self.trainings += 1;
-        Ok(if self.stop { Box::new(Stop) } else { Box::new(()) })
-    }
-
-    fn watched(&mut self, summary: &str) {
-        summary.clone_into(&mut self.said);
+impl Watching {
+    fn tell(&mut self, event: &Event<'_>) -> ControlFlow<()> {
+        match event {
+            Event::Begins(_) => self.trainings += 1,
+            Event::Watched(watched) => self.said = watched.summary(),
+            Event::Train(..) if self.stop => return ControlFlow::Break(()),
+            _ => {}
+        }
+        Continue(())
     }
 }
 
@@ -126,8 +107,8 @@ fn photos_are_watched_where_a_budget_has_time() {
     let folder = tempfile::tempdir().unwrap();
     let (asked, mut observer) = (with_budget(folder.path(), 10, 120.0), Watching::default());
     let mut job = asked.clone();
-    job.watch(&mut observer).unwrap();
-    job.watch(&mut observer).unwrap();
+    job.watch(&mut |event| observer.tell(&event)).unwrap();
+    job.watch(&mut |event| observer.tell(&event)).unwrap();
     let watched = job.watched.clone().unwrap();
     let steps = watched.soft.map(|pair| pair.map(|training| training.steps));
     assert_eq!((observer.trainings, steps, watched.solid), (2, Some([320, 960]), None));
@@ -144,7 +125,7 @@ fn photos_are_watched_where_a_budget_has_time() {
     without.teacher = Some(TeacherSource::Off);
     hurried.budget = Some(Budget::cpu(Seconds(40.0)));
     for mut job in [without, hurried] {
-        job.watch(&mut ()).unwrap();
+        job.watch(&mut |_| Continue(())).unwrap();
         assert!(job.watched.is_none());
     }
 }
@@ -155,7 +136,7 @@ fn watching_can_be_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = with_budget(folder.path(), 24, 120.0);
     let mut observer = Watching { stop: true, ..Watching::default() };
-    let error = job.watch(&mut observer).unwrap_err().to_string();
+    let error = job.watch(&mut |event| observer.tell(&event)).unwrap_err().to_string();
     assert!(error.contains("of 525 steps") && error.contains("nothing was written"), "{error}");
     assert_eq!((observer.trainings, job.watched), (1, None));
 }
@@ -173,7 +154,7 @@ fn a_long_run_without_a_budget_watches_photos() {
     limited.outputs.max_cpu_secs = 1e6;
     let trainings = |mut job: TrainJob| {
         let mut observer = Watching { stop: true, ..Watching::default() };
-        let watched = job.watch(&mut observer);
+        let watched = job.watch(&mut |event| observer.tell(&event));
         (observer.trainings, watched.is_ok())
     };
     assert_eq!([long, short, limited].map(trainings), [(1, false), (0, true), (0, true)]);
@@ -185,7 +166,7 @@ fn a_training_with_a_budget() {
     let folder = tempfile::tempdir().unwrap();
     let mut job = job(json!({}));
     job.budget = Some(Budget::cpu(Seconds(2.0)));
-    let done = job.run(&mut ()).unwrap();
+    let done = job.run(&mut |_| Continue(())).unwrap();
     let repeat = done.trained.budget().unwrap().repeat.replace('"', "");
     let flags: Vec<&str> = repeat.split(' ').chain(["-o", "a.ply"]).collect();
     succeed(&mut train(folder.path(), &flags));
@@ -200,7 +181,7 @@ fn baked(folder: &Path, input: &Path, flags: &[&str]) -> Vec<u8> {
 }
 
 fn library(folder: &Path, job: BakeJob) -> (Vec<u8>, BakeDone) {
-    let done = job.save(&folder.join("library.glb"), &mut ()).unwrap();
+    let done = job.save(&folder.join("library.glb"), &mut |_| Continue(())).unwrap();
     (read(folder, "library.glb"), done)
 }
 
@@ -250,7 +231,7 @@ fn a_target_in_the_options_is_the_target_of_the_files() {
     job.options.output.target = trisplat_formats::OutputTarget::Godot;
     job.options.reshape.reshape = trisplat_bake::ReshapeWhen::Off;
     let out = folder.path().join("a.glb");
-    job.save(&out, &mut ()).unwrap();
+    job.save(&out, &mut |_| Continue(())).unwrap();
     assert!(folder.path().join("a.glb.import").is_file());
     let program = folder.path().join("b.glb");
     let output = trisplat(&[&"bake", &sample("trained.ply"), &"-o", &program, &"--target", &"godot"]);

@@ -3,12 +3,13 @@
 use super::train::succeed;
 use super::train_teacher::{SHORT, few_photos, read, train_few};
 use super::{fails, stderr};
+use std::ops::ControlFlow::{self, Continue};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
-use trisplat_job::TrainJobObserver;
-use trisplat_train::{TrainObserver, TrainSample, Trained, checkpoint};
+use trisplat_job::{Event, TrainPart};
+use trisplat_train::{TrainEvent, Trained, checkpoint};
 
 /// Photos, some of them watched before a training by default, in `folder/photos`: `views` of them, one in eight held out.
 fn photos(folder: &Path, views: u32) -> PathBuf {
@@ -27,48 +28,19 @@ struct Stopper {
     teacher: Option<Trained>,
 }
 
-struct StopAt {
-    step: Option<u64>,
-    now: u64,
-}
-
-impl TrainObserver for StopAt {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.now = sample.step;
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.step.is_some_and(|step| self.now >= step)
-    }
-}
-
 impl Stopper {
-    fn next(&mut self) -> Box<dyn TrainObserver> {
-        let training = self.training;
-        self.training += 1;
-        let step = self.at.filter(|(which, _)| *which == training).map(|(_, step)| step);
-        Box::new(StopAt { step, now: 0 })
-    }
-}
-
-impl TrainObserver for Stopper {}
-
-impl TrainJobObserver for Stopper {
-    fn watching_begins(&mut self, _options: &TrainOptions) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.next())
-    }
-
-    fn teacher_begins(
-        &mut self,
-        _options: &TrainOptions,
-        _asked: bool,
-    ) -> trisplat::Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.next())
-    }
-
-    fn keep_teacher(&mut self, _which: usize, teacher: &Trained) -> trisplat::Result<()> {
-        self.teacher = Some(teacher.clone());
-        Ok(())
+    fn tell(&mut self, event: &Event<'_>) -> ControlFlow<()> {
+        match event {
+            Event::Begins(begins) if begins.part != TrainPart::Scene => self.training += 1,
+            Event::Teacher(_, teacher) => self.teacher = Some(Trained::clone(teacher)),
+            Event::Train(_, TrainEvent::Step { sample, .. })
+                if self.at.is_some_and(|(which, step)| self.training == which + 1 && sample.step >= step) =>
+            {
+                return ControlFlow::Break(());
+            }
+            _ => {}
+        }
+        Continue(())
     }
 }
 
@@ -94,7 +66,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
     let point = folder.path().join("a.checkpoint");
     let mut straight = job(&photos, TrainOptions::default(), &point);
     let mut observer = Stopper::default();
-    straight.watch(&mut observer).unwrap();
+    straight.watch(&mut |event| observer.tell(&event)).unwrap();
     let figures = straight.watched.unwrap();
     assert!(observer.training == 4 && figures.solid.is_some() && figures.soft.is_some(), "{figures:?}");
 
@@ -106,7 +78,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
         // With other options: the checkpoint holds those that the run began with.
         let options = TrainOptions { steps: 10, ..TrainOptions::default() };
         let options = if point.is_file() { options } else { TrainOptions::default() };
-        let stopped = job(&photos, options, &point).watch(&mut observer).unwrap_err();
+        let stopped = job(&photos, options, &point).watch(&mut |event| observer.tell(&event)).unwrap_err();
         let said = stopped.to_string();
         assert!(
             matches!(&stopped, Error::Stopped { checkpoint: Some(path), .. } if *path == point),
@@ -115,7 +87,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
         assert!(said.contains("stopped in a short training") && said.contains(what), "{said}");
     }
     let mut resumed = job(&photos, TrainOptions::default(), &point);
-    resumed.watch(&mut ()).unwrap();
+    resumed.watch(&mut |_| Continue(())).unwrap();
     assert_eq!(resumed.watched, Some(figures));
 }
 
@@ -125,7 +97,8 @@ fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
     let photos = photos(folder.path(), 10);
     let point = folder.path().join("a.checkpoint");
     let mut observer = Stopper::default();
-    let straight = job(&photos, without_shell(), &point).run(&mut observer).unwrap().trained;
+    let straight =
+        job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
     let teacher = observer.teacher.unwrap();
     assert_eq!(observer.training, 3, "two short trainings and a teacher");
 
@@ -136,11 +109,15 @@ fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
         (1, 9, "soft teacher"),
     ] {
         let mut observer = Stopper { at: Some((training, step)), ..Stopper::default() };
-        let said = job(&photos, without_shell(), &point).run(&mut observer).unwrap_err().to_string();
+        let said = job(&photos, without_shell(), &point)
+            .run(&mut |event| observer.tell(&event))
+            .unwrap_err()
+            .to_string();
         assert!(said.contains(what), "{said}");
     }
     let mut observer = Stopper::default();
-    let resumed = job(&photos, without_shell(), &point).run(&mut observer).unwrap().trained;
+    let resumed =
+        job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
     assert_eq!(observer.training, 1, "only the teacher was left");
     assert!(observer.teacher.unwrap().soup == teacher.soup);
     assert!(resumed.soup == straight.soup && resumed.steps == straight.steps);

@@ -5,6 +5,7 @@
 use crate::common::edits::mutate;
 use crate::common::png;
 use glam::UVec2;
+use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
 use trisplat::{Dataset, DatasetOptions, Limits};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
@@ -170,7 +171,7 @@ fn mutants_of_checkpoints_are_survived() {
     let options = TrainOptions { steps: 4, max_triangles: 20, ..TrainOptions::default() };
     let path = folder.path().join("scene.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 2, ..RunOptions::default() };
-    TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut ()).unwrap();
+    TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(())).unwrap();
     mutate_file(&path, 500, || match checkpoint::read(&path) {
         Ok(point) => {
             if let Err(error) = TrainRun::from_checkpoint(&dataset, point).start().map(drop) {

@@ -1,7 +1,7 @@
 //! A run that trains a part of a scene.
 
 use glam::{UVec2, Vec3};
-use std::ops::ControlFlow;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, ImportedScene, Soup, TrainOptions, train};
 use trisplat_dataset::synthetic::{self, SyntheticOptions};
@@ -29,7 +29,7 @@ fn soft(dataset: &Dataset) -> ImportedScene {
     let mut options =
         TrainOptions { steps: 60, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Outdoor) };
     options.init.shell_subdivisions = 0;
-    train(dataset, &options, |_| ControlFlow::Continue(())).unwrap().into()
+    train(dataset, &options, &mut |_| Continue(())).unwrap().into()
 }
 
 fn soup(loaded: &ImportedScene) -> &Soup {
@@ -48,7 +48,10 @@ fn a_part_that_is_everything_is_a_plain_run() {
     let plain = TrainRun { from, ..TrainRun::new(&dataset, &options) };
     let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 0 });
     let whole = TrainRun { part, ..plain.clone() };
-    assert_eq!(plain.run(&mut ()).unwrap().soup, whole.run(&mut ()).unwrap().soup);
+    assert_eq!(
+        plain.run(&mut |_| Continue(())).unwrap().soup,
+        whole.run(&mut |_| Continue(())).unwrap().soup
+    );
 }
 
 #[test]
@@ -69,7 +72,7 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         let options = TrainOptions { max_triangles: own as u64, ..options(preset) };
         let part = Some(Part { space: space(&dataset), frozen, core: None, first_step: 0 });
         let run = TrainRun { from: Some(from.clone()), part, outputs, ..TrainRun::new(&dataset, &options) };
-        let trained = run.run(&mut ()).unwrap();
+        let trained = run.run(&mut |_| Continue(())).unwrap();
         assert!((1..=own).contains(&trained.soup.len()), "{} of {own}", trained.soup.len());
         let state = checkpoint::read(&checkpoint_at).unwrap().state;
         assert_eq!((state.frozen, state.pinned), (frozen, frozen));
@@ -84,7 +87,7 @@ fn frozen_triangles_stay_as_they_are_and_count_for_nothing() {
         }
         // A run that goes on has the same part.
         let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&checkpoint_at).unwrap());
-        assert_eq!(resumed.run(&mut ()).unwrap().soup, trained.soup);
+        assert_eq!(resumed.run(&mut |_| Continue(())).unwrap().soup, trained.soup);
     }
 }
 
@@ -105,7 +108,7 @@ fn a_core_is_filled_up_to_its_budget_and_no_further() {
     let options = TrainOptions { max_triangles: 5000, ..options(TrainPreset::Outdoor) };
     let part = Some(Part { space, frozen: 0, core, first_step: 0 });
     let run = TrainRun { from: Some(from.clone()), part, ..TrainRun::new(&dataset, &options) };
-    let trained = run.run(&mut ()).unwrap().soup;
+    let trained = run.run(&mut |_| Continue(())).unwrap().soup;
     let held = trained.vertices.iter().filter(|v| in_core(v)).count();
     // Triangles cross the border as they move, and some are pruned at the end.
     assert!(held.abs_diff(budget) <= budget / 12, "{held} of {budget}");
@@ -123,11 +126,11 @@ fn a_run_that_goes_on_begins_with_what_it_was_given() {
     let options = TrainOptions { steps: 600, max_triangles: 400, ..TrainOptions::preset(TrainPreset::Solid) };
     let whole = TrainRun::new(&dataset, &options);
     let first: ImportedScene =
-        TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut ()).unwrap().into();
+        TrainRun { until_step: Some(240), ..whole.clone() }.run(&mut |_| Continue(())).unwrap().into();
     assert!(soup(&first).sigma.iter().all(|sigma| *sigma < 0.5), "its anneal has come some way");
     let part = Some(Part { space: space(&dataset), frozen: 0, core: None, first_step: 240 });
     let rest = TrainRun { from: Some(first.clone()), part, until_step: Some(241), ..whole };
-    let rest = rest.run(&mut ()).unwrap();
+    let rest = rest.run(&mut |_| Continue(())).unwrap();
     assert_eq!((rest.steps, rest.soup.len()), (241, soup(&first).len()));
     // One step further on nothing looks much different.
     for i in 0..rest.soup.len() {

@@ -2,11 +2,12 @@
 
 use super::shapes::{RADIUS, around, ball, camera, coarse_ball, cube, two_colors};
 use glam::Vec3;
+use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     ImportedScene, Limits, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
-    report::StageProgress,
+    report::{StageEvent, StageProgress},
 };
 use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
@@ -16,7 +17,7 @@ pub(crate) fn made(
     cameras: &[Camera],
     options: &SurfaceOptions,
 ) -> (Option<Mesh>, SurfaceDetails) {
-    let (mut details, mut nobody) = (SurfaceDetails::default(), ());
+    let (mut details, mut nobody) = (SurfaceDetails::default(), |_: StageEvent<'_>| Continue(()));
     let mut progress = StageProgress::new(&mut nobody);
     let mesh = surface(scene, cameras, options, &Limits::DEFAULT, &mut details, &mut progress).unwrap();
     (mesh, details)
@@ -169,7 +170,7 @@ fn hostile_scenes_make_no_surface_and_no_panic() {
 
 #[test]
 fn what_does_not_fit_is_an_error() {
-    let (mut details, mut nobody) = (SurfaceDetails::default(), ());
+    let (mut details, mut nobody) = (SurfaceDetails::default(), |_: StageEvent<'_>| Continue(()));
     let mut tried = |options: SurfaceOptions, limits: Limits| {
         let scene = ball(Vec3::ZERO).into();
         let mut progress = StageProgress::new(&mut nobody);

@@ -2,6 +2,7 @@
 
 use super::shapes::{RADIUS, around, ball};
 use glam::Vec3;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use std::process::{Command, Output};
 use trisplat_bake::{Bake, BakeOptions, CollisionDetails, CollisionOptions, collision};
@@ -9,7 +10,7 @@ use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, w
 use trisplat_scene::{
     Asset, ImportedScene, Scene,
     mesh::Mesh,
-    report::{Outcome, Report, StageProgress},
+    report::{Outcome, Report, StageEvent, StageProgress},
 };
 
 const COLLISION: CollisionOptions = CollisionOptions { collision: true, collision_triangles: 1000 };
@@ -20,7 +21,7 @@ fn scene() -> ImportedScene {
 }
 
 fn run(found: &mut Option<Mesh>, scene: &ImportedScene, options: &CollisionOptions) -> Outcome<()> {
-    let (mut details, mut nobody) = (CollisionDetails::default(), ());
+    let (mut details, mut nobody) = (CollisionDetails::default(), |_: StageEvent<'_>| Continue(()));
     collision(found, scene, &[], options, &mut details, &mut StageProgress::new(&mut nobody)).unwrap()
 }
 

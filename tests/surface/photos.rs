@@ -1,6 +1,7 @@
 //! `mesh PHOTOS`: a textured surface of photos alone.
 
 use super::collision::trisplat;
+use std::ops::ControlFlow::Continue;
 use trisplat_bake::{MeshOptions, TextureOptions, TextureWhen, Views};
 use trisplat_dataset::{
     Dataset, DatasetOptions,
@@ -25,7 +26,7 @@ fn photos_alone_become_a_textured_surface() {
     // By steps, not by time: a slow machine makes the same surface.
     (job.train.steps, job.train.max_triangles, job.budget) = (400, 4000, None);
     let mut report = Report::new("mesh");
-    let asset = job.run(&mut report, &mut (), &mut ()).unwrap().unwrap();
+    let asset = job.run(&mut report, &mut |_| Continue(())).unwrap().unwrap();
     asset.mesh.validate().unwrap();
     let names: Vec<&str> = report.stages.iter().map(|stage| stage.name.as_str()).collect();
     assert!(

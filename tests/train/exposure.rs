@@ -2,6 +2,7 @@
 
 use super::train;
 use crate::common::phone::{error_of_gains, phone_sample};
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
@@ -24,8 +25,10 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
         RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 300, ..RunOptions::default() };
     let all = options(600);
     let half = TrainRun { outputs, until_step: Some(300), ..TrainRun::new(&dataset, &all) };
-    half.run(&mut ()).unwrap();
-    let trained = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap()).run(&mut ()).unwrap();
+    half.run(&mut |_| Continue(())).unwrap();
+    let trained = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap())
+        .run(&mut |_| Continue(()))
+        .unwrap();
     let details = trained.exposure.clone().expect("photos were asked");
     assert_eq!(details.verdict.strength, 1.0, "{:?}", details.verdict);
     let names: Vec<&str> = details.photos.iter().map(|photo| photo.name.as_str()).collect();

@@ -1,8 +1,8 @@
 //! Training that starts from a scene: with photos, and taught by its own soft pictures.
 
-use super::StopAfter;
+use super::stop_at;
 use glam::{DVec3, Vec3};
-use std::ops::ControlFlow;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat::{BakeOptions, Dataset, DatasetOptions, ImportedScene, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, Trained};
@@ -24,7 +24,7 @@ fn soft_scene(dataset: &Dataset) -> Trained {
     train(
         dataset,
         &TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) },
-        |_| ControlFlow::Continue(()),
+        &mut |_| Continue(()),
     )
     .unwrap()
 }
@@ -49,7 +49,7 @@ fn taught(scene: &ImportedScene, options: &TrainOptions) -> Dataset {
 fn solid_psnr(soup: &Soup, dataset: &Dataset) -> f64 {
     let none = TrainOptions { steps: 1, ..hardening(1) };
     let run = TrainRun { from: Some(soup.clone().into()), ..TrainRun::new(dataset, &none) };
-    run.run(&mut ()).unwrap().quality().unwrap().psnr
+    run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr
 }
 
 #[test]
@@ -60,12 +60,12 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
     let mut soft_only =
         TrainOptions { steps: 400, max_triangles: 1500, ..TrainOptions::preset(TrainPreset::Outdoor) };
     soft_only.init.shell_subdivisions = 0;
-    let soft = train(&dataset, &soft_only, |_| ControlFlow::Continue(())).unwrap();
+    let soft = train(&dataset, &soft_only, &mut |_| Continue(())).unwrap();
     let no_teacher = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::default() };
     let plain = Bake::new(&no_teacher).run([soft.clone()]).unwrap();
     let options = hardening(400);
     let run = TrainRun { from: Some(soft.clone().into()), ..TrainRun::new(&dataset, &options) };
-    let hardened = run.run(&mut ()).unwrap();
+    let hardened = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&hardened.soup);
     assert_eq!(hardened.cameras, soft.cameras);
     // The plain bake, as a solid soup in the data set's world.
@@ -74,7 +74,7 @@ fn a_soft_scene_hardened_by_photos_is_solid_and_better_than_its_plain_bake() {
         ..ImportedScene::from(Scene::Mesh(plain.mesh))
     };
     let run = TrainRun { from: Some(baked), ..TrainRun::new(&dataset, &hardening(1)) };
-    let plain = run.run(&mut ()).unwrap().quality().unwrap().psnr;
+    let plain = run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr;
     let hardened = hardened.quality().unwrap().psnr;
     // Measured 13.8 and 12.2 dB in these few steps.
     assert!(hardened > plain + 1.0, "{hardened:.2} dB, {plain:.2} dB as a plain bake");
@@ -88,7 +88,7 @@ fn a_soft_scene_teaches_itself_without_photos() {
     let pictures = taught(&soft, &options);
     assert!(pictures.views.len() > soft.cameras.len() && pictures.test().count() > 2);
     let run = TrainRun { from: Some(soft.clone()), ..TrainRun::new(&pictures, &options) };
-    let hardened = run.run(&mut ()).unwrap();
+    let hardened = run.run(&mut |_| Continue(())).unwrap();
     assert_solid(&hardened.soup);
     // It still says where it came from and which cameras took its photos.
     assert_eq!(hardened.cameras, soft.cameras);
@@ -108,14 +108,14 @@ fn a_resumed_hardening_is_the_straight_one_bit_for_bit() {
     let options = hardening(120);
     let run = |dataset| TrainRun { from: Some(soft.clone()), ..TrainRun::new(dataset, &options) };
     let pictures = taught(&soft, &options);
-    let straight = run(&pictures).run(&mut ()).unwrap();
+    let straight = run(&pictures).run(&mut |_| Continue(())).unwrap();
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    TrainRun { outputs, ..run(&pictures) }.run(&mut StopAfter(61)).unwrap();
+    TrainRun { outputs, ..run(&pictures) }.run(&mut stop_at(61)).unwrap();
     // As the command line does it: the pictures are drawn again.
     let again = taught(&soft, &options);
     let resume = Some(checkpoint::read(&path).unwrap());
-    let resumed = TrainRun { resume, ..run(&again) }.run(&mut ()).unwrap();
+    let resumed = TrainRun { resume, ..run(&again) }.run(&mut |_| Continue(())).unwrap();
     assert_eq!(resumed.soup, straight.soup);
     assert_eq!(resumed.scores, straight.scores);
     assert_eq!(resumed.provenance, straight.provenance);
@@ -135,7 +135,7 @@ fn a_scene_placed_anew_starts_where_it_was() {
     let psnr = |from: ImportedScene| {
         let options = TrainOptions { steps: 1, ..TrainOptions::from_scene(TrainPreset::Outdoor) };
         let run = TrainRun { from: Some(from), ..TrainRun::new(&dataset, &options) };
-        run.run(&mut ()).unwrap().quality().unwrap().psnr
+        run.run(&mut |_| Continue(())).unwrap().quality().unwrap().psnr
     };
     let (here, there) = (psnr(soft.clone().into()), psnr(moved));
     assert!((here - there).abs() < 0.01, "{here:.3} dB, {there:.3} dB");
@@ -158,7 +158,7 @@ fn what_cannot_be_started_from_is_an_error_that_names_the_remedy() {
     };
     let options = TrainOptions { max_triangles: 2, ..hardening(5) };
     let run = TrainRun { from: Some(triangle.clone().into()), ..TrainRun::new(&dataset, &options) };
-    let error = run.run(&mut ()).unwrap_err().to_string();
+    let error = run.run(&mut |_| Continue(())).unwrap_err().to_string();
     assert!(error.contains("max_triangles is 2: expected 3 or more"), "{error}");
     let points = Soup { vertices: vec![[Vec3::ONE; 3]; 3], ..triangle };
     let drawing = options.drawing([0.0; 3]);

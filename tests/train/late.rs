@@ -3,10 +3,11 @@
 use super::{options, scene, small};
 use std::borrow::Cow;
 use std::collections::VecDeque;
+use std::ops::ControlFlow::Continue;
 use trisplat_scene::{Error, Result};
 use trisplat_train::{
-    BackendVisibility, CpuBackend, Densified, Params, RunOptions, StepParams, StepPhoto, StepStats,
-    TrainBackend, TrainObserver, TrainRun, TrainSample, TrainState, checkpoint,
+    BackendVisibility, CpuBackend, Params, RunOptions, StepParams, StepPhoto, StepStats, TrainBackend,
+    TrainEvent, TrainRun, TrainSample, TrainState, checkpoint,
 };
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
@@ -95,10 +96,10 @@ fn figures_that_come_late_are_all_in_the_curve() {
             RunOptions { checkpoint, checkpoint_every: 25, sample_every: 7, ..RunOptions::default() };
         TrainRun { outputs, ..TrainRun::new(&dataset, &options) }
     };
-    let waiting = run("a.checkpoint").run(&mut ()).unwrap();
+    let waiting = run("a.checkpoint").run(&mut |_| Continue(())).unwrap();
     let late = run("b.checkpoint");
     let backend = Late::new(&late, u64::MAX);
-    let late = late.start_on(backend).unwrap().finish(&mut ()).unwrap();
+    let late = late.start_on(backend).unwrap().finish(&mut |_| Continue(())).unwrap();
     assert_eq!(plain(&late.curve), plain(&waiting.curve));
     assert_eq!((late.soup, late.scores), (waiting.soup, waiting.scores));
     let [a, b] =
@@ -106,34 +107,30 @@ fn figures_that_come_late_are_all_in_the_curve() {
     assert_eq!((a.state, a.visibility, plain(&a.meta.curve)), (b.state, b.visibility, plain(&b.meta.curve)));
 }
 
-/// Notes when the scene was densified.
-#[derive(Default)]
-struct Densifications(Vec<u64>);
-
-impl TrainObserver for Densifications {
-    fn densified(&mut self, step: u64, _: &Densified) {
-        self.0.push(step);
-    }
-}
-
 #[test]
 fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
     let options = options(60);
-    let straight = TrainRun::new(&dataset, &options).run(&mut ()).unwrap();
+    let straight = TrainRun::new(&dataset, &options).run(&mut |_| Continue(())).unwrap();
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
-    let (backend, mut seen) = (Late::new(&run, 40), Densifications::default());
-    let error = run.start_on(backend).unwrap().finish(&mut seen).unwrap_err();
-    let step = *seen.0.last().unwrap();
+    let (backend, mut seen) = (Late::new(&run, 40), Vec::new());
+    let error = run.start_on(backend).unwrap().finish(&mut |event| {
+        if let TrainEvent::Densified(step, _) = event {
+            seen.push(step);
+        }
+        Continue(())
+    });
+    let error = error.unwrap_err();
+    let step = *seen.last().unwrap();
     let remedy =
         format!("gpu: lost; to continue from step {step}: `backend` cpu `resume` {}", path.display());
     assert_eq!(error.to_string(), remedy);
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(step > 0 && step < 40 && checkpoint.meta.step == step);
     assert_eq!(checkpoint.meta.curve.last().map(|sample| sample.step), Some(step));
-    let rest = TrainRun::from_checkpoint(&dataset, checkpoint).run(&mut ()).unwrap();
+    let rest = TrainRun::from_checkpoint(&dataset, checkpoint).run(&mut |_| Continue(())).unwrap();
     assert_eq!(rest.soup, straight.soup);
 }

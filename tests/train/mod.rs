@@ -9,6 +9,7 @@ mod shell;
 mod transparent;
 mod watched;
 
+use std::ops::ControlFlow::{self, Continue};
 use std::ops::RangeInclusive;
 use std::path::Path;
 use trisplat_dataset::{
@@ -17,8 +18,8 @@ use trisplat_dataset::{
 };
 use trisplat_scene::Soup;
 use trisplat_train::{
-    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainObserver, TrainOptions, TrainPreset,
-    TrainRun, TrainSample, Trained, checkpoint,
+    DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainEvent, TrainOptions, TrainPreset, TrainRun,
+    Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
@@ -41,7 +42,7 @@ fn options(steps: u64) -> TrainOptions {
 
 /// One run, without a teacher.
 fn train(dataset: &Dataset, options: &TrainOptions) -> trisplat::Result<Trained> {
-    TrainRun::new(dataset, options).run(&mut ())
+    TrainRun::new(dataset, options).run(&mut |_| Continue(()))
 }
 
 /// The same, and panics when that fails.
@@ -111,13 +112,11 @@ fn the_same_bits_for_any_number_of_threads() {
     assert_eq!(soups[0], soups[2]);
 }
 
-/// Stops after a number of steps.
-struct StopAfter(u64);
-
-impl TrainObserver for StopAfter {
-    fn wants_to_stop(&mut self) -> bool {
-        self.0 -= 1;
-        self.0 == 0
+/// Stops after a step.
+fn stop_at(step: u64) -> impl FnMut(TrainEvent<'_>) -> ControlFlow<()> {
+    move |event| match event {
+        TrainEvent::Step { sample, .. } if sample.step == step => ControlFlow::Break(()),
+        _ => Continue(()),
     }
 }
 
@@ -143,11 +142,11 @@ fn resumes(options: &TrainOptions) {
         let path = folder.path().join("a.checkpoint");
         let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
         let first = TrainRun { outputs: outputs.clone(), ..TrainRun::new(&dataset, options) };
-        let half = first.run(&mut StopAfter(stop)).unwrap();
+        let half = first.run(&mut stop_at(stop)).unwrap();
         assert!(half.stopped && half.steps == stop);
 
         let second = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
-        let whole = TrainRun { outputs, ..second }.run(&mut ()).unwrap();
+        let whole = TrainRun { outputs, ..second }.run(&mut |_| Continue(())).unwrap();
         assert_eq!(whole.soup, straight.soup, "stopped after {stop}");
         assert_eq!(whole.scores, straight.scores);
     }
@@ -159,22 +158,11 @@ fn a_checkpoint_of_other_photos_is_refused() {
     let dataset = scene(folder.path(), &small());
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 1, ..RunOptions::default() };
-    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut ()).unwrap();
+    TrainRun { outputs, ..TrainRun::new(&dataset, &options(1)) }.run(&mut |_| Continue(())).unwrap();
     let mut checkpoint = checkpoint::read(&path).unwrap();
     checkpoint.meta.identity.photos[0].name.push('x');
     let error = TrainRun::from_checkpoint(&dataset, checkpoint).start().unwrap_err().to_string();
     assert!(error.contains("resume is of 14 other photos"), "{error}");
-}
-
-/// Takes the photos away after a number of steps.
-struct TakePhotos<'a>(u64, &'a Path);
-
-impl TrainObserver for TakePhotos<'_> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        if sample.step == self.0 {
-            std::fs::remove_dir_all(self.1.join("images")).unwrap();
-        }
-    }
 }
 
 #[test]
@@ -187,7 +175,13 @@ fn a_photo_that_cannot_be_read_costs_no_step() {
     let options =
         TrainOptions { init: InitOptions { shell_subdivisions: 0, ..options(200).init }, ..options(200) };
     let run = TrainRun { outputs, photo_bytes: 0, ..TrainRun::new(&dataset, &options) };
-    let error = run.run(&mut TakePhotos(3, folder.path())).unwrap_err().to_string();
+    let mut taking = |event: TrainEvent<'_>| {
+        if matches!(event, TrainEvent::Step { sample, .. } if sample.step == 3) {
+            std::fs::remove_dir_all(folder.path().join("images")).unwrap();
+        }
+        Continue(())
+    };
+    let error = run.run(&mut taking).unwrap_err().to_string();
     assert!(error.contains("images"), "{error}");
     let checkpoint = checkpoint::read(&path).unwrap();
     assert!(checkpoint.meta.step >= 3 && checkpoint.meta.step < 40, "{}", checkpoint.meta.step);

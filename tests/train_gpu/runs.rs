@@ -2,6 +2,7 @@
 //! other and back.
 
 use super::{card, small_card};
+use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use trisplat_dataset::{
     Dataset, DatasetOptions,
@@ -10,8 +11,8 @@ use trisplat_dataset::{
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, Soup};
 use trisplat_train::{
-    Checkpoint, CpuBackend, Densified, GpuBackend, GpuLimits, RunOptions, SampleWeight, TrainBackend,
-    TrainObserver, TrainOptions, TrainPreset, TrainRun, TrainSample, Trained, checkpoint,
+    Checkpoint, CpuBackend, GpuBackend, GpuLimits, RunOptions, SampleWeight, TrainBackend, TrainEvent,
+    TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {
@@ -25,17 +26,16 @@ fn options(preset: TrainPreset, steps: u64) -> TrainOptions {
 }
 
 /// Stops after a number of steps.
-struct StopAfter(u64);
-
-impl TrainObserver for StopAfter {
-    fn wants_to_stop(&mut self) -> bool {
-        self.0 -= 1;
-        self.0 == 0
+fn stop_after(steps: u64) -> impl FnMut(TrainEvent<'_>) -> ControlFlow<()> {
+    let mut left = steps;
+    move |event| {
+        left -= u64::from(matches!(event, TrainEvent::Step { .. }));
+        if left == 0 { ControlFlow::Break(()) } else { Continue(()) }
     }
 }
 
 /// Runs `run` on the CPU, or on the card of `backend`.
-fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: &mut dyn TrainObserver) -> Trained {
+fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: TrainObserver<'_>) -> Trained {
     let drawing = run.drawing();
     let backend: Box<dyn TrainBackend + '_> = match backend {
         Some(backend) => {
@@ -85,7 +85,10 @@ fn soft_runs_are_those_of_the_cpu() {
             options.densify.every = 1e9;
         }
         let run = || TrainRun::new(&dataset, &options);
-        let (gpu, cpu) = (trained(run(), Some(&mut card), &mut ()), trained(run(), None, &mut ()));
+        let (gpu, cpu) = (
+            trained(run(), Some(&mut card), &mut |_| Continue(())),
+            trained(run(), None, &mut |_| Continue(())),
+        );
         let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
         eprintln!(
             "{preset:?}, densified {densified} by {sample_by:?}: {psnr:.4} dB, corners {apart:.1e}, {} triangles",
@@ -107,10 +110,10 @@ fn a_solid_run_is_that_of_the_cpu_from_where_it_is_opaque() {
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     let first = TrainRun { outputs, ..TrainRun::new(&dataset, &options(TrainPreset::Solid, 200)) };
-    trained(first, None, &mut StopAfter(150));
+    trained(first, None, &mut stop_after(150));
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
-    let gpu = trained(rest(), Some(&mut card), &mut StopAfter(20));
-    let cpu = trained(rest(), None, &mut StopAfter(20));
+    let gpu = trained(rest(), Some(&mut card), &mut stop_after(20));
+    let cpu = trained(rest(), None, &mut stop_after(20));
     let (psnr, apart) = ((psnr(&gpu) - psnr(&cpu)).abs(), corners_apart(&cpu.soup, &gpu.soup));
     eprintln!("solid: {psnr:.4} dB, corners {apart:.1e}, {} triangles", gpu.soup.len());
     assert_eq!((gpu.steps, gpu.soup.len(), gpu.dropped), (170, cpu.soup.len(), 0));
@@ -128,14 +131,14 @@ fn the_same_bits_twice_and_after_a_stop() {
         outputs: outputs.clone(),
         ..TrainRun::new(&dataset, &options)
     };
-    let straight = trained(run(None, &RunOptions::default()), Some(&mut card), &mut ());
+    let straight = trained(run(None, &RunOptions::default()), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     // Before and after it is drawn as an engine draws.
     for stop in [31, 64] {
-        trained(run(None, &outputs), Some(&mut card), &mut StopAfter(stop));
+        trained(run(None, &outputs), Some(&mut card), &mut stop_after(stop));
         let rest = run(Some(checkpoint::read(&path).unwrap()), &outputs);
-        let resumed = trained(rest, Some(&mut card), &mut ());
+        let resumed = trained(rest, Some(&mut card), &mut |_| Continue(()));
         assert_eq!(resumed.soup, straight.soup, "stopped after {stop}");
         assert_eq!(resumed.scores, straight.scores);
     }
@@ -154,28 +157,13 @@ fn a_checkpoint_goes_from_one_backend_to_the_other_and_back() {
     for on_card in [true, false, true] {
         let run = TrainRun { resume, outputs: outputs.clone(), ..TrainRun::new(&dataset, &options) };
         let backend = on_card.then_some(&mut card);
-        parts.push(trained(run, backend, &mut StopAfter(30)));
+        parts.push(trained(run, backend, &mut stop_after(30)));
         resume = Some(checkpoint::read(&path).unwrap());
     }
-    let whole = trained(TrainRun::new(&dataset, &options), None, &mut ());
+    let whole = trained(TrainRun::new(&dataset, &options), None, &mut |_| Continue(()));
     assert_eq!(parts[2].steps, 90);
     assert!((psnr(&parts[2]) - psnr(&whole)).abs() < 0.05);
     assert!(corners_apart(&whole.soup, &parts[2].soup) < 1e-4);
-}
-
-/// Takes the card away after a number of steps, and notes when the scene was densified.
-struct TakeCard(u64, trisplat_gpu::wgpu::Device, u64);
-
-impl TrainObserver for TakeCard {
-    fn stepped(&mut self, sample: &TrainSample) {
-        if sample.step == self.0 {
-            self.1.destroy();
-        }
-    }
-
-    fn densified(&mut self, step: u64, _: &Densified) {
-        self.2 = step;
-    }
 }
 
 #[test]
@@ -184,23 +172,31 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = dataset(folder.path());
     let options = options(TrainPreset::Outdoor, 100);
-    let straight = trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut ());
+    let straight = trained(TrainRun::new(&dataset, &options), Some(&mut card), &mut |_| Continue(()));
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
-    let mut observer = TakeCard(70, card.gpu().device.clone(), 0);
+    // Takes the card away, and notes when the scene was densified.
+    let (device, mut densified) = (card.gpu().device.clone(), 0);
+    let mut observer = |event: TrainEvent<'_>| {
+        match event {
+            TrainEvent::Step { sample, .. } if sample.step == 70 => device.destroy(),
+            TrainEvent::Densified(step, _) => densified = step,
+            _ => {}
+        }
+        Continue(())
+    };
     card.restart(run.drawing(), GpuLimits::of(card.gpu()));
     let error = run.start_on(&mut card).unwrap().finish(&mut observer).unwrap_err();
     eprintln!("{error}");
     assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
-    let densified = observer.2;
     let remedy = format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
     assert!(densified > 0 && error.to_string().ends_with(&remedy), "{error}");
     let rest = || TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
     // Another card gives what the first would have given, and the CPU something as good.
-    let again = trained(rest(), Some(&mut backend().unwrap()), &mut ());
+    let again = trained(rest(), Some(&mut backend().unwrap()), &mut |_| Continue(()));
     assert_eq!(again.soup, straight.soup);
-    assert!((psnr(&trained(rest(), None, &mut ())) - psnr(&straight)).abs() < 0.05);
+    assert!((psnr(&trained(rest(), None, &mut |_| Continue(()))) - psnr(&straight)).abs() < 0.05);
 }
 
 #[test]
@@ -215,9 +211,9 @@ fn a_card_that_is_too_small_costs_no_step() {
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
     let mut card = GpuBackend::new(small, run.drawing()).unwrap();
-    let error = run.start_on(&mut card).unwrap().finish(&mut ()).unwrap_err().to_string();
+    let error = run.start_on(&mut card).unwrap().finish(&mut |_| Continue(())).unwrap_err().to_string();
     eprintln!("{error}");
     assert!(error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "), "{error}");
     let rest = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());
-    assert_eq!(trained(rest, None, &mut ()).steps, 100);
+    assert_eq!(trained(rest, None, &mut |_| Continue(())).steps, 100);
 }

@@ -19,7 +19,7 @@ pub const MAX_CHUNK_TRIANGLES: u32 = 21_845;
 pub struct ChunkOptions {
     /// Most triangles in a chunk, at most 21845; each chunk is a mesh and node of its own, skipped when
     /// out of view (0 = one chunk)
-    #[schemars(range(max = 21845))]
+    #[schemars(range(max = 21_845))]
     pub chunk_triangles: u32,
 }
 

@@ -23,7 +23,7 @@ pub struct CollisionOptions {
     pub collision: bool,
     /// Most triangles of that surface
     #[cfg_attr(feature = "cli", arg(skip = CollisionOptions::DEFAULT.collision_triangles))]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub collision_triangles: u32,
 }
 
@@ -33,7 +33,7 @@ impl CollisionOptions {
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("collision", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

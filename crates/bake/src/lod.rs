@@ -26,6 +26,7 @@ pub struct LodOptions {
     /// and so on, and OUT.tileset.json (3D Tiles 1.1) that names them all; for the targets godot, unity and
     /// unreal also OUT.lod.tscn, .cs or .py, with which the engine switches levels by distance
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARES", value_delimiter = ','))]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub lod: Vec<f64>,
 }
 

@@ -19,7 +19,7 @@ use trisplat_scene::{
     camera::Camera,
     mesh::Mesh,
     placed,
-    report::{Observer, Outcome, Report, generator},
+    report::{Outcome, Report, StageObserver, generator},
 };
 use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
@@ -74,7 +74,7 @@ pub fn mesh(
     options: &MeshOptions,
     limits: &Limits,
     report: &mut Report,
-    observer: &mut dyn Observer,
+    observer: StageObserver<'_>,
 ) -> Result<Asset> {
     options.validate()?;
     report.warnings.append(&mut scene.warnings);
@@ -148,7 +148,7 @@ fn cropped(
     cameras: &[Camera],
     options: &MeshOptions,
     report: &mut Report,
-    observer: &mut dyn Observer,
+    observer: StageObserver<'_>,
 ) -> Result<ImportedScene> {
     let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
     let scene = report

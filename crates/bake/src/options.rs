@@ -196,8 +196,8 @@ impl BakeOptions {
     /// Checks the ranges that need no scene; stages check the rest.
     pub fn validate(&self) -> Result<()> {
         self.lod.validate()?;
-        ranges::check("", self, Called::ByFlag)?;
-        ranges::check_given("unseen.max_error", self.unseen.max_error)?;
+        ranges::check(self, Called::ByFlag)?;
+        ranges::check_finite("max_error", self.unseen.max_error)?;
         if self.tiles.tiles && !self.lod.lod.is_empty() {
             let wants = "nothing: `tiles` makes levels of its own";
             return Err(Error::invalid("lod", "given with `tiles`", wants));

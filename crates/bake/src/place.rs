@@ -38,9 +38,11 @@ pub struct PlaceOptions {
     pub up: UpChoice,
     /// Turn the output about its up axis, degrees, counter-clockwise as seen from above.
     #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.rotate))]
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub rotate: f64,
     /// Output units per input unit.
     #[cfg_attr(feature = "cli", arg(skip = PlaceOptions::DEFAULT.scale))]
+    #[schemars(range(min = 1e-9, max = 1e9))]
     pub scale: f64,
     /// Scale so that the output is in metres, by a known length: two points of the input, as `trisplat view` shows
     /// them, or their distance, and the metres between them, as in 0,1.5,2,0.4,1.5,2=0.25 or 0.4=0.25.
@@ -62,7 +64,7 @@ impl PlaceOptions {
 
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("place", self, Called::ByFlag)?;
+        ranges::check(self, Called::ByFlag)?;
         if self.scale_by.is_some() && self.scale != 1.0 {
             return Err(Error::invalid("scale_by", "given beside `scale`", "one of the two"));
         }

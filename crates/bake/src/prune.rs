@@ -39,16 +39,16 @@ pub struct PruneOptions {
     pub min_opacity: f64,
     /// Drop triangles of higher sigma, the softest ones (0 keeps all; engine-mode training drops from 1)
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub max_sigma: f64,
     /// Drop triangles with an edge longer than this many scene radii (median distance from the median
     /// centre; 0 keeps all)
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_edge))]
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub max_edge: f64,
     /// Keep at most this many triangles: those with the largest opacity times area times mean window
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: Option<u64>,
 }
 
@@ -63,7 +63,7 @@ impl PruneOptions {
 
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("prune", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

@@ -25,12 +25,13 @@ use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
+use std::ops::ControlFlow::Continue;
 use std::sync::Arc;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::{Camera, Viewpoint},
     mesh::Mesh,
-    report::{Observer, Outcome, Report, StageDetails},
+    report::{Outcome, Report, StageDetails, StageEvent, StageObserver},
 };
 use trisplat_surface::{SurfaceDetails, surface};
 
@@ -39,7 +40,7 @@ pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
     views: Option<&'a mut Views>,
     report: &'a mut Report,
-    observer: &'a mut dyn Observer,
+    observer: StageObserver<'a>,
     /// Pictures of the soft scene, instead of photos.
     taught: Option<Views>,
     /// Cameras of photos, in the frame of the input.
@@ -61,7 +62,7 @@ impl<'a> Recipe<'a> {
         options: &'a BakeOptions,
         views: Option<&'a mut Views>,
         report: &'a mut Report,
-        observer: &'a mut dyn Observer,
+        observer: StageObserver<'a>,
     ) -> Self {
         let (taught, backdrop, placement) = (None, None, None);
         let (cameras, watching) = (Vec::new(), Vec::new());
@@ -195,7 +196,7 @@ impl<'a> Recipe<'a> {
         let mut options = self.options.clone();
         options.prune.max_triangles = None;
         let mut unread = Report::default();
-        let mut nobody = ();
+        let mut nobody = |_: StageEvent<'_>| Continue(());
         let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
         let mut solidified = |mut loaded: ImportedScene| match &mut loaded.scene {
             Scene::Soup(soup) => {

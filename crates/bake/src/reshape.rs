@@ -57,7 +57,7 @@ pub struct ReshapeOptions {
     /// When triangles are removed, moved and cut to match the soft scene or the photos
     pub reshape: ReshapeWhen,
     /// Rounds of fitting; large scenes get fewer
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 10_000))]
     pub reshape_rounds: u32,
 }
 
@@ -71,7 +71,7 @@ impl ReshapeOptions {
         if self.reshape_rounds == 0 {
             return Err(Error::invalid("reshape_rounds", 0, "1 or more, or `reshape` off"));
         }
-        ranges::check("reshape", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

@@ -3,9 +3,10 @@
 use super::options::BakeOptions;
 use super::recipe::Recipe;
 use super::views::Views;
+use std::ops::ControlFlow;
 use trisplat_scene::{
     Asset, ImportedScene, Result,
-    report::{Observer, Report},
+    report::{Report, StageObserver},
 };
 
 /// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
@@ -62,7 +63,7 @@ pub struct Bake<'a> {
     options: &'a BakeOptions,
     views: Option<&'a mut Views>,
     report: Option<&'a mut Report>,
-    observer: Option<&'a mut dyn Observer>,
+    observer: Option<StageObserver<'a>>,
 }
 
 impl<'a> Bake<'a> {
@@ -83,7 +84,7 @@ impl<'a> Bake<'a> {
     }
 
     /// Is notified when stages start and end.
-    pub fn observer(self, observer: &'a mut dyn Observer) -> Self {
+    pub fn observer(self, observer: StageObserver<'a>) -> Self {
         Self { observer: Some(observer), ..self }
     }
 
@@ -93,10 +94,10 @@ impl<'a> Bake<'a> {
     /// not show the scene.
     pub fn run<S: Into<ImportedScene>>(self, inputs: impl IntoIterator<Item = S>) -> Result<Asset> {
         self.options.validate()?;
-        let (mut own_report, mut no_observer) = (Report::default(), ());
-        let observer = match self.observer {
+        let mut own_report = Report::default();
+        let observer: StageObserver<'_> = match self.observer {
             Some(observer) => observer,
-            None => &mut no_observer,
+            None => &mut |_| ControlFlow::Continue(()),
         };
         let report = self.report.unwrap_or(&mut own_report);
         let recipe = Recipe::new(self.options, self.views, report, observer);

@@ -56,7 +56,7 @@ pub struct TeacherOptions {
     pub teacher: TeacherWhen,
     /// Draw at most N pictures [default: 32 from chosen viewpoints; from stored cameras as many as fit 12 million pixels]
     #[cfg_attr(feature = "cli", arg(skip))]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 100_000))]
     pub teacher_pictures: Option<u32>,
 }
 
@@ -67,7 +67,7 @@ impl TeacherOptions {
     pub const OFF: Self = Self { teacher: TeacherWhen::Off, ..Self::DEFAULT };
 
     fn validate(&self) -> Result<()> {
-        ranges::check("teacher", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

@@ -32,7 +32,7 @@ pub struct TilesOptions {
     /// OUT.tileset.json implies it
     pub tiles: bool,
     /// Most triangles in a tile, 1000 or more
-    #[schemars(range(min = 1000))]
+    #[schemars(range(min = 1000, max = 1_000_000_000))]
     pub tile_triangles: u32,
 }
 
@@ -42,7 +42,7 @@ impl TilesOptions {
 
     /// Checks the range.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("tiles", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 
     /// Shares of the triangles in the levels coarser than the finest, for a scene of `faces` triangles.

@@ -41,10 +41,10 @@ pub struct UnseenOptions {
     /// Keep triangles that are hidden in every photo: fewer holes far from where the photos were taken
     pub keep_unseen: bool,
     /// Remove triangles whose visible area in all photos together is below this, px
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub min_seen_px: f64,
     /// Remove the least important triangles until the PSNR on the photos has fallen by this much, dB
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000.0))]
     pub max_error: Option<f64>,
     /// After visible triangles were removed, move corners of the others to cover the gaps
     pub enlarge: bool,

@@ -144,7 +144,7 @@ const SAMPLINGS: [u32; 3] = [1, 2, 4];
 /// as it is there, and `observer` during the training.
 pub fn run(
     args: &FidelityBenchArgs,
-    observer: &mut dyn TrainObserver,
+    observer: TrainObserver<'_>,
     on_row: &mut dyn FnMut(&FidelityRow),
 ) -> Result<Vec<FidelityRow>> {
     let dataset_options = &args.dataset_options;
@@ -200,7 +200,7 @@ struct Soups {
 }
 
 /// The soups that are given; those that are not are trained.
-fn soups(args: &FidelityBenchArgs, dataset: &Dataset, observer: &mut dyn TrainObserver) -> Result<Soups> {
+fn soups(args: &FidelityBenchArgs, dataset: &Dataset, observer: TrainObserver<'_>) -> Result<Soups> {
     let mut train =
         |preset| training::train(dataset, preset, &args.budget, &args.dataset_options, &mut *observer);
     if let Some(soup) = &args.soup {

@@ -4,6 +4,7 @@ use super::frames::{BACKGROUND, FrameCost, FrameCount, quantile};
 use glam::{Mat3, Mat4};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use trisplat_bake::BakeOptions;
@@ -61,7 +62,9 @@ pub(super) fn time(
     std::fs::write(&script, include_str!("three.mjs")).map_err(|e| Error::io(&script, e))?;
     let options = BakeOptions::default();
     let plan = Output::plan(&glb, None, &options.output, false)?;
-    output::write(asset, &plan, plan.start()?, &options.output, &mut Report::new("bench fps"), &mut ())?;
+    output::write(asset, &plan, plan.start()?, &options.output, &mut Report::new("bench fps"), &mut |_| {
+        Continue(())
+    })?;
     let input = PageInput {
         folder: &std::path::absolute(folder).map_err(|e| Error::io(folder, e))?,
         chromium,

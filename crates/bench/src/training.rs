@@ -47,7 +47,7 @@ pub(crate) fn train(
     preset: TrainPreset,
     budget: &TrainBudget,
     dataset_options: &DatasetOptions,
-    observer: &mut dyn TrainObserver,
+    observer: TrainObserver<'_>,
 ) -> Result<TrainedSoup> {
     let mut options = TrainOptions::preset(preset);
     options.steps = budget.steps.unwrap_or(options.steps);

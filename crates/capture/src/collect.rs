@@ -4,9 +4,9 @@ use super::exif::{PhotoNotes, with_notes};
 use super::folder::CaptureFolder;
 use super::logged::Log;
 use super::names::{Wanted, distinct};
-use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
 use super::source::{SourcePhoto, Sources};
+use super::step::{Step, tell};
 use super::stored::{self, StoredPhoto, StoredPhotos, WORK};
 use super::video::Ffmpeg;
 use glam::UVec2;
@@ -16,7 +16,12 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
-use trisplat_scene::{Error, Limits, Result, image::RgbImage, input, report::StageDetails};
+use trisplat_scene::{
+    Error, Limits, Result,
+    image::RgbImage,
+    input,
+    report::{StageDetails, StageEvent, StageObserver},
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// JPEG quality of re-encoded photos: the loss is smaller than that of a phone's own encoder.
@@ -88,7 +93,7 @@ pub(super) fn collect(
     options: &CaptureOptions,
     key: &str,
     details: &mut PhotosDetails,
-    observer: &mut dyn CaptureObserver,
+    observer: StageObserver<'_>,
 ) -> Step<StoredPhotos> {
     let made = folder.make()?;
     let images = made.path().join("images");
@@ -145,17 +150,14 @@ pub(super) fn collect(
 /// Applies `work` to `list` in order, in batches.
 fn in_chunks<A: Sync, B: Send>(
     list: &[A],
-    observer: &mut dyn CaptureObserver,
+    observer: StageObserver<'_>,
     what: &str,
     work: impl Fn(&A) -> Result<B> + Sync,
 ) -> Step<Vec<B>> {
     let mut done = Vec::with_capacity(list.len());
     for chunk in list.chunks(CHUNK) {
-        if observer.wants_to_stop() {
-            return Err(Halt::Stopped);
-        }
-        observer.noted(&format!("{what}: {} of {}", done.len(), list.len()));
-        observer.progressed(done.len() as f64 / list.len() as f64);
+        tell(observer, StageEvent::Noted(&format!("{what}: {} of {}", done.len(), list.len())))?;
+        tell(observer, StageEvent::Progressed(done.len() as f64 / list.len() as f64))?;
         let part: Result<Vec<B>> = chunk.par_iter().map(&work).collect();
         done.extend(part?);
     }

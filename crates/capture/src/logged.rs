@@ -1,6 +1,6 @@
 //! Runs other programs. Each line of their output goes to a log and to a progress callback.
 
-use super::observer::{CaptureObserver, Halt, Step};
+use super::step::{Step, tell};
 use std::fs::{File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,11 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
-use trisplat_scene::{Error, process::running::Running};
+use trisplat_scene::{
+    Error,
+    process::running::Running,
+    report::{StageEvent, StageObserver},
+};
 
 /// Interval between checks for a stop request.
 const TICK: Duration = Duration::from_millis(100);
@@ -52,8 +56,8 @@ impl Log {
     pub(super) fn run(
         &mut self,
         command: &mut Command,
-        observer: &mut dyn CaptureObserver,
-        mut hear: impl FnMut(&str, &mut dyn CaptureObserver),
+        observer: StageObserver<'_>,
+        mut hear: impl FnMut(&str, StageObserver<'_>) -> Step<()>,
     ) -> Step<Ended> {
         self.write(&format!("$ {}", shown(command)))?;
         let mut program = self.start(command)?;
@@ -64,23 +68,24 @@ impl Log {
         drop(lines);
         let mut said = Vec::new();
         loop {
-            match heard.recv_timeout(TICK) {
+            let told = match heard.recv_timeout(TICK) {
                 Ok(line) => {
                     self.write(&line)?;
-                    hear(&line, observer);
+                    let told = hear(&line, observer);
                     keep(&mut said, line);
+                    told
                 }
                 // A grandchild may keep the pipes open after the program has ended.
                 Err(RecvTimeoutError::Timeout) if program.has_ended().map_err(io_of(command))?.is_some() => {
                     break;
                 }
-                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Timeout) => tell(observer, StageEvent::Waiting),
                 Err(RecvTimeoutError::Disconnected) => break,
-            }
-            if observer.wants_to_stop() {
+            };
+            if let Err(halt) = told {
                 program.stop();
                 self.write("stopped")?;
-                return Err(Halt::Stopped);
+                return Err(halt);
             }
         }
         let status = program.wait().map_err(io_of(command))?;
@@ -92,8 +97,8 @@ impl Log {
     pub(super) fn run_well(
         &mut self,
         command: &mut Command,
-        observer: &mut dyn CaptureObserver,
-        hear: impl FnMut(&str, &mut dyn CaptureObserver),
+        observer: StageObserver<'_>,
+        hear: impl FnMut(&str, StageObserver<'_>) -> Step<()>,
     ) -> Step<()> {
         let ended = self.run(command, observer, hear)?;
         match ended.status.success() {
@@ -226,7 +231,9 @@ fn shown(command: &Command) -> String {
 
 #[cfg(all(test, unix))]
 mod tests {
+    use super::super::step::Halt;
     use super::*;
+    use std::ops::ControlFlow::Continue;
 
     fn printing(script: &str) -> Command {
         let mut command = Command::new("sh");
@@ -241,8 +248,9 @@ mod tests {
         let bytes = 4_000_000;
         let long = format!("head -c {bytes} /dev/zero | tr '\\0' x");
         let (mut longest, mut sum) = (0, 0);
-        let ended = log.run(&mut printing(&long), &mut (), |line, _| {
+        let ended = log.run(&mut printing(&long), &mut |_| Continue(()), |line, _| {
             (longest, sum) = (longest.max(line.len()), sum + line.len());
+            Ok(())
         });
         assert!(ended.unwrap().status.success());
         assert!(longest <= LONGEST as usize && sum == bytes, "{longest}, {sum}");

@@ -1,9 +1,9 @@
 //! The steps that a pose program performs: features, matches, model. Each continues where an earlier run stopped.
 
 use super::logged::{Ended, Log};
-use super::observer::{CaptureObserver, Step};
 use super::options::{CaptureOptions, Mapper};
 use super::program::{Cameras, Pairing, Places, Program};
+use super::step::{Step, tell};
 use super::stored::StoredPhotos;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_dataset::{DatasetOptions, Tracks, tracks};
-use trisplat_scene::{Error, Result, atomic::MadeFolders, report::StageDetails};
+use trisplat_scene::{
+    Error, Result,
+    atomic::MadeFolders,
+    report::{StageDetails, StageEvent, StageObserver},
+};
 
 /// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
@@ -106,7 +110,7 @@ impl Poses<'_> {
     pub(super) fn features(
         &mut self,
         details: &mut FeaturesDetails,
-        observer: &mut dyn CaptureObserver,
+        observer: StageObserver<'_>,
     ) -> Step<()> {
         let known = self.photos.focal_px.zip(self.photos.size);
         let known = known.map(|(f, [w, h])| [f, f64::from(w) / 2.0, f64::from(h) / 2.0]);
@@ -117,11 +121,7 @@ impl Poses<'_> {
     }
 
     /// Compares photos that have not been compared yet.
-    pub(super) fn matches(
-        &mut self,
-        details: &mut MatchesDetails,
-        observer: &mut dyn CaptureObserver,
-    ) -> Step<()> {
+    pub(super) fn matches(&mut self, details: &mut MatchesDetails, observer: StageObserver<'_>) -> Step<()> {
         let (pairing, pairs) = pairing(self.photos, self.options);
         if let Some(pairs) = &pairs {
             self.write_pairs(pairs)?;
@@ -150,15 +150,14 @@ impl Poses<'_> {
     /// Runs a command that may use a graphics card. If it fails, runs it again without one.
     fn on_card_or_cpu(
         &mut self,
-        observer: &mut dyn CaptureObserver,
+        observer: StageObserver<'_>,
         command: impl Fn(&Program) -> Command,
     ) -> Step<()> {
         let photos = self.photos.photos.len();
-        let hear = |line: &str, observer: &mut dyn CaptureObserver| {
-            if let Some((done, all)) = counted(line) {
-                observer.progressed(done as f64 / all.max(1) as f64);
-                observer.noted(&format!("{done} of {all}"));
-            }
+        let hear = |line: &str, observer: StageObserver<'_>| {
+            let Some((done, all)) = counted(line) else { return Ok(()) };
+            tell(observer, StageEvent::Progressed(done as f64 / all.max(1) as f64))?;
+            tell(observer, StageEvent::Noted(&format!("{done} of {all}")))
         };
         let mut first = command(&self.program);
         let ended = self.log.run(&mut first, observer, hear)?;
@@ -168,13 +167,13 @@ impl Poses<'_> {
         if !self.program.has_gpu {
             return Err(self.log.failure(&first, &ended).into());
         }
-        observer.noted(&format!("again without the graphics card: {photos} photos"));
+        tell(observer, StageEvent::Noted(&format!("again without the graphics card: {photos} photos")))?;
         self.program = self.program.on_cpu();
         self.log.run_well(&mut command(&self.program), observer, hear)
     }
 
     /// Reconstructs poses and chooses the best model.
-    pub(super) fn model(&mut self, observer: &mut dyn CaptureObserver) -> Step<FoundModel> {
+    pub(super) fn model(&mut self, observer: StageObserver<'_>) -> Step<FoundModel> {
         let can = self.program.has_global();
         let mut found = Vec::new();
         let mut failed = None;
@@ -208,7 +207,7 @@ impl Poses<'_> {
     fn mapped(
         &mut self,
         at_once: bool,
-        observer: &mut dyn CaptureObserver,
+        observer: StageObserver<'_>,
     ) -> Step<(Option<FoundModel>, Option<Error>)> {
         let mapper = if at_once { Mapper::Global } else { Mapper::Incremental };
         let output = self.places.models.join(mapper.name());
@@ -220,10 +219,9 @@ impl Poses<'_> {
         let photos = self.photos.photos.len();
         let mut command = self.program.model(&self.places, &output, at_once);
         let ended: Ended = self.log.run(&mut command, observer, |line, observer| {
-            if let Some(registered) = registered(line) {
-                observer.progressed(registered as f64 / photos.max(1) as f64);
-                observer.noted(&format!("{registered} of {photos} photos have a pose"));
-            }
+            let Some(registered) = registered(line) else { return Ok(()) };
+            tell(observer, StageEvent::Progressed(registered as f64 / photos.max(1) as f64))?;
+            tell(observer, StageEvent::Noted(&format!("{registered} of {photos} photos have a pose")))
         })?;
         let models = models(&output)?;
         let count = models.len() as u64;

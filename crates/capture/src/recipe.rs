@@ -8,12 +8,12 @@
 use super::collect::{self, PhotosDetails};
 use super::folder::CaptureFolder;
 use super::logged::Log;
-use super::observer::{CaptureObserver, Halt, Step};
 use super::options::CaptureOptions;
 use super::poses::{FeaturesDetails, FoundModel, MatchesDetails, ModelDetails, Poses, StepKeys};
 use super::program::{Places, Program};
 use super::sheet;
 use super::source::Sources;
+use super::step::{Halt, Step, tell};
 use super::stored::{self, StoredPhotos, StoredStep, StoredSteps, place};
 use super::verdict::{VerdictDetails, judge};
 use serde::de::DeserializeOwned;
@@ -23,7 +23,7 @@ use trisplat_dataset::{DatasetOptions, tracks};
 use trisplat_scene::{
     Error, Result,
     atomic::{FolderLock, lies_inside},
-    report::{Counts, Report, StageDetails, StageReport, to_json},
+    report::{Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json},
 };
 
 /// Why a finished step is skipped.
@@ -56,11 +56,7 @@ impl Capture {
     ///
     /// Errors: unreadable inputs; no pose program, or one that fails; photos that do not fit together; a folder that holds
     /// something else.
-    pub fn run(
-        &self,
-        report: &mut Report,
-        observer: &mut dyn CaptureObserver,
-    ) -> Result<Option<VerdictDetails>> {
+    pub fn run(&self, report: &mut Report, observer: StageObserver<'_>) -> Result<Option<VerdictDetails>> {
         let mut run = Run { job: self, report, observer };
         match run.all() {
             Ok(verdict) => Ok(Some(verdict)),
@@ -78,7 +74,7 @@ impl Capture {
 struct Run<'a> {
     job: &'a Capture,
     report: &'a mut Report,
-    observer: &'a mut dyn CaptureObserver,
+    observer: StageObserver<'a>,
 }
 
 impl Run<'_> {
@@ -120,16 +116,16 @@ impl Run<'_> {
         &mut self,
         run: impl FnOnce(&mut Self, &mut D) -> Step<(T, Option<&'static str>)>,
     ) -> Step<T> {
-        self.observer.started(D::STAGE);
+        tell(self.observer, StageEvent::Started(D::STAGE))?;
         let (clock, mut details) = (Instant::now(), D::default());
         let (value, skipped) = run(self, &mut details)?;
         let (before, after) = (Counts::default(), Counts::default());
         let (name, skipped) = (D::STAGE.to_owned(), skipped.map(str::to_owned));
         let (seconds, details) = (clock.elapsed().as_secs_f64(), to_json(&details));
         let stage = StageReport { name, seconds, before, after, skipped, details };
-        self.observer.finished(&stage);
+        let told = tell(self.observer, StageEvent::Finished(&stage));
         self.report.stages.push(stage);
-        Ok(value)
+        told.map(|()| value)
     }
 
     fn photos(&mut self, folder: &mut CaptureFolder, sources: &Sources, key: &str) -> Step<StoredPhotos> {

@@ -2,8 +2,8 @@
 
 use super::exposure::{Observation, solve};
 use super::frames::{Grey, sharpness};
-use super::observer::{CaptureObserver, Halt, Step};
 use super::poses::ModelDetails;
+use super::step::{Step, tell};
 use super::stored::StoredPhotos;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
@@ -12,7 +12,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use trisplat_dataset::{TrackedPhoto, Tracks};
-use trisplat_scene::{Limits, Result, image::RgbImage, report::StageDetails};
+use trisplat_scene::{
+    Limits, Result,
+    image::RgbImage,
+    report::{StageDetails, StageEvent, StageObserver},
+};
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
@@ -125,16 +129,13 @@ pub(super) fn judge(
     stored: &StoredPhotos,
     tracks: &Tracks,
     model: &ModelDetails,
-    observer: &mut dyn CaptureObserver,
+    observer: StageObserver<'_>,
 ) -> Step<VerdictDetails> {
     let by_name: HashMap<&str, usize> =
         tracks.photos.iter().enumerate().map(|(i, photo)| (photo.name.as_str(), i)).collect();
     let mut looked = Vec::new();
     for chunk in stored.photos.chunks(8) {
-        if observer.wants_to_stop() {
-            return Err(Halt::Stopped);
-        }
-        observer.progressed(looked.len() as f64 / stored.photos.len() as f64);
+        tell(observer, StageEvent::Progressed(looked.len() as f64 / stored.photos.len() as f64))?;
         let look_at = |name: &str| {
             let tracked = by_name.get(name).map(|&i| (i, &tracks.photos[i]));
             look(&images.join(name), tracked)

@@ -4,13 +4,16 @@
 
 use super::frames::{FrameWatch, Grey, choose};
 use super::logged::Log;
-use super::observer::{CaptureObserver, Halt, Step};
+use super::step::{Step, tell};
 use glam::UVec2;
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use trisplat_scene::Error;
+use trisplat_scene::{
+    Error,
+    report::{StageEvent, StageObserver},
+};
 
 /// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;
@@ -46,7 +49,7 @@ impl Ffmpeg {
         folder: &Path,
         most: u32,
         log: &mut Log,
-        observer: &mut dyn CaptureObserver,
+        observer: StageObserver<'_>,
     ) -> Step<(Vec<String>, u64)> {
         let frames = self.watch(video, log, observer)?.frames;
         let chosen = choose(&frames, most);
@@ -54,13 +57,14 @@ impl Ffmpeg {
             let reason = "shows one place only: the camera does not move; walk around what is to be captured";
             return Err(Error::unsupported(video, reason).into());
         }
-        observer.noted(&format!("{} of {} frames are taken", chosen.len(), frames.len()));
+        let taken = format!("{} of {} frames are taken", chosen.len(), frames.len());
+        tell(observer, StageEvent::Noted(&taken))?;
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let select: Vec<String> = chosen.iter().map(|i| format!("eq(n,{i})")).collect();
         let mut command = self.command(video);
         command.args(["-vf", &format!("select='{}'", select.join("+"))]).args(self.passthrough);
         command.args(["-q:v", "2", "-f", "image2"]).arg(folder.join("taken_%06d.jpg"));
-        log.run_well(&mut command, observer, |_, _| {})?;
+        log.run_well(&mut command, observer, |_, _| Ok(()))?;
         let mut names = Vec::new();
         for (k, frame) in chosen.iter().enumerate() {
             let (from, name) =
@@ -72,7 +76,7 @@ impl Ffmpeg {
     }
 
     /// Measures every frame.
-    fn watch(&self, video: &Path, log: &mut Log, observer: &mut dyn CaptureObserver) -> Step<FrameWatch> {
+    fn watch(&self, video: &Path, log: &mut Log, observer: StageObserver<'_>) -> Step<FrameWatch> {
         let side = WATCHED_SIDE;
         let scale = format!(
             "scale='min({side},iw)':'min({side},ih)':force_original_aspect_ratio=decrease:flags=area,format=gray"
@@ -85,15 +89,12 @@ impl Ffmpeg {
             let mut from = BufReader::with_capacity(1 << 20, from);
             while let Some(frame) = next_pgm(&mut from).map_err(|e| Error::io(video, e))? {
                 watch.add(&frame);
-                if observer.wants_to_stop() {
-                    return Err(Halt::Stopped);
-                }
-                if watch.frames.len().is_multiple_of(30) {
-                    observer.noted(&format!(
-                        "looking at frame {} of {}",
-                        watch.frames.len(),
-                        video.display()
-                    ));
+                let count = watch.frames.len();
+                if count.is_multiple_of(30) {
+                    let looking = format!("looking at frame {count} of {}", video.display());
+                    tell(observer, StageEvent::Noted(&looking))?;
+                } else {
+                    tell(observer, StageEvent::Waiting)?;
                 }
             }
             Ok(())

@@ -20,10 +20,12 @@ pub struct DatasetOptions {
     /// Shrink photos whose longer side is above this, by area; px.
     #[cfg_attr(feature = "cli", arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(1..=65_535)))]
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 65_535))]
     pub max_size: Option<u32>,
     /// Hold out every Nth photo by name (the 1st, the N+1st, ...) if the data set has no split of its own; 0
     /// trains on all photos, even if it has one.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 8))]
+    #[schemars(range(max = 1_000_000))]
     pub test_every: u32,
     /// Skip missing and broken photos; every photo is then read once in full.
     #[cfg_attr(feature = "cli", arg(long))]
@@ -41,6 +43,7 @@ pub struct DatasetOptions {
     /// Memory for decoded photos and drawn pictures, MiB; others go into a temporary file. Each thread may
     /// hold one more.
     #[cfg_attr(feature = "cli", arg(long, value_name = "MIB", default_value_t = 1024))]
+    #[schemars(range(max = 16_777_216))]
     pub photo_memory_mib: u32,
     /// Limits on its files.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -54,7 +57,7 @@ pub struct DatasetOptions {
 impl DatasetOptions {
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 
     /// Memory for decoded photos, bytes.

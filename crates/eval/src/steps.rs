@@ -5,6 +5,7 @@
 //! ```
 
 use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_bake::{BakeOptions, bake};
 use trisplat_dataset::Dataset;
@@ -111,7 +112,7 @@ pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let path = folder.path().join("scene.glb");
     let output = Output::plan(&path, None, options, false)?;
     let mut report = Report::default();
-    output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
+    output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
     let ImportedScene { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();

@@ -18,7 +18,7 @@ use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},
     ranges::{self, Called},
-    report::{Observer, Outcome, OutputReport, Report, StageDetails},
+    report::{Outcome, OutputReport, Report, StageDetails, StageObserver},
 };
 
 pub use beside::Beside;
@@ -46,7 +46,7 @@ pub struct OutputOptions {
     /// 3D Tiles: most tiles in one tileset.json, 5 or more; of a larger tree, parts become tilesets of their own, which viewers load when
     /// they come near
     #[cfg_attr(feature = "cli", arg(skip = OutputOptions::DEFAULT.tileset_tiles))]
-    #[schemars(range(min = 5))]
+    #[schemars(range(min = 5, max = 1_000_000_000))]
     pub tileset_tiles: u32,
 }
 
@@ -65,7 +65,7 @@ impl OutputOptions {
 
     /// Checks the ranges of numbers.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("output", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 
     /// The glTF options of the target; notes for the user go into `details`.
@@ -316,7 +316,7 @@ pub fn write(
     files: OutputFiles,
     options: &OutputOptions,
     report: &mut Report,
-    observer: &mut dyn Observer,
+    observer: StageObserver<'_>,
 ) -> Result<()> {
     let mut writer = SetWriter { options, started: files, written: Vec::new() };
     let (mut warnings, mut tiles) = (Vec::new(), None);

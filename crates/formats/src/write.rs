@@ -1,6 +1,7 @@
 //! The plain case of writing: an asset and a file name.
 
 use super::output::{self, Beside, Output, OutputOptions};
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_scene::{
     Asset, Result,
@@ -54,6 +55,6 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
     };
     let output = Output::of_scene(path, None, options, &beside)?;
     let mut report = Report::new("write");
-    output::write(asset, &output, output.start()?, options, &mut report, &mut ())?;
+    output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
 }

@@ -1,9 +1,9 @@
 //! A bake job, from its inputs and options to files: photos, hardening, a limit on bytes, stages, report.
 
+use super::event::{Observer, add, stages};
 use super::fitted::fitted;
 use super::gaussians::{self, Effort};
 use super::harden::{self, HardenOptions, Hardened};
-use super::observer::BakeJobObserver;
 use super::unhardened::Unhardened;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -35,6 +35,7 @@ impl BakeInput {
 /// A bake job. [`BakeJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
+/// use std::ops::ControlFlow::Continue;
 /// use trisplat_bake::BakePreset;
 /// use trisplat_formats::OutputTarget;
 /// use trisplat_job::BakeInput;
@@ -45,7 +46,7 @@ impl BakeInput {
 /// let mut options = BakeOptions::preset(BakePreset::Fast);
 /// options.output.target = OutputTarget::Godot;
 /// let scene = BakeInput::File("../../samples/soups/studio.ply".into());
-/// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut ())?;
+/// let done = BakeJob::new([scene], options).save(&folder.path().join("studio.glb"), &mut |_| Continue(()))?;
 /// assert_eq!(done.report.outputs.len(), 2, "the GLB, and what Godot wants beside it");
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
@@ -107,7 +108,7 @@ impl BakeJob {
     /// Bakes without writing files.
     ///
     /// Errors: unreadable inputs; errors of the bake; `max_bytes`, which only counts written files.
-    pub fn run(self, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+    pub fn run(self, observer: Observer<'_>) -> Result<BakeDone> {
         match self.max_bytes {
             Some(bytes) => Err(Error::invalid("max_bytes", bytes, "files to write")),
             None => self.run_to(None, observer),
@@ -117,7 +118,7 @@ impl BakeJob {
     /// Bakes and writes the files that [`BakeOptions::plan_output`] names for `path`. Existing files are replaced.
     ///
     /// Errors: those of [`BakeJob::run`], of the format and of the operating system.
-    pub fn save(mut self, path: &Path, observer: &mut dyn BakeJobObserver) -> Result<BakeDone> {
+    pub fn save(mut self, path: &Path, observer: Observer<'_>) -> Result<BakeDone> {
         let output = self.options.plan_output(path, None)?;
         let files = output.start()?;
         self.write(&output, files, observer)
@@ -126,26 +127,16 @@ impl BakeJob {
     /// Bakes and writes the files of `output`: planned by [`BakeOptions::plan_output`], already started.
     ///
     /// Errors: as for [`BakeJob::save`].
-    pub fn write(
-        self,
-        output: &Output,
-        files: OutputFiles,
-        observer: &mut dyn BakeJobObserver,
-    ) -> Result<BakeDone> {
+    pub fn write(self, output: &Output, files: OutputFiles, observer: Observer<'_>) -> Result<BakeDone> {
         self.run_to(Some((output, files)), observer)
     }
 
-    fn run_to(
-        self,
-        to: Option<(&Output, OutputFiles)>,
-        observer: &mut dyn BakeJobObserver,
-    ) -> Result<BakeDone> {
+    fn run_to(self, to: Option<(&Output, OutputFiles)>, observer: Observer<'_>) -> Result<BakeDone> {
         let began = self.began.unwrap_or_else(Instant::now);
         let mut report = Report::new("bake");
         report.inputs = self.names();
         report.warnings.extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
         let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
-        observer.prepared(&report.stages);
         let (mut options, has_photos) = (self.options, self.photos.is_some());
         let mut asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
@@ -155,8 +146,8 @@ impl BakeJob {
                 found.asset
             }
             _ => {
-                let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report).observer(observer);
-                bake.run(scenes)?
+                let bake = Bake::new(&options).photos(views.as_mut()).report(&mut report);
+                bake.observer(&mut stages(observer)).run(scenes)?
             }
         };
         report.options = serde_json::to_value(&options).unwrap_or_default();
@@ -165,7 +156,7 @@ impl BakeJob {
             asset = unhardened.better(asset, photos, &options, &mut report)?;
         }
         if let Some((output, files)) = to {
-            output::write(&asset, output, files, &options.output, &mut report, observer)?;
+            output::write(&asset, output, files, &options.output, &mut report, &mut stages(observer))?;
         }
         report.seconds = began.elapsed().as_secs_f64();
         Ok(BakeDone { asset, report })
@@ -182,7 +173,7 @@ impl BakeJob {
     }
 
     /// The scene to bake: the inputs, hardened if asked. Hardening is a stage of `report`.
-    fn scenes(&self, report: &mut Report, observer: &mut dyn BakeJobObserver) -> Result<Scenes> {
+    fn scenes(&self, report: &mut Report, observer: Observer<'_>) -> Result<Scenes> {
         let how = &self.dataset_options;
         let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
         let inputs = match self.read()? {
@@ -203,7 +194,7 @@ impl BakeJob {
                 let photos = self.photos.as_ref();
                 let (options, has_photos) = (&self.options.background, photos.is_some());
                 let soft = report.stage(
-                    observer,
+                    &mut stages(observer),
                     soft,
                     |soft| count(&soft.scene),
                     |soft, details| Ok(background(soft, has_photos, options, details)),
@@ -216,7 +207,7 @@ impl BakeJob {
                 harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
             }
         };
-        report.stages.push(hardened.stage);
+        add(hardened.stage, report, observer);
         Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures), unhardened })
     }
 
@@ -226,7 +217,7 @@ impl BakeJob {
         splats: &ImportedSplats,
         views: Option<Views>,
         report: &mut Report,
-        observer: &mut dyn BakeJobObserver,
+        observer: Observer<'_>,
     ) -> Result<Scenes> {
         self.harden.as_ref().map_or(Ok(()), HardenOptions::validate)?;
         report.warnings.extend(splats.warnings.iter().cloned());
@@ -234,7 +225,7 @@ impl BakeJob {
         let amount = (effort, self.options.prune.max_triangles);
         let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
         let solid = gaussians::solid((self.path(), splats), photos, how, amount, observer)?;
-        report.stages.push(solid.stage);
+        add(solid.stage, report, observer);
         Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), unhardened: None })
     }
 

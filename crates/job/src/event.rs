@@ -1,38 +1,96 @@
-//! One stream of events for a program that shows a training and may stop it.
+//! One stream of events for a program that shows a job and may stop it.
 
-use super::observer::TrainJobObserver;
 use super::training::TrainJob;
+use super::watched::TrialRun;
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
-use trisplat_scene::{Error, Result};
-use trisplat_train::{TrainObserver, TrainOptions, TrainSample, Trained};
+use trisplat_scene::{
+    Error, Result,
+    report::{Report, StageEvent, StageReport},
+};
+use trisplat_train::{TrainEvent, TrainOptions, TrainSample, Trained};
 
 /// The part of a training that a step belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TrainPart {
     /// A short training on some of the photos; the others decide how the scene is trained.
     Trial,
     /// A soft scene whose pictures the scene is trained on too.
     Teacher,
     /// The scene.
+    #[default]
     Scene,
 }
 
-/// What happens while a scene is trained.
-#[derive(Debug)]
-pub enum Event<'a> {
-    /// A step was made.
-    Step {
-        /// The part that it belongs to.
-        part: TrainPart,
-        /// Step, triangles, loss and PSNR.
-        sample: &'a TrainSample,
-    },
-    /// A checkpoint or a picture could not be written; the training goes on.
-    Lost(&'a Error),
+/// The part of a [`MakeJob`](super::MakeJob).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MakePart {
+    /// Photos and poses.
+    Capture,
+    /// The training.
+    Train,
+    /// The files.
+    Bake,
 }
 
-/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does. `on_event` is called after every
+/// A training that is about to begin. Only that of the scene has warnings, stages, a plan and a card.
+#[derive(Debug, Clone, Default)]
+pub struct TrainBegins<'a> {
+    /// The part that it is.
+    pub part: TrainPart,
+    /// Steps in all.
+    pub steps: u64,
+    /// Steps that were made before.
+    pub done: u64,
+    /// What its budget was planned for, as said to people.
+    pub plan: Option<String>,
+    /// The graphics card it is on.
+    pub card: Option<String>,
+    /// Photos that are trained on or held out.
+    pub photos: Option<&'a Dataset>,
+    /// The curve before it was resumed.
+    pub curve: &'a [TrainSample],
+    /// What came before it.
+    pub stages: &'a [StageReport],
+    /// Notes for the user.
+    pub warnings: &'a [String],
+}
+
+/// What happens in a job.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// A part of a [`MakeJob`](super::MakeJob) begins; `ControlFlow::Break` stops the job before it.
+    Part(MakePart),
+    /// In a stage.
+    Stage(StageEvent<'a>),
+    /// A training begins; `ControlFlow::Break` stops the job before it, without a checkpoint.
+    Begins(&'a TrainBegins<'a>),
+    /// In a training.
+    Train(TrainPart, TrainEvent<'a>),
+    /// The result of the short trainings.
+    Watched(&'a TrialRun),
+    /// A teacher, counted from 0, is trained: time to write its file.
+    Teacher(usize, &'a Trained),
+    /// Soft pictures are drawn.
+    Drew {
+        /// So many ...
+        done: usize,
+        /// ... of so many.
+        all: usize,
+    },
+    /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit` bytes; not at all of a bake without a limit.
+    Fits {
+        /// Bytes.
+        limit: u64,
+        /// `None`: all.
+        triangles: Option<u64>,
+    },
+}
+
+/// Is told what happens; `ControlFlow::Break` asks the job to stop: a training after its step, everything else before its next stage.
+pub type Observer<'a> = &'a mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
+
+/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does. `observer` is told of every
 /// step; `ControlFlow::Break` stops the training, whose result is then the scene so far, with `stopped` set.
 /// [`TrainJob`] has everything that can be asked for beside the options.
 ///
@@ -45,80 +103,46 @@ pub enum Event<'a> {
 /// use trisplat_train::TrainOptions;
 ///
 /// let photos = Dataset::load("photos", &DatasetOptions::default())?;
-/// let trained = train(&photos, &TrainOptions::default(), |_| ControlFlow::Continue(()))?;
+/// let trained = train(&photos, &TrainOptions::default(), &mut |_| ControlFlow::Continue(()))?;
 /// trained.save("scene.ply")?;
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
-pub fn train(
-    dataset: &Dataset,
-    options: &TrainOptions,
-    on_event: impl FnMut(Event) -> ControlFlow<()>,
-) -> Result<Trained> {
-    let mut stream = Stream { on_event, stopped: false };
-    Ok(TrainJob::new(dataset.clone(), options.clone()).run(&mut stream)?.trained)
+pub fn train(dataset: &Dataset, options: &TrainOptions, observer: Observer<'_>) -> Result<Trained> {
+    Ok(TrainJob::new(dataset.clone(), options.clone()).run(observer)?.trained)
 }
 
-/// Turns the calls of an observer into events.
-struct Stream<F> {
-    on_event: F,
-    stopped: bool,
-}
-
-impl<F: FnMut(Event) -> ControlFlow<()>> Stream<F> {
-    fn emit(&mut self, event: Event) {
-        self.stopped |= (self.on_event)(event).is_break();
-    }
-
-    /// The observer of a part.
-    fn part(&mut self, part: TrainPart) -> Box<dyn TrainObserver + '_> {
-        Box::new(Steps { part, stream: self })
+/// Tells that a training begins; returns the observer of its steps.
+///
+/// Errors: it is stopped before it begins.
+pub(super) fn begin<'a>(
+    observer: Observer<'a>,
+    begins: &TrainBegins<'_>,
+) -> Result<impl FnMut(TrainEvent<'_>) -> ControlFlow<()> + use<'a>> {
+    let part = begins.part;
+    match observer(Event::Begins(begins)) {
+        ControlFlow::Continue(()) => Ok(move |event: TrainEvent<'_>| observer(Event::Train(part, event))),
+        ControlFlow::Break(()) => {
+            let what = "stopped before a training began; nothing was written".to_owned();
+            Err(Error::Stopped { what, checkpoint: None })
+        }
     }
 }
 
-/// The steps of one part.
-struct Steps<'a, F> {
-    part: TrainPart,
-    stream: &'a mut Stream<F>,
+/// Adds a stage to `report`, and tells of its end.
+pub(super) fn add(stage: StageReport, report: &mut Report, observer: Observer<'_>) {
+    // The next stage asks whether to go on.
+    let _ = observer(Event::Stage(StageEvent::Finished(&stage)));
+    report.stages.push(stage);
 }
 
-impl<F: FnMut(Event) -> ControlFlow<()>> TrainObserver for Steps<'_, F> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.stream.emit(Event::Step { part: self.part, sample });
-    }
-
-    fn lost(&mut self, error: &Error) {
-        self.stream.emit(Event::Lost(error));
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.stream.stopped
-    }
+/// The observer of stages.
+pub(super) fn stages(observer: Observer<'_>) -> impl FnMut(StageEvent<'_>) -> ControlFlow<()> {
+    |event| observer(Event::Stage(event))
 }
 
-impl<F: FnMut(Event) -> ControlFlow<()>> TrainObserver for Stream<F> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.part(TrainPart::Scene).stepped(sample);
-    }
-
-    fn lost(&mut self, error: &Error) {
-        self.emit(Event::Lost(error));
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.stopped
-    }
-}
-
-impl<F: FnMut(Event) -> ControlFlow<()>> TrainJobObserver for Stream<F> {
-    fn watching_begins(&mut self, _options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.part(TrainPart::Trial))
-    }
-
-    fn teacher_begins(
-        &mut self,
-        _options: &TrainOptions,
-        _asked: bool,
-    ) -> Result<Box<dyn TrainObserver + '_>> {
-        Ok(self.part(TrainPart::Teacher))
+/// The observer of drawings. No drawing is stopped: the training after it is.
+pub(super) fn drew(observer: Observer<'_>) -> impl FnMut(usize, usize) {
+    |done, all| {
+        let _ = observer(Event::Drew { done, all });
     }
 }

@@ -1,6 +1,7 @@
 //! A bake whose files take at most a number of bytes.
 
-use super::observer::BakeJobObserver;
+use super::event::{Event, Observer, stages};
+use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
     Attempt, Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views, most_within,
     refit::RefitColors,
@@ -26,7 +27,7 @@ pub(super) fn fitted(
     options: &BakeOptions,
     output: &Output,
     report: &Report,
-    observer: &mut dyn BakeJobObserver,
+    observer: Observer<'_>,
 ) -> Result<Fitted> {
     let with = |options: &BakeOptions, max_triangles: Option<u64>| {
         let mut options = options.clone();
@@ -35,7 +36,7 @@ pub(super) fn fitted(
     };
     let measured = |asset: &Asset, options: &BakeOptions| -> Result<Attempt> {
         let mut unread = Report::default();
-        output::write(asset, output, output.dry_run(), &options.output, &mut unread, &mut ())?;
+        output::write(asset, output, output.dry_run(), &options.output, &mut unread, &mut |_| Continue(()))?;
         let bytes = unread.outputs.iter().map(|file| file.bytes).sum();
         let max_triangles = options.prune.max_triangles;
         Ok(Attempt { max_triangles, triangles: asset.counts().triangles, bytes })
@@ -48,9 +49,9 @@ pub(super) fn fitted(
     };
     let make = |most: Option<u64>| -> Result<(Attempt, Fitted)> {
         let (options, mut report) = (with(options, most), report.clone());
-        observer.fits(limit, most);
+        let _ = observer(Event::Fits { limit, triangles: most });
         let bake = Bake::new(&options).photos(views.as_deref_mut()).report(&mut report);
-        let asset = bake.observer(&mut *observer).run(scenes.iter().cloned())?;
+        let asset = bake.observer(&mut stages(observer)).run(scenes.iter().cloned())?;
         Ok((measured(&asset, &options)?, Fitted { asset, options, report }))
     };
     most_within(limit, options.prune.max_triangles, probe, make)

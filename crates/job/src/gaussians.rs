@@ -1,7 +1,7 @@
 //! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of them.
 
+use super::event::{Observer, drew};
 use super::harden::{HardenOptions, Hardened, train};
-use super::observer::BakeJobObserver;
 use glam::{UVec2, Vec3};
 use std::path::Path;
 use std::time::Instant;
@@ -64,10 +64,9 @@ pub(super) fn solid(
     photos: Option<&Dataset>,
     how: &DatasetOptions,
     (effort, most): (Effort, Option<u64>),
-    observer: &mut dyn BakeJobObserver,
+    observer: Observer<'_>,
 ) -> Result<Hardened> {
     let clock = Instant::now();
-    let mut drew = |done, all| observer.drew(done, all);
     let placement = splats.provenance.placement;
     let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
     let cameras = match photos {
@@ -75,15 +74,22 @@ pub(super) fn solid(
         None => effort.cameras(path, splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
-    let (max_bytes, drawn) = (how.photo_bytes(), &mut drew);
+    let (max_bytes, mut drawn) = (how.photo_bytes(), drew(observer));
     let dataset = match photos {
         Some(photos) => {
             // What each Gaussian contributes to the photos.
             cameras.iter().for_each(|camera| drop(teacher.picture(camera)));
-            drawn_beside(photos, SHARE_BETWEEN, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)?
+            drawn_beside(
+                photos,
+                SHARE_BETWEEN,
+                max_bytes,
+                |camera| teacher.picture(&to_file(camera)),
+                &mut drawn,
+            )?
         }
-        None => drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), drawn)?,
+        None => drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), &mut drawn)?,
     };
+    drop(drawn);
     let mut options = effort.training(most);
     if photos.is_none() {
         // Drawings do not differ in exposure.

@@ -1,6 +1,6 @@
 //! Hardening: a soft scene is trained solid before its bake.
 
-use super::observer::BakeJobObserver;
+use super::event::{Observer, TrainBegins, begin, drew};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{Views, count, is_solid, pictures};
@@ -104,16 +104,16 @@ pub(super) fn harden(
     photos: Option<&Dataset>,
     how: &DatasetOptions,
     options: &TrainOptions,
-    observer: &mut dyn BakeJobObserver,
+    observer: Observer<'_>,
 ) -> Result<Hardened> {
     let clock = Instant::now();
     let drawing = options.drawing(how.background.to_f32());
-    let mut drew = |done, all| observer.drew(done, all);
-    let (drawn, mut own) = (&mut drew, None);
+    let mut own = None;
     let made = match photos {
         Some(_) => None,
         None => {
-            let made = teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), drawn)?;
+            let made =
+                teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), &mut drew(observer))?;
             own = Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
             Some(made)
         }
@@ -134,12 +134,13 @@ pub(super) fn train(
     how: &DatasetOptions,
     options: &TrainOptions,
     clock: Instant,
-    observer: &mut dyn BakeJobObserver,
+    observer: Observer<'_>,
 ) -> Result<(ImportedScene, StageReport)> {
     let run = TrainRun::new(dataset, options).with_dataset_options(how);
     let run = TrainRun { from: Some(soft), ..run }.start()?;
     let triangles = run.triangles();
-    let trained = run.finish(&mut *observer.hardening_begins(options)?)?;
+    let begins = TrainBegins { steps: options.steps, ..TrainBegins::default() };
+    let trained = run.finish(&mut begin(observer, &begins)?)?;
     if trained.stopped {
         let value = format!("stopped after {} of {} steps", trained.steps, options.steps);
         return Err(Error::invalid("harden", value, "all of its steps; nothing was written"));

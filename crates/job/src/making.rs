@@ -1,11 +1,12 @@
 //! From photos, a video or a data set to files for an engine: capture, training, bake. Finished parts are not repeated.
 
 use super::baking::{BakeInput, BakeJob};
-use super::observer::MakeJobObserver;
+use super::event::{Event, MakePart, Observer, add, stages};
 use super::teacher::teacher_files;
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
@@ -103,10 +104,10 @@ impl MakeJob {
         }
     }
 
-    /// Runs every unfinished part, to the end or until an observer stops it. Existing files are replaced.
+    /// Runs every unfinished part, to the end or until `observer` stops it. Existing files are replaced.
     ///
     /// Errors: those of [`Capture::run`], [`TrainJob::run`] and [`BakeJob::save`].
-    pub fn run(mut self, observer: &mut dyn MakeJobObserver) -> Result<MakeDone> {
+    pub fn run(mut self, observer: Observer<'_>) -> Result<MakeDone> {
         let clock = Instant::now();
         // Removed if it stays empty.
         let _made = MadeFolders::make(&self.work)?;
@@ -119,12 +120,12 @@ impl MakeJob {
             }
             photos => {
                 check_apart("work", &self.work, photos)?;
+                let _ = observer(Event::Part(MakePart::Capture));
                 let folder = self.work.join("photos");
                 let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
                 (job.options, job.force) = (self.capture.clone(), self.force);
                 job.least_photos = LEAST_PHOTOS;
-                let verdict = job.run(&mut report, &mut *observer.captures())?;
-                (folder, Some(verdict))
+                (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
         let mut done = MakeDone { report, dataset, verdict: None, stopped: false };
@@ -132,11 +133,10 @@ impl MakeJob {
             done.stopped = verdict.is_none();
             done.verdict = verdict;
         }
-        done.stopped |= observer.wants_to_stop();
         if !done.stopped {
             done.stopped = !self.train_once(&done.dataset, &mut done.report, observer)?;
         }
-        done.stopped |= observer.wants_to_stop();
+        done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
             self.bake(&done.dataset, &mut done.report, observer)?;
         }
@@ -145,12 +145,7 @@ impl MakeJob {
     }
 
     /// Trains, and keeps the list of what was written. Returns false when stopped.
-    fn train_once(
-        &self,
-        path: &Path,
-        report: &mut Report,
-        observer: &mut dyn MakeJobObserver,
-    ) -> Result<bool> {
+    fn train_once(&self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<bool> {
         let mut ours = Manifest::read(&self.work, FILES)?;
         let trained = self.train(path, &mut ours, report, observer);
         let began = [SCENE, CHECKPOINT, TEACHER].iter().any(|name| self.work.join(name).exists());
@@ -165,7 +160,7 @@ impl MakeJob {
         path: &Path,
         ours: &mut Manifest,
         report: &mut Report,
-        observer: &mut dyn MakeJobObserver,
+        observer: Observer<'_>,
     ) -> Result<bool> {
         let [scene, point, notes, teacher] =
             [SCENE, CHECKPOINT, NOTES, TEACHER].map(|name| self.work.join(name));
@@ -220,7 +215,24 @@ impl MakeJob {
             checkpoint_every: CHECKPOINT_EVERY,
             ..RunOptions::default()
         };
-        let trained = match job.run(&mut *observer.trains(&teacher_files(&teacher))?) {
+        if observer(Event::Part(MakePart::Train)).is_break() {
+            return Ok(false);
+        }
+        let (files, mut unwritten) = (teacher_files(&teacher), None);
+        let mut keeping = |event: Event<'_>| {
+            if let Event::Teacher(which, teacher) = &event {
+                // A resumed run would take those of an earlier run for its own.
+                files.iter().skip(which + 1).for_each(|old| drop(std::fs::remove_file(old)));
+                unwritten = teacher.save(&files[*which]).err();
+            }
+            let told = observer(event);
+            if unwritten.is_some() { ControlFlow::Break(()) } else { told }
+        };
+        let trained = job.run(&mut keeping);
+        if let Some(error) = unwritten {
+            return Err(error);
+        }
+        let trained = match trained {
             Err(Error::Stopped { checkpoint: Some(_), .. }) => return Ok(false),
             trained => trained?,
         };
@@ -255,12 +267,11 @@ impl MakeJob {
     }
 
     /// Bakes, and writes the file and the page.
-    fn bake(&mut self, path: &Path, report: &mut Report, observer: &mut dyn MakeJobObserver) -> Result<()> {
+    fn bake(&mut self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<()> {
         let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
         job.photos = Some(Dataset::load(path, &self.dataset_options)?);
         job.dataset_options = self.dataset_options.clone();
-        let mut watching = observer.bakes();
-        let done = job.save(&self.output, &mut *watching)?;
+        let done = job.save(&self.output, observer)?;
         report.options = done.report.options.clone();
         report.stages.extend(done.report.stages);
         report.outputs.extend(done.report.outputs);
@@ -273,15 +284,12 @@ impl MakeJob {
             let mut options = BakeOptions::default();
             let planned = options.plan_output(page, None)?;
             let files = planned.start()?;
-            output::write(&done.asset, &planned, files, &options.output, report, &mut ())?;
+            output::write(&done.asset, &planned, files, &options.output, report, &mut |_| {
+                ControlFlow::Continue(())
+            })?;
         }
         Ok(())
     }
-}
-
-fn add(stage: StageReport, report: &mut Report, observer: &mut dyn MakeJobObserver) {
-    observer.finished(&stage);
-    report.stages.push(stage);
 }
 
 fn save(path: &Path, value: &StoredTraining) -> Result<()> {

@@ -1,17 +1,15 @@
 //! A surface job: from a scene, from Gaussian splats or from photos alone to one connected surface.
 
+use super::event::{Observer, add, stages};
 use super::gaussians::{self, Effort};
-use super::observer::{BakeJobObserver, TrainBegins, TrainJobObserver};
 use super::training::TrainJob;
+use std::ops::ControlFlow;
 use std::path::Path;
 use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::{
-    Asset, Error, Result, Seconds,
-    report::{Observer, Report},
-};
-use trisplat_train::{Densified, TrainObserver, TrainOptions, TrainSample};
+use trisplat_scene::{Asset, Error, Result, Seconds, report::Report};
+use trisplat_train::TrainOptions;
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene
 /// (docs/benchmarks/texture.md).
@@ -46,22 +44,16 @@ impl MeshJob {
     /// Errors: those of [`MeshJob::run`], of the format and of the operating system.
     pub fn save(self, path: impl AsRef<Path>) -> Result<Asset> {
         let output = self.options.output.clone();
-        let surface = self.run(&mut Report::new("mesh"), &mut (), &mut ())?;
-        let surface = surface.expect("nobody stops the training");
+        let surface = self.run(&mut Report::new("mesh"), &mut |_| ControlFlow::Continue(()))?;
+        let surface = surface.expect("it is not stopped");
         formats::write(&surface, path.as_ref(), &output)?;
         Ok(surface)
     }
 
-    /// Makes the surface. `trains` observes the training, if there is one, and `stages` the rest; `report` gets the stages of both. `None`
-    /// when `trains` stopped the training.
+    /// Makes the surface; `report` gets the stages. `None` when `observer` stopped the training, if there is one.
     ///
     /// Errors: neither scene nor photos; a texture without photos; those of [`TrainJob::run`] and [`mesh`](mesh()).
-    pub fn run(
-        self,
-        report: &mut Report,
-        trains: &mut dyn TrainJobObserver,
-        stages: &mut dyn Observer,
-    ) -> Result<Option<Asset>> {
+    pub fn run(self, report: &mut Report, observer: Observer<'_>) -> Result<Option<Asset>> {
         self.options.validate()?;
         let are_splats = matches!(self.scene, Some(Content::Splats(_)));
         self.options.check_photos(self.photos.is_some() || are_splats)?;
@@ -72,9 +64,8 @@ impl MeshJob {
             (Some(Content::Splats(splats)), photos) => {
                 report.warnings.extend(splats.warnings.iter().cloned());
                 let splats = (Path::new("scene"), &splats);
-                let observer = &mut Training(trains);
                 let solid = gaussians::solid(splats, photos.as_ref(), how, (Effort::FAST, None), observer)?;
-                report.stages.push(solid.stage);
+                add(solid.stage, report, observer);
                 views = views.or(solid.pictures);
                 solid.scene
             }
@@ -82,7 +73,7 @@ impl MeshJob {
                 let mut job = TrainJob::new(photos.clone(), self.train);
                 job.dataset_options = self.dataset_options.clone();
                 job.limit(self.budget);
-                let done = match job.run(trains) {
+                let done = match job.run(observer) {
                     Err(Error::Stopped { .. }) => return Ok(None),
                     done => done?,
                 };
@@ -98,43 +89,6 @@ impl MeshJob {
             (None, None) => return Err(Error::invalid("scene", "not given", "a scene, or photos of one")),
         };
         let limits = &self.dataset_options.limits;
-        mesh(scene, views.as_mut(), &self.options, limits, report, stages).map(Some)
-    }
-}
-
-/// Watches the training of a scene in place of Gaussians as that of a scene of photos.
-struct Training<'a>(&'a mut dyn TrainJobObserver);
-
-impl Observer for Training<'_> {}
-
-impl BakeJobObserver for Training<'_> {
-    fn hardening_begins(&mut self, options: &TrainOptions) -> Result<Box<dyn TrainObserver + '_>> {
-        self.0.training_begins(&TrainBegins { steps: options.steps, ..TrainBegins::default() })?;
-        Ok(Box::new(Steps(self.0)))
-    }
-
-    fn drew(&mut self, done: usize, all: usize) {
-        self.0.drew(done, all);
-    }
-}
-
-/// Its steps.
-struct Steps<'a>(&'a mut dyn TrainJobObserver);
-
-impl TrainObserver for Steps<'_> {
-    fn stepped(&mut self, sample: &TrainSample) {
-        self.0.stepped(sample);
-    }
-
-    fn sampled(&mut self, sample: &TrainSample) {
-        self.0.sampled(sample);
-    }
-
-    fn densified(&mut self, step: u64, densified: &Densified) {
-        self.0.densified(step, densified);
-    }
-
-    fn wants_to_stop(&mut self) -> bool {
-        self.0.wants_to_stop()
+        mesh(scene, views.as_mut(), &self.options, limits, report, &mut stages(observer)).map(Some)
     }
 }

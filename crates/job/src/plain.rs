@@ -3,6 +3,7 @@
 use super::baking::{BakeInput, BakeJob};
 use super::evaluating::EvalJob;
 use glam::DVec3;
+use std::ops::ControlFlow;
 use std::ops::Deref;
 use std::path::Path;
 use trisplat_bake::BakeOptions;
@@ -57,7 +58,8 @@ impl Deref for Baked {
 ///
 /// Errors: options out of range, nothing left to draw.
 pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Baked> {
-    let done = BakeJob::new([BakeInput::scene(scene)], options.clone()).run(&mut ())?;
+    let done =
+        BakeJob::new([BakeInput::scene(scene)], options.clone()).run(&mut |_| ControlFlow::Continue(()))?;
     let (output, has_tiles) = (options.output.clone(), options.tiles.tiles);
     Ok(Baked { asset: done.asset, report: done.report, output, has_tiles })
 }

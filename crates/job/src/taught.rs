@@ -1,7 +1,7 @@
 //! Trains the teachers of a run.
 
 use super::budget::{Budgeted, budgeted, with_fewer_steps};
-use super::observer::TrainJobObserver;
+use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{PreparationPart, Storing, TeacherPlace, stopped};
 use super::teacher::{
     ALL_TEACHERS_SHARE, BUDGET_SHARE, MOST_TEACHERS, enough_for_teacher, soft_scene, teacher_budget,
@@ -42,8 +42,6 @@ pub(super) struct TaughtRun<'a> {
     pub(super) watched: Option<TrialRun>,
     /// The file that keeps the first finished teacher.
     pub(super) file: Option<&'a Path>,
-    /// Whether the teacher was requested.
-    pub(super) asked: bool,
     /// Weight of the teacher, 0 to 1.
     pub(super) weight: f64,
     /// Training time of the teacher, from 0 (shortest) to 1 (longest).
@@ -72,7 +70,7 @@ impl TaughtRun<'_> {
     pub(super) fn train_teachers(
         &self,
         stopped: Option<(Checkpoint, TeacherPlace)>,
-        observer: &mut dyn TrainJobObserver,
+        observer: Observer<'_>,
     ) -> Result<Teachers> {
         let clock = Instant::now();
         let resumed = stopped.map(|stopped| self.resumed(stopped)).transpose()?.flatten();
@@ -143,11 +141,7 @@ impl TaughtRun<'_> {
     }
 
     /// Trains the next teacher.
-    fn train_teacher(
-        &self,
-        left: &mut Remaining,
-        observer: &mut dyn TrainJobObserver,
-    ) -> Result<(Trained, StageReport)> {
+    fn train_teacher(&self, left: &mut Remaining, observer: Observer<'_>) -> Result<(Trained, StageReport)> {
         let clock = Instant::now();
         let run = TrainRun::new(&left.photos, &left.options).with_dataset_options(&left.how);
         let run = TrainRun { paced: left.paced.take(), began: Some(self.began), ..run };
@@ -156,14 +150,14 @@ impl TaughtRun<'_> {
         // The run reports the card, so the teacher does not.
         let OpenRun { run, .. } = run.start_at(self.backend)?;
         let triangles = run.triangles();
-        let trained = {
-            let mut steps = observer.teacher_begins(run.options(), self.asked)?;
-            run.finish(&mut *steps)?
-        };
+        let (part, steps) = (TrainPart::Teacher, run.options().steps);
+        let begins = TrainBegins { part, steps, ..TrainBegins::default() };
+        let trained = run.finish(&mut begin(observer, &begins)?)?;
         if trained.stopped {
             return Err(stopped("the training of a soft teacher scene", &trained));
         }
-        observer.keep_teacher(left.place.which, &trained)?;
+        // The next training asks whether to go on, and can be resumed.
+        let _ = observer(Event::Teacher(left.place.which, &trained));
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
         TeacherDetails::STAGE.clone_into(&mut stage.name);
         Ok((trained, stage))

@@ -1,7 +1,7 @@
 //! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
+use super::event::{Observer, drew};
 use super::harden;
-use super::observer::TrainJobObserver;
 use super::watched;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -250,11 +250,10 @@ pub(super) fn with_pictures(
     share: f64,
     options: &TrainOptions,
     how: &DatasetOptions,
-    observer: &mut dyn TrainJobObserver,
+    observer: Observer<'_>,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
-    let mut drew = |done, all| observer.drew(done, all);
-    teacher::beside(photos, scenes, &drawing, share, how.photo_bytes(), &mut drew)
+    teacher::beside(photos, scenes, &drawing, share, how.photo_bytes(), &mut drew(observer))
 }
 
 /// The soft scene of a file, and further teachers beside it if a run named it.

@@ -1,7 +1,7 @@
 //! A training job, from options to the trained scene: plan, preparation, run, report.
 
 use super::budget::{self, Budgeted};
-use super::observer::{TrainBegins, TrainJobObserver};
+use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing, TeacherPlace};
 use super::taught::TaughtRun;
 use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
@@ -26,6 +26,7 @@ use trisplat_train::{
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
 /// ```
+/// use std::ops::ControlFlow::Continue;
 /// use trisplat_dataset::synthetic::{self, SyntheticOptions};
 /// use trisplat_job::TeacherSource;
 /// use trisplat_dataset::Dataset;
@@ -40,7 +41,7 @@ use trisplat_train::{
 ///
 /// let mut job = TrainJob::new(dataset, options);
 /// job.teacher = Some(TeacherSource::Off);
-/// let done = job.run(&mut ())?;
+/// let done = job.run(&mut |_| Continue(()))?;
 /// assert_eq!(done.trained.steps, 20);
 /// assert_eq!(done.report.stages[1].skipped.as_deref(), Some("`teacher` off"));
 /// # Ok::<(), trisplat_scene::Error>(())
@@ -90,33 +91,23 @@ pub struct TrainDone {
     pub trained: Trained,
     /// Options, stages and warnings. It names no files.
     pub report: Report,
-}
-
-/// A training with its photos, options and teacher ready.
-#[derive(Debug)]
-pub struct ReadyTrain {
-    /// Training pictures: photos in the chosen size, and pictures of the teacher.
-    pub dataset: Dataset,
-    /// The photos alone, if there are pictures of a teacher.
-    pub photos: Option<Dataset>,
-    /// What becomes of the teacher.
+    /// What became of its teacher.
     pub teacher: TeacherPlan,
     /// Share of the steps on the teacher's pictures; `None` without a teacher.
     pub teacher_share: Option<f64>,
-    /// Stages so far: the short trainings, and the teacher's training or the reason for having none.
-    stages: Vec<StageReport>,
-    /// Warnings so far.
-    pub warnings: Vec<String>,
-    /// The run.
-    pub start: TrainStart,
-    /// Whether watched photos decided about this run.
-    watched: bool,
-    began: Instant,
 }
 
-/// The start of a ready training.
-#[derive(Debug)]
-pub struct TrainStart {
+/// A training with its photos, options and teacher ready.
+struct ReadyTrain {
+    /// The photos alone, if there are pictures of a teacher.
+    photos: Option<Dataset>,
+    teacher: TeacherPlan,
+    teacher_share: Option<f64>,
+    /// Stages so far: the short trainings, and the teacher's training or the reason for having none.
+    stages: Vec<StageReport>,
+    warnings: Vec<String>,
+    /// Whether watched photos decided about this run.
+    watched: bool,
     dataset_options: DatasetOptions,
     options: TrainOptions,
     paced: Option<Paced>,
@@ -166,16 +157,32 @@ impl TrainJob {
     ///
     /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
     /// [`Error::Stopped`] if it was stopped before its own first step; its checkpoint is one for `resume` all the same.
-    pub fn run(self, observer: &mut dyn TrainJobObserver) -> Result<TrainDone> {
-        let ready = self.prepare(observer)?;
-        let (notes, plan, start) = (ready.notes(), ready.budget_summary(), ready.start);
-        let OpenRun { run, card, warnings } = start.open(&ready.dataset)?;
+    pub fn run(self, observer: Observer<'_>) -> Result<TrainDone> {
+        let (dataset, mut ready) = self.prepare(observer)?;
+        let (teacher, teacher_share) = (ready.teacher.clone(), ready.teacher_share);
+        let (plan, stages, began) = (ready.budget_summary(), std::mem::take(&mut ready.stages), ready.began);
+        let (mut warnings, photos) = (std::mem::take(&mut ready.warnings), ready.photos.take());
+        let OpenRun { run, card, warnings: about_start } = ready.open(&dataset)?;
+        warnings.extend(about_start);
         let triangles = run.triangles();
-        let (steps, done) = (run.options().steps, run.steps());
-        observer.training_begins(&TrainBegins { steps, done, plan, card })?;
-        let trained = run.finish(observer)?;
-        let report = notes.report(&trained, triangles, warnings);
-        Ok(TrainDone { trained, report })
+        let begins = TrainBegins {
+            part: TrainPart::Scene,
+            steps: run.options().steps,
+            done: run.steps(),
+            plan,
+            card,
+            photos: Some(photos.as_ref().unwrap_or(&dataset)),
+            curve: run.curve(),
+            stages: &stages,
+            warnings: &warnings,
+        };
+        let mut steps = begin(observer, &begins)?;
+        let trained = run.finish(&mut steps)?;
+        let seconds = began.elapsed().as_secs_f64();
+        let mut report = Report { warnings, stages, seconds, ..Report::new("train") };
+        report.options = serde_json::to_value(&trained.options).unwrap_or_default();
+        report.stages.push(trained.stage(triangles, seconds));
+        Ok(TrainDone { trained, report, teacher, teacher_share })
     }
 
     /// Moves photos to where the tracks of a COLMAP model see them, if they stand elsewhere. [`TrainJob::watch`] calls this unless
@@ -194,7 +201,7 @@ impl TrainJob {
     /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
     ///
     /// Errors: options that the budget chooses, undecodable photos, a stopped training, a checkpoint of another run.
-    pub fn watch(&mut self, observer: &mut dyn TrainJobObserver) -> Result<()> {
+    pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
         self.unpack()?;
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
@@ -220,7 +227,8 @@ impl TrainJob {
         if self.teacher_plan() == TeacherPlan::Train && (fits_both || !unsure) {
             watched.soft = Some(watching.soft(observer)?);
         }
-        observer.watched(&watched.summary());
+        // The teacher or the run, which come next, ask whether to go on.
+        let _ = observer(Event::Watched(&watched));
         self.watch_secs = watching.seconds();
         self.watched = Some(watched);
         Ok(())
@@ -362,7 +370,7 @@ impl TrainJob {
     ///
     /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training; a budget that is
     /// too small; a checkpoint of another run; [`Error::Stopped`].
-    pub fn prepare(mut self, observer: &mut dyn TrainJobObserver) -> Result<ReadyTrain> {
+    fn prepare(mut self, observer: Observer<'_>) -> Result<(Dataset, ReadyTrain)> {
         let began = self.began.unwrap_or_else(Instant::now);
         self.watch(observer)?;
         let (plan, weight, by_default) =
@@ -414,7 +422,14 @@ impl TrainJob {
             }
             None => (dataset, None, None),
         };
-        let start = TrainStart {
+        let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
+        let ready = ReadyTrain {
+            photos,
+            teacher: plan,
+            teacher_share,
+            stages: self.poses.into_iter().chain(watched).chain(stage).collect(),
+            warnings,
+            watched: self.watched.is_some(),
             dataset_options: how,
             options,
             paced,
@@ -425,20 +440,7 @@ impl TrainJob {
             force_resume: self.force_resume,
             began,
         };
-        let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
-        let stages = self.poses.into_iter().chain(watched).chain(stage).collect();
-        let watched = self.watched.is_some();
-        Ok(ReadyTrain {
-            dataset,
-            photos,
-            teacher: plan,
-            teacher_share,
-            stages,
-            warnings,
-            start,
-            watched,
-            began,
-        })
+        Ok((dataset, ready))
     }
 
     /// The run as its teacher needs it.
@@ -453,7 +455,6 @@ impl TrainJob {
             storing: self.storing(began),
             watched: self.watched.clone(),
             file: self.teacher_file.as_deref(),
-            asked: self.teacher.is_some(),
             weight,
             length: self.teacher_length(),
         }
@@ -462,46 +463,18 @@ impl TrainJob {
 
 impl ReadyTrain {
     /// Description of the budget's plan for people; `None` without a budget.
-    pub fn budget_summary(&self) -> Option<String> {
-        let pace = &self.start.paced.as_ref()?.pace;
+    fn budget_summary(&self) -> Option<String> {
+        let pace = &self.paced.as_ref()?.pace;
         let why = if self.watched { "watched photos" } else { "photos are few" };
         let end =
             if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
         Some(pace.summary() + &end)
     }
 
-    /// The report of the preparation.
-    pub fn notes(&self) -> TrainNotes {
-        TrainNotes { stages: self.stages.clone(), warnings: self.warnings.clone(), began: self.began }
-    }
-}
-
-/// Facts for the report of a training, besides its figures.
-#[derive(Debug, Clone)]
-pub struct TrainNotes {
-    stages: Vec<StageReport>,
-    warnings: Vec<String>,
-    began: Instant,
-}
-
-impl TrainNotes {
-    /// The report of a run from `triangles` to `trained`; `warnings` are those of its start.
-    pub fn report(self, trained: &Trained, triangles: usize, warnings: Vec<String>) -> Report {
-        let seconds = self.began.elapsed().as_secs_f64();
-        let mut report = Report::new("train");
-        report.options = serde_json::to_value(&trained.options).unwrap_or_default();
-        report.stages.extend(self.stages);
-        report.stages.push(trained.stage(triangles, seconds));
-        report.warnings = [self.warnings, warnings].concat();
-        Report { seconds, ..report }
-    }
-}
-
-impl TrainStart {
     /// Sets up the run on the prepared photos and pictures.
     ///
     /// Errors: those of [`TrainRun::start_at`].
-    pub fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
+    fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
         let run = TrainRun::new(dataset, &self.options).with_dataset_options(&self.dataset_options);
         let run = TrainRun {
             outputs: self.outputs,

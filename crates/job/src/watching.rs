@@ -1,6 +1,6 @@
 //! The short trainings of [`super::watched`].
 
-use super::observer::TrainJobObserver;
+use super::event::{Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{PreparationPart, Storing, stopped};
 use super::watched::{
     LONGEST_PX, SOFT_STEPS, SOLID_STEPS, TRIANGLES, TrialRun, WatchedTraining, is_left_out,
@@ -66,7 +66,7 @@ impl<'a> Watching<'a> {
     /// Two solid scenes.
     ///
     /// Errors: a training that was stopped.
-    pub(super) fn solid(&mut self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+    pub(super) fn solid(&mut self, observer: Observer<'_>) -> Result<[WatchedTraining; 2]> {
         let [few, many] = SOLID_STEPS;
         Ok([
             self.training(TrainPreset::Solid, few, observer)?,
@@ -77,7 +77,7 @@ impl<'a> Watching<'a> {
     /// Two soft scenes.
     ///
     /// Errors: a training that was stopped.
-    pub(super) fn soft(&mut self, observer: &mut dyn TrainJobObserver) -> Result<[WatchedTraining; 2]> {
+    pub(super) fn soft(&mut self, observer: Observer<'_>) -> Result<[WatchedTraining; 2]> {
         let [few, many] = SOFT_STEPS;
         Ok([
             self.training(TrainPreset::Outdoor, few, observer)?,
@@ -90,7 +90,7 @@ impl<'a> Watching<'a> {
         &mut self,
         preset: TrainPreset,
         steps_per_photo: u64,
-        observer: &mut dyn TrainJobObserver,
+        observer: Observer<'_>,
     ) -> Result<WatchedTraining> {
         let result = match self.earlier.next() {
             Some(known) => known,
@@ -104,7 +104,7 @@ impl<'a> Watching<'a> {
         &mut self,
         preset: TrainPreset,
         steps_per_photo: u64,
-        observer: &mut dyn TrainJobObserver,
+        observer: Observer<'_>,
     ) -> Result<WatchedTraining> {
         let steps = steps_per_photo * self.photos.views.len() as u64;
         let pixels = self.photos.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
@@ -115,11 +115,9 @@ impl<'a> Watching<'a> {
             self.storing.stored(run, PreparationPart::Watching(self.done.clone()), self.resume.take())?;
         // Short trainings do not obey the run's limit.
         let run = TrainRun { outputs: RunOptions { max_cpu_secs: 0.0, ..run.outputs.clone() }, ..run };
-        let trained = {
-            let mut steps = observer.watching_begins(&options)?;
-            // A graphics card gains nothing on small photos.
-            run.run(&mut *steps)?
-        };
+        let begins = TrainBegins { part: TrainPart::Trial, steps, ..TrainBegins::default() };
+        // A graphics card gains nothing on small photos.
+        let trained = run.run(&mut begin(observer, &begins)?)?;
         if trained.stopped {
             return Err(stopped("a short training that leaves some photos out", &trained));
         }

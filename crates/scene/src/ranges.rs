@@ -1,106 +1,14 @@
-//! The ranges of all numeric options, in one table; each number is checked by its key before any work.
+//! The ranges of numeric options. They stand at the fields, `#[schemars(range(…))]`; each number is checked before any work.
 
 use crate::error::{Error, Result};
+use schemars::{JsonSchema, generate::SchemaSettings};
 use serde::Serialize;
 use serde_json::Value;
 
-/// Anything that is finite.
-pub const ANY: (f64, f64) = (f64::MIN, f64::MAX);
 /// Practically unbounded.
 const LARGEST: f64 = 1e9;
 /// Above 0, however little.
 pub const ABOVE_ZERO: f64 = f64::MIN_POSITIVE;
-/// More triangles have corners beyond 32-bit indices.
-const TRIANGLES: f64 = LARGEST;
-
-/// A key of options, as in `loss.opacity`, with its lowest and highest value.
-pub type Row = (&'static str, (f64, f64));
-
-/// Every number of the options of a bake, a mesh, a plan, a training and a data set. Dependencies between
-/// options are checked at their use, too.
-pub const RANGES: &[Row] = &[
-    // Data set.
-    ("max_size", (1.0, 65_535.0)),
-    ("test_every", (0.0, 1e6)),
-    ("photo_memory_mib", (0.0, 16_777_216.0)),
-    ("limits", ANY),
-    // Bake.
-    ("teacher.teacher_pictures", (1.0, 100_000.0)),
-    ("collision.collision_triangles", (1.0, TRIANGLES)),
-    ("prune.min_opacity", (0.0, 1.0)),
-    ("prune.max_sigma", (0.0, LARGEST)),
-    ("prune.max_edge", (0.0, LARGEST)),
-    ("prune.max_triangles", (1.0, TRIANGLES)),
-    ("solid.contour", (0.0, 1.0)),
-    ("unseen.min_seen_px", (0.0, LARGEST)),
-    ("unseen.max_error", (0.0, 1000.0)),
-    ("reshape.reshape_rounds", (1.0, 10_000.0)),
-    ("lod.lod", (0.0, 1.0)),
-    ("tiles.tile_triangles", (1000.0, TRIANGLES)),
-    ("refit.refit_flatness", (0.0, LARGEST)),
-    ("refit.refit_passes", (1.0, 1000.0)),
-    ("texture.texture_size", (64.0, 8192.0)),
-    ("texture.texture_pages", (1.0, 16.0)),
-    ("texture.texels_per_pixel", (0.05, 4.0)),
-    ("texture.texture_flatness", (0.0, LARGEST)),
-    ("place.rotate", (-360.0, 360.0)),
-    ("place.scale", (1e-9, LARGEST)),
-    ("chunk.chunk_triangles", (0.0, 21_845.0)),
-    ("output.tileset_tiles", (5.0, TRIANGLES)),
-    // Mesh.
-    ("surface.resolution", (8.0, 65_536.0)),
-    ("surface.voxel", (1e-9, LARGEST)),
-    ("surface.truncation", (2.0, 64.0)),
-    ("surface.min_views", (1.0, 1e6)),
-    ("surface.min_component", (0.0, TRIANGLES)),
-    ("surface.max_triangles", (1.0, TRIANGLES)),
-    // Plan.
-    ("blocks", (1.0, 65_536.0)),
-    ("block_triangles", (1.0, TRIANGLES)),
-    ("halo", (0.0, 1.0)),
-    ("min_cover", (0.0, 0.5)),
-    ("block_photos", (0.0, 1e6)),
-    ("passes", (0.0, 100.0)),
-    ("coarse_steps", (0.0, LARGEST)),
-    ("coarse_triangles", (0.0, TRIANGLES)),
-    // Training.
-    ("steps", (1.0, LARGEST)),
-    ("max_triangles", (1.0, TRIANGLES)),
-    ("sh_degree", (0.0, 3.0)),
-    ("seed", ANY),
-    ("milestones", (0.0, LARGEST)),
-    ("init.size", (ABOVE_ZERO, 1000.0)),
-    ("init.shell_subdivisions", (0.0, 6.0)),
-    ("loss.dssim", (0.0, 1.0)),
-    ("loss.opacity", (0.0, LARGEST)),
-    ("loss.distortion", (0.0, LARGEST)),
-    ("loss.normal", (0.0, LARGEST)),
-    ("loss.size", (0.0, LARGEST)),
-    ("rates.vertices", (0.0, LARGEST)),
-    ("densify.until", (0.0, LARGEST)),
-    ("densify.every", (ABOVE_ZERO, LARGEST)),
-    ("densify.growth", (0.0, LARGEST)),
-    ("densify.relocate", (0.0, 1.0)),
-    ("densify.split_px", (0.0, LARGEST)),
-    ("densify.prune_weight", (0.0, 1.0)),
-    ("warmup.quarter_until", (0.0, LARGEST)),
-    ("warmup.half_until", (0.0, LARGEST)),
-    ("solid.opacity_from", (0.0, LARGEST)),
-    ("solid.opacity_until", (0.0, LARGEST)),
-];
-
-/// Optional numbers.
-const MAY_BE_LEFT_OUT: [&str; 9] = [
-    "max_size",
-    "teacher.teacher_pictures",
-    "prune.max_triangles",
-    "unseen.max_error",
-    "surface.resolution",
-    "surface.voxel",
-    "surface.max_triangles",
-    "blocks",
-    "block_triangles",
-];
 
 /// The name of a number in errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -111,21 +19,17 @@ pub enum Called {
     ByKey,
 }
 
-/// Checks every number of `options`, of `group` or, if that is empty, of all groups, against the table.
+/// Checks every number of `options` against the range at its field. Dependencies between options are checked at their use.
 ///
 /// Errors: the first number out of its range.
-pub fn check(group: &str, options: &impl Serialize, called: Called) -> Result<()> {
-    let value = serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;
-    each(&value, group, &mut |key, number| match row(key) {
-        Some(range) => within(key, number, range, called),
-        None => Ok(()),
-    })
+pub fn check<T: Serialize + JsonSchema>(options: &T, called: Called) -> Result<()> {
+    each(options, &mut |key, number, range| within(key, number, range, called))
 }
 
-/// [`check`] of an optional number, because JSON cannot tell a missing number from one that is not finite.
-pub fn check_given(key: &str, value: Option<f64>) -> Result<()> {
-    match (value, row(key)) {
-        (Some(value), Some(range)) => within(key, value, range, Called::ByFlag),
+/// Checks an optional number, because JSON cannot tell a missing number from one that is not finite.
+pub fn check_finite(name: &str, value: Option<f64>) -> Result<()> {
+    match value {
+        Some(value) if !value.is_finite() => Err(Error::invalid(name, value, "a finite number")),
         _ => Ok(()),
     }
 }
@@ -138,28 +42,44 @@ pub fn count(text: &str) -> std::result::Result<usize, String> {
         .ok_or_else(|| "expected 1 to 1e9".to_owned())
 }
 
-fn row(key: &str) -> Option<(f64, f64)> {
-    RANGES.iter().find(|(row, _)| row_covers(row, key)).map(|(_, range)| *range)
+/// Is given the key, the value and the range of a number.
+pub type Visit<'a> = &'a mut dyn FnMut(&str, f64, (f64, f64)) -> Result<()>;
+
+/// Calls `visit` with the key, as in `loss.opacity`, the value and the range of each number of `options`; with NaN for one that
+/// is not finite, which JSON cannot express.
+pub fn each<T: Serialize + JsonSchema>(options: &T, visit: Visit<'_>) -> Result<()> {
+    let value = serde_json::to_value(options).map_err(|e| Error::invalid("options", e, "numbers"))?;
+    let settings = SchemaSettings::default().with(|settings| settings.inline_subschemas = true);
+    let schema = settings.into_generator().into_root_schema_for::<T>();
+    each_below(&value, schema.as_value(), "", visit)
 }
 
-/// Whether a row is for this key or its group.
-pub fn row_covers(row: &str, key: &str) -> bool {
-    key.strip_prefix(row).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-}
-
-/// Calls `visit` with the key of each number; NaN for one that is not finite, which JSON cannot express.
-pub fn each(value: &Value, key: &str, visit: &mut impl FnMut(&str, f64) -> Result<()>) -> Result<()> {
+fn each_below(value: &Value, schema: &Value, key: &str, visit: Visit<'_>) -> Result<()> {
     match value {
-        Value::Number(number) => visit(key, number.as_f64().unwrap_or(f64::NAN)),
-        Value::Null if MAY_BE_LEFT_OUT.contains(&key) => Ok(()),
-        Value::Null => visit(key, f64::NAN),
-        Value::Array(items) => items.iter().try_for_each(|item| each(item, key, visit)),
+        Value::Number(number) => visit(key, number.as_f64().unwrap_or(f64::NAN), range(schema)),
+        Value::Null if may_be_null(schema) => Ok(()),
+        Value::Null => visit(key, f64::NAN, range(schema)),
+        Value::Array(items) => {
+            items.iter().try_for_each(|item| each_below(item, &schema["items"], key, visit))
+        }
         Value::Object(fields) => fields.iter().try_for_each(|(name, field)| {
             let key = if key.is_empty() { name.clone() } else { format!("{key}.{name}") };
-            each(field, &key, visit)
+            each_below(field, &schema["properties"][name], &key, visit)
         }),
         Value::Bool(_) | Value::String(_) => Ok(()),
     }
+}
+
+/// The lowest and highest value of a field.
+fn range(schema: &Value) -> (f64, f64) {
+    let above = schema["exclusiveMinimum"].as_f64().map(|_| ABOVE_ZERO);
+    let low = above.or(schema["minimum"].as_f64()).unwrap_or(f64::MIN);
+    (low, schema["maximum"].as_f64().unwrap_or(f64::MAX))
+}
+
+fn may_be_null(schema: &Value) -> bool {
+    let is_null = |kind: &Value| kind == "null" || kind["type"] == "null";
+    [&schema["type"], &schema["anyOf"]].into_iter().filter_map(Value::as_array).flatten().any(is_null)
 }
 
 fn within(key: &str, value: f64, (low, high): (f64, f64), called: Called) -> Result<()> {

@@ -3,11 +3,12 @@
 //! A stage has its own type of measurements, which implements [`StageDetails`]. The report stores it as JSON,
 //! because it does not depend on stages; [`Report::details`] returns it typed.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// A number and its noun: "1 step", "2 steps".
@@ -74,30 +75,34 @@ impl StageReport {
     }
 }
 
-/// Is notified when a stage starts and ends: the progress bar and the table of the command line.
-pub trait Observer {
+/// What happens in the stages of a run.
+#[derive(Debug)]
+pub enum StageEvent<'a> {
     /// A stage starts.
-    fn started(&mut self, _name: &str) {}
+    Started(&'a str),
     /// Progress of the running stage, a fraction from 0 to 1. Only stages that may take long report it.
-    fn progressed(&mut self, _fraction: f64) {}
+    Progressed(f64),
+    /// Status text of the running stage.
+    Noted(&'a str),
+    /// Nothing new: an occasion to stop.
+    Waiting,
     /// A stage ended.
-    fn finished(&mut self, _stage: &StageReport) {}
+    Finished(&'a StageReport),
 }
 
-/// Ignores everything.
-impl Observer for () {}
+/// Is told what happens. `ControlFlow::Break` at the start or the end of a stage stops the run; that of a capture, always.
+pub type StageObserver<'a> = &'a mut dyn FnMut(StageEvent<'_>) -> ControlFlow<()>;
 
-/// Reports the progress of a stage to an observer. As an observer of inner stages, it passes on their
-/// fractions.
+/// Reports the progress of a stage to an observer.
 pub struct StageProgress<'a> {
-    observer: &'a mut dyn Observer,
+    observer: StageObserver<'a>,
     /// Beginning and length of this part within the stage.
     part: (f64, f64),
 }
 
 impl<'a> StageProgress<'a> {
     /// Of the whole stage.
-    pub fn new(observer: &'a mut dyn Observer) -> Self {
+    pub fn new(observer: StageObserver<'a>) -> Self {
         Self { observer, part: (0.0, 1.0) }
     }
 
@@ -111,12 +116,22 @@ impl<'a> StageProgress<'a> {
     pub fn set(&mut self, done: usize, all: usize) {
         self.progressed(done as f64 / all.max(1) as f64);
     }
-}
 
-impl Observer for StageProgress<'_> {
-    fn progressed(&mut self, fraction: f64) {
+    /// The observer of inner stages, whose fractions this passes on.
+    pub fn inner(&mut self) -> impl FnMut(StageEvent<'_>) -> ControlFlow<()> {
+        |event| {
+            if let StageEvent::Progressed(fraction) = event {
+                self.progressed(fraction);
+            }
+            ControlFlow::Continue(())
+        }
+    }
+
+    /// This fraction is done.
+    pub fn progressed(&mut self, fraction: f64) {
         let (start, length) = self.part;
-        self.observer.progressed(start + length * fraction.clamp(0.0, 1.0));
+        // No stage is left half done.
+        let _ = (self.observer)(StageEvent::Progressed(start + length * fraction.clamp(0.0, 1.0)));
     }
 }
 
@@ -172,7 +187,7 @@ impl Report {
     /// Returns the changed value, or the input when there was nothing to do.
     pub fn stage<T, D: StageDetails>(
         &mut self,
-        observer: &mut dyn Observer,
+        observer: StageObserver<'_>,
         input: T,
         measure: impl Fn(&T) -> Counts,
         run: impl FnOnce(&mut T, &mut D) -> Result<Outcome<()>>,
@@ -183,12 +198,12 @@ impl Report {
     /// [`Report::stage`] for one that may take long: `run` also gets a function that reports progress to the observer.
     pub fn long_stage<T, D: StageDetails>(
         &mut self,
-        observer: &mut dyn Observer,
+        observer: StageObserver<'_>,
         input: T,
         measure: impl Fn(&T) -> Counts,
         run: impl FnOnce(&mut T, &mut D, &mut StageProgress<'_>) -> Result<Outcome<()>>,
     ) -> Result<T> {
-        observer.started(D::STAGE);
+        go_on::<D>(observer(StageEvent::Started(D::STAGE)))?;
         let clock = Instant::now();
         let mut value = input;
         let before = measure(&value);
@@ -206,9 +221,21 @@ impl Report {
             skipped,
             details: if measured { to_json(&details) } else { Map::new() },
         };
-        observer.finished(&stage);
+        let told = observer(StageEvent::Finished(&stage));
         self.stages.push(stage);
+        go_on::<D>(told)?;
         Ok(value)
+    }
+}
+
+/// An error if an observer stops the run at the stage of `D`.
+fn go_on<D: StageDetails>(told: ControlFlow<()>) -> Result<()> {
+    match told {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => {
+            let what = format!("stopped at the stage {}; nothing was written", D::STAGE);
+            Err(Error::Stopped { what, checkpoint: None })
+        }
     }
 }
 

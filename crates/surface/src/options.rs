@@ -24,23 +24,27 @@ pub struct SurfaceOptions {
     /// Cells of the distance field along the longest side of what the cameras see, 8 or more; 256 unless given, or as few as
     /// `--max-triangles` can show
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
-    #[schemars(range(min = 8))]
+    #[schemars(range(min = 8, max = 65_536))]
     pub resolution: Option<u32>,
     /// Side of a cell in units of the input, in place of `--resolution`
     #[cfg_attr(feature = "cli", arg(long, value_name = "SIDE", conflicts_with = "resolution"))]
+    #[schemars(range(min = 1e-9, max = 1e9))]
     pub voxel: Option<f64>,
     /// Longest distance from the surface that counts, in cells; more smooths, less keeps thin things
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.truncation, value_name = "CELLS"))]
+    #[schemars(range(min = 2.0, max = 64.0))]
     pub truncation: f64,
     /// Number of cameras that must have seen a place, 1 or more; all of them where there are fewer
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_views, value_name = "N"))]
+    #[schemars(range(min = 1, max = 1_000_000))]
     pub min_views: u32,
     /// Drop connected pieces of fewer triangles, counted before `--max-triangles`
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.min_component, value_name = "N"))]
+    #[schemars(range(max = 1_000_000_000))]
     pub min_component: u32,
     /// Simplify to at most this many triangles
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))]
-    #[schemars(range(min = 1))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: Option<u32>,
     /// Count the shell of a trained soup, and the backdrop of a baked file, as part of the scene
     #[cfg_attr(feature = "cli", arg(long, default_value_t = SurfaceOptions::DEFAULT.shell, num_args = 0..=1, require_equals = true,
@@ -79,9 +83,8 @@ impl SurfaceOptions {
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
         // Surface nets need the distances of all corners of the cells that the surface runs through.
-        ranges::check("surface", self, Called::ByFlag)?;
-        ranges::check_given("surface.resolution", self.resolution.map(f64::from))?;
-        ranges::check_given("surface.voxel", self.voxel)
+        ranges::check(self, Called::ByFlag)?;
+        ranges::check_finite("voxel", self.voxel)
     }
 }
 

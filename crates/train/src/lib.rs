@@ -72,7 +72,7 @@ pub use options::{PoseUse, TrainOptions, TrainPreset};
 pub use outputs::{PREVIEW, Preview, RunOptions};
 pub use params::{Anneal, Params, TrainState};
 pub use prepared_run::PreparedRun;
-pub use progress::{TrainObserver, TrainSample};
+pub use progress::{TrainEvent, TrainObserver, TrainSample};
 pub use run::TrainRun;
 pub use schedule::{EngineShading, Schedule, StepParams};
 pub use shell::shell_around;

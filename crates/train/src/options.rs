@@ -70,12 +70,15 @@ pub struct TrainOptions {
     pub preset: TrainPreset,
     /// Number of steps, one photo each; every schedule stretches with it.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().steps))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub steps: u64,
     /// Most triangles of the scene.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = TrainOptions::default().max_triangles))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
     pub max_triangles: u64,
     /// Highest degree of the view-dependent colour, 0 to 3; it is reached one degree at a time.
     #[cfg_attr(feature = "cli", arg(long, value_name = "D", default_value_t = TrainOptions::default().sh_degree, value_parser = clap::value_parser!(u8).range(0..=3)))]
+    #[schemars(range(max = 3))]
     pub sh_degree: u8,
     /// Seed of every random choice; the same seed gives the same bits on any number of threads.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
@@ -89,6 +92,7 @@ pub struct TrainOptions {
     /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
     /// budget choose them.
     #[cfg_attr(feature = "cli", arg(skip))]
+    #[schemars(inner(range(max = 1_000_000_000)))]
     pub milestones: [u64; 4],
     /// How the scene is drawn.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -126,9 +130,11 @@ pub struct TrainDrawOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct InitOptions {
     /// k: corners lie on a sphere of k times the mean distance to the three nearest points (2.2, supplement).
+    #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1000.0))]
     pub size: f64,
     /// Subdivisions of the shell that closes the scene where it has no points: 8 · 4^n triangles at most, 0 for none
     /// (not in the paper). Small runs have fewer, photos with masks none.
+    #[schemars(range(max = 6))]
     pub shell_subdivisions: u32,
 }
 
@@ -137,14 +143,19 @@ pub struct InitOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct LossOptions {
     /// λ: weight of 1 - SSIM against L1 (TS 0.2 outdoor, 0.4 indoor).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub dssim: f64,
     /// β1: weight of the mean opacity (0.0055, supplement).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity: f64,
     /// β2: weight of the distortion (TS 0 outdoor, 1 indoor).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub distortion: f64,
     /// β3: weight of the normal consistency (0.0001 outdoor, 0.00004 indoor, supplement).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub normal: f64,
     /// β4: weight of 1 / mean area, in squared scene units (1e-8 outdoor, 5e-8 indoor, supplement).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub size: f64,
 }
 
@@ -153,6 +164,7 @@ pub struct LossOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct RateOptions {
     /// First rate of the corners, scene units (0.0018 outdoor, 0.0015 indoor, in COLMAP's arbitrary units).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub vertices: f64,
     /// Skip triangles without a gradient in the step's photo, moments included (3DGS's sparse Adam).
     pub sparse: bool,
@@ -174,22 +186,28 @@ pub enum SampleWeight {
 #[serde(default, deny_unknown_fields)]
 pub struct DensifyOptions {
     /// No triangle is added after this, steps of a 30,000-step run (25,000, supplement).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub until: f64,
     /// Steps between densifications, of a 30,000-step run (500, supplement).
+    #[schemars(extend("exclusiveMinimum" = 0.0), range(max = 1e9))]
     pub every: f64,
     /// Triangles added at a densification, as a share of the present ones (0.3, supplement).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub growth: f64,
     /// The weight of a triangle's chance to grow.
     pub sample_by: SampleWeight,
     /// Share of the triangles removed at each densification from `opacity_until` on, in a scene at its limit, to
     /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
     /// scene keep theirs).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub relocate: f64,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub split_px: f64,
     /// τ_prune: triangles below this blending weight at every pixel are pruned (0.022 outdoor, 0.0256 indoor,
     /// supplement).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub prune_weight: f64,
 }
 
@@ -199,8 +217,10 @@ pub struct DensifyOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct WarmupOptions {
     /// Photos at a quarter of their size up to here, steps of a 30,000-step run.
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub quarter_until: f64,
     /// Photos at half their size up to here, steps of a 30,000-step run.
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub half_until: f64,
 }
 
@@ -210,9 +230,11 @@ pub struct WarmupOptions {
 #[serde(default, deny_unknown_fields)]
 pub struct SolidifyOptions {
     /// The opacity's anneal starts, steps of a 30,000-step run (TS+ 5000).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity_from: f64,
     /// The anneal ends: from here on triangles are opaque, σ is small, and the scene has engine shading;
     /// steps of a 30,000-step run (TS+ 24,000).
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub opacity_until: f64,
 }
 
@@ -262,7 +284,7 @@ impl TrainOptions {
 
     /// Checks the range of every number.
     pub fn validate(&self) -> Result<()> {
-        ranges::check("", self, Called::ByKey)?;
+        ranges::check(self, Called::ByKey)?;
         let milestones = &self.milestones;
         let rising = milestones.is_sorted() && milestones[3] <= self.steps;
         if *milestones != [0; 4] && !(rising && milestones[0] > 0) {

@@ -5,7 +5,7 @@ use super::budget::{BudgetController, Spending};
 use super::checkpoint_retention;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::prepared_run::PreparedRun;
-use super::progress::{TrainObserver, TrainSample};
+use super::progress::{TrainEvent, TrainObserver, TrainSample};
 use super::trainer::Trainer;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -67,7 +67,10 @@ pub(super) struct Recorded {
 }
 
 /// Keeps the curve of a run and writes its checkpoints and previews.
-pub(super) struct Recorder {
+pub(super) struct Recorder<'a> {
+    observer: TrainObserver<'a>,
+    /// The observer stops the run.
+    pub(super) is_asked: bool,
     evaluator: Evaluator,
     drawing: SoftOptions,
     curve: Vec<TrainSample>,
@@ -81,7 +84,7 @@ pub(super) struct Recorder {
     lost: Vec<String>,
 }
 
-impl Recorder {
+impl<'a> Recorder<'a> {
     /// Continues the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
     /// `photo_bytes` is the memory for them.
     pub(super) fn new(
@@ -90,8 +93,11 @@ impl Recorder {
         curve: Vec<TrainSample>,
         cpu_secs_before: f64,
         photo_bytes: u64,
+        observer: TrainObserver<'a>,
     ) -> Result<Self> {
         Ok(Self {
+            observer,
+            is_asked: false,
             evaluator: Evaluator::new(&dataset.test().collect::<Vec<_>>(), photo_bytes)?,
             drawing,
             curve,
@@ -104,6 +110,11 @@ impl Recorder {
             checkpoint: None,
             lost: Vec::new(),
         })
+    }
+
+    /// Tells the observer.
+    pub(super) fn tell(&mut self, event: TrainEvent<'_>) {
+        self.is_asked |= (self.observer)(event).is_break();
     }
 
     /// The state after a step on a photo of `width_px`, averaged since the last sample: with `all` over all
@@ -180,7 +191,6 @@ impl Recorder {
         &mut self,
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
-        observer: &mut dyn TrainObserver,
         pace: Option<BudgetController>,
     ) -> Option<(u64, PathBuf)> {
         let path = outputs.checkpoint.as_ref()?;
@@ -196,7 +206,7 @@ impl Recorder {
         match written {
             Ok(written) => self.checkpoint = Some(written),
             Err(error) => {
-                self.note(Err(error), observer);
+                self.note(Err(error));
                 return None;
             }
         }
@@ -204,12 +214,7 @@ impl Recorder {
     }
 
     /// Draws a preview, if one is due.
-    pub(super) fn preview<B: TrainBackend>(
-        &mut self,
-        trainer: &mut Trainer<B>,
-        outputs: &RunOptions,
-        observer: &mut dyn TrainObserver,
-    ) {
+    pub(super) fn preview<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>, outputs: &RunOptions) {
         let Some(Preview { folder, pause }) = &outputs.preview else { return };
         if self.previewed.elapsed() < *pause || self.evaluator.is_empty() {
             return;
@@ -224,13 +229,13 @@ impl Recorder {
                 None => Ok(()),
             }
         });
-        self.note(written, observer);
+        self.note(written);
     }
 
     /// A failed output is reported and remembered; the run continues.
-    fn note(&mut self, written: Result<()>, observer: &mut dyn TrainObserver) {
+    fn note(&mut self, written: Result<()>) {
         if let Err(error) = written {
-            observer.lost(&error);
+            self.tell(TrainEvent::Lost(&error));
             self.lost.push(error.to_string());
         }
     }
@@ -240,7 +245,6 @@ impl Recorder {
         mut self,
         trainer: &mut Trainer<B>,
         last: Option<TrainSample>,
-        observer: &mut dyn TrainObserver,
     ) -> Result<Recorded> {
         let spent = cpu_secs() - self.cpu_start;
         let scores = self.scores(trainer)?;
@@ -251,7 +255,7 @@ impl Recorder {
             let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
             self.curve.truncate(self.curve.len() - usize::from(again));
             self.curve.push(now);
-            observer.sampled(&now);
+            self.tell(TrainEvent::Sampled(&now));
         }
         let samples = eval::solid_samples(&trainer.drawing(&self.drawing));
         Ok(Recorded {

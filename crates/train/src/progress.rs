@@ -4,6 +4,7 @@ use super::budget::Correction;
 use super::densify::Densified;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, ImportedScene};
 
@@ -34,30 +35,28 @@ pub struct TrainSample {
     pub dropped: u64,
 }
 
-/// Called during a run; every method does nothing unless implemented.
-pub trait TrainObserver {
-    /// Called after every step. Loss and PSNR are means over the steps since the last sample with known
-    /// figures; on a graphics card the last two steps are not known yet.
-    fn stepped(&mut self, _sample: &TrainSample) {}
+/// What happens in a run.
+#[derive(Debug)]
+pub enum TrainEvent<'a> {
+    /// A step was made.
+    Step {
+        /// Loss and PSNR are means over the steps since the last sample with known figures; on a graphics card the last two
+        /// steps are not known yet.
+        sample: &'a TrainSample,
+        /// Set it to get [`TrainEvent::Scene`] after this step.
+        wants_scene: &'a mut bool,
+    },
     /// A sample of the curve; its loss and PSNR are means since the last one.
-    fn sampled(&mut self, _sample: &TrainSample) {}
-    /// The scene was densified.
-    fn densified(&mut self, _step: u64, _refined: &Densified) {}
+    Sampled(&'a TrainSample),
+    /// The scene was densified after this step.
+    Densified(u64, &'a Densified),
     /// The budget changed the planned number of steps.
-    fn corrected(&mut self, _correction: &Correction) {}
+    Corrected(&'a Correction),
     /// A checkpoint or a preview could not be written; the run continues.
-    fn lost(&mut self, _error: &Error) {}
-    /// Called between steps: true passes a copy of the present scene to [`TrainObserver::scene`].
-    fn wants_scene(&mut self) -> bool {
-        false
-    }
-    /// The scene after the step of `sample`, as in its file.
-    fn scene(&mut self, _sample: &TrainSample, _scene: ImportedScene) {}
-    /// Called between steps: true stops the run after a checkpoint.
-    fn wants_to_stop(&mut self) -> bool {
-        false
-    }
+    Lost(&'a Error),
+    /// A copy of the scene after the step of the sample, as in its file.
+    Scene(&'a TrainSample, Box<ImportedScene>),
 }
 
-/// Observes nothing.
-impl TrainObserver for () {}
+/// Is told what happens; `ControlFlow::Break` stops the run after the step, with a checkpoint.
+pub type TrainObserver<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> ControlFlow<()>;

@@ -8,7 +8,7 @@ use super::exposure::ExposureDetails;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
-use super::progress::{TrainObserver, TrainSample};
+use super::progress::{TrainEvent, TrainObserver, TrainSample};
 use super::start::{FirstScene, Part};
 use super::trained::{Trained, provenance};
 use super::trainer::Trainer;
@@ -21,6 +21,7 @@ use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Cam
 /// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
 ///
 /// ```
+/// use std::ops::ControlFlow::Continue;
 /// use trisplat_dataset::synthetic::{self, SyntheticOptions};
 /// use trisplat_dataset::{Dataset, DatasetOptions};
 /// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
@@ -33,10 +34,10 @@ use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Cam
 /// // A run that writes checkpoints ...
 /// let path = folder.path().join("scene.checkpoint");
 /// let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 10, ..RunOptions::default() };
-/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut ())?;
+/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(()))?;
 ///
 /// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
-/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut ())?;
+/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut |_| Continue(()))?;
 /// assert_eq!(trained.soup, resumed.soup);
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
@@ -181,7 +182,7 @@ impl<'a> TrainRun<'a> {
     ///
     /// Errors: those of [`TrainRun::start`], photos that cannot be decoded. Checkpoints and previews that cannot be written are
     /// in [`Trained::lost`].
-    pub fn run(self, observer: &mut dyn TrainObserver) -> Result<Trained> {
+    pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
         self.start()?.finish(observer)
     }
 }
@@ -250,13 +251,13 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     ///
     /// Errors: photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that is
     /// lost or out of memory, with one of the last densification or checkpoint at least.
-    pub fn finish(mut self, observer: &mut dyn TrainObserver) -> Result<Trained> {
+    pub fn finish(mut self, observer: TrainObserver<'_>) -> Result<Trained> {
         let curve = std::mem::take(&mut self.curve);
-        let mut record =
-            Recorder::new(self.dataset, self.drawing, curve, self.cpu_secs, self.held_out_bytes)?;
-        let (stopped, last) = self.make_steps(&mut record, observer)?;
+        let (spent, bytes) = (self.cpu_secs, self.held_out_bytes);
+        let mut record = Recorder::new(self.dataset, self.drawing, curve, spent, bytes, observer)?;
+        let (stopped, last) = self.make_steps(&mut record)?;
         let Self { mut trainer, paced, dataset, taught, .. } = self;
-        let recorded = record.finish(&mut trainer, last, observer)?;
+        let recorded = record.finish(&mut trainer, last)?;
         let (provenance, cameras) = origin(taught, dataset);
         let (soup, not_finite) = trained(&mut trainer)?;
         let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
@@ -285,17 +286,13 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     }
 
     /// Makes the steps; returns whether the run was stopped, and its last sample if it made a step.
-    fn make_steps(
-        &mut self,
-        record: &mut Recorder,
-        observer: &mut dyn TrainObserver,
-    ) -> Result<(bool, Option<TrainSample>)> {
+    fn make_steps(&mut self, record: &mut Recorder<'_>) -> Result<(bool, Option<TrainSample>)> {
         let total = self.options().steps;
         let every =
             if self.outputs.sample_every == 0 { total.div_ceil(100) } else { self.outputs.sample_every };
         let (before, mut last) = (self.trainer.steps(), None);
         while !self.is_over() {
-            match self.make_step(every, record, observer) {
+            match self.make_step(every, record) {
                 Ok((now, stopped)) => {
                     last = Some(now);
                     if stopped {
@@ -304,9 +301,8 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 }
                 Err(error) => {
                     // A photo that cannot be read loses no step.
-                    let written = (self.trainer.steps() > before).then(|| {
-                        record.checkpoint(&mut self.trainer, &self.outputs, observer, stored(&self.paced))
-                    });
+                    let written = (self.trainer.steps() > before)
+                        .then(|| record.checkpoint(&mut self.trainer, &self.outputs, stored(&self.paced)));
                     return Err(with_remedy(error, written.flatten()));
                 }
             }
@@ -321,12 +317,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its sample, and
     /// whether to stop.
-    fn make_step(
-        &mut self,
-        every: u64,
-        record: &mut Recorder,
-        observer: &mut dyn TrainObserver,
-    ) -> Result<(TrainSample, bool)> {
+    fn make_step(&mut self, every: u64, record: &mut Recorder<'_>) -> Result<(TrainSample, bool)> {
         let triangles = self.trainer.triangles() as u64;
         let outcome = self.trainer.step()?;
         let Self { trainer, paced, outputs, .. } = self;
@@ -334,32 +325,33 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let due = |every: u64| every > 0 && step.is_multiple_of(every);
         let is_kept = due(every) || due(outputs.evaluate_every);
         let mut now = record.sample(trainer, outcome.width_px, is_kept)?;
-        observer.stepped(&now);
+        let mut wants_scene = false;
+        record.tell(TrainEvent::Step { sample: &now, wants_scene: &mut wants_scene });
         if let Some(densified) = &outcome.densified {
-            observer.densified(now.step, densified);
+            record.tell(TrainEvent::Densified(now.step, densified));
         }
-        keep_pace(trainer, triangles, paced.as_mut(), observer);
+        keep_pace(trainer, triangles, paced.as_mut(), record);
         trainer.find_exposures(&self.drawing)?;
         let is_over = self.is_over();
         let Self { trainer, paced, outputs, .. } = self;
         let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
-        let stopped = !is_over && (spent || observer.wants_to_stop());
+        let stopped = !is_over && (spent || record.is_asked);
         // `Recorder::finish` keeps and evaluates the last sample.
         if !is_over && is_kept {
             let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
             if !stopped {
-                observer.sampled(&kept);
+                record.tell(TrainEvent::Sampled(&kept));
             }
         } else if is_over || stopped {
             now = record.sample(trainer, outcome.width_px, true)?;
         }
         if stopped || due(outputs.checkpoint_every) {
-            record.checkpoint(trainer, outputs, observer, stored(paced));
+            record.checkpoint(trainer, outputs, stored(paced));
         }
-        record.preview(trainer, outputs, observer);
-        if observer.wants_scene() {
+        record.preview(trainer, outputs);
+        if wants_scene {
             let scene = record.uncounted(|_| self.scene())?;
-            observer.scene(&now, scene);
+            record.tell(TrainEvent::Scene(&now, Box::new(scene)));
         }
         Ok((now, stopped))
     }
@@ -418,7 +410,7 @@ fn keep_pace<B: TrainBackend>(
     trainer: &mut Trainer<B>,
     triangles: u64,
     paced: Option<&mut Paced>,
-    observer: &mut dyn TrainObserver,
+    record: &mut Recorder<'_>,
 ) {
     let Some(Paced { pace, spending }) = paced else { return };
     let step = trainer.steps();
@@ -427,7 +419,7 @@ fn keep_pace<B: TrainBackend>(
     if let Some(options) = pace.corrected(step, spending.seconds(), triangles, trainer.options()) {
         trainer.stretch(&options);
         if let Some(correction) = pace.corrections.last() {
-            observer.corrected(correction);
+            record.tell(TrainEvent::Corrected(correction));
         }
     }
 }

@@ -123,7 +123,8 @@ impl Recipe<'_> {
             // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
             let share = level.face_count() as f64 / source.mesh.face_count().max(1) as f64;
             own.texture.texels_per_pixel = (density * share.sqrt()).max(LEAST_DENSITY);
-            let of_level = Recipe::new(&own, views, &mut unread, &mut progress);
+            let mut observer = progress.inner();
+            let of_level = Recipe::new(&own, views, &mut unread, &mut observer);
             let mut of_level = Recipe {
                 placement,
                 viewpoint,

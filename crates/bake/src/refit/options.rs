@@ -26,9 +26,10 @@ pub struct RefitOptions {
     /// Which colours are fitted to the photos
     pub refit: RefitColors,
     /// λ: pull of corner colours towards their triangle's mean, equivalent to this many pixels
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub refit_flatness: f64,
     /// Passes over the photos
+    #[schemars(range(min = 1, max = 1000))]
     pub refit_passes: u32,
 }
 
@@ -37,7 +38,7 @@ impl RefitOptions {
     pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
 
     pub(super) fn validate(&self) -> Result<()> {
-        ranges::check("refit", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

@@ -66,7 +66,7 @@ pub struct TextureOptions {
     pub texels_per_pixel: f64,
     /// λ: pull of texels towards the colour that their triangle has there, equivalent to this many pixels of 40 photos
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_flatness))]
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1e9))]
     pub texture_flatness: f64,
     /// Whose detail texels show
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_detail))]
@@ -101,7 +101,7 @@ impl TextureOptions {
     }
 
     pub(crate) fn validate(&self) -> Result<()> {
-        ranges::check("texture", self, Called::ByFlag)
+        ranges::check(self, Called::ByFlag)
     }
 }
 

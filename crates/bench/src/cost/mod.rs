@@ -13,4 +13,4 @@ pub use advice::CostAdvice;
 pub use args::CostArgs;
 pub use cell::{CostCell, CostRun};
 pub use report::CostReport;
-pub use run::{CostObserver, run};
+pub use run::{CostEvent, run};

@@ -6,6 +6,7 @@ use super::cell::{CostCell, CostRun, compare};
 use super::grid::Grid;
 use super::report::{CostReport, plot};
 use crate::machine::Machine;
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_dataset::{
     Dataset, ShrunkSize,
@@ -15,28 +16,36 @@ use trisplat_job::{TrainJob, watched};
 use trisplat_scene::{Error, Result, process::cpu_secs};
 use trisplat_train::TrainOptions;
 
-/// Told of the progress.
-pub trait CostObserver {
+/// What happens while the grid is measured.
+#[derive(Debug)]
+pub enum CostEvent<'a> {
     /// A training begins.
-    fn begins(&mut self, steps: u64, max_triangles: u64, seed: u64);
+    Begins {
+        /// Its steps.
+        steps: u64,
+        /// Its most triangles.
+        max_triangles: u64,
+        /// Its seed.
+        seed: u64,
+    },
     /// A cell has all its runs; its band is not known yet.
-    fn measured(&mut self, cell: &CostCell);
+    Measured(&'a CostCell),
 }
 
 /// Trains the grid that `args` ask for.
 ///
 /// Errors: lists that do not ascend; photos that cannot be read, or too few to leave some out.
-pub fn run(args: &CostArgs, observer: &mut dyn CostObserver) -> Result<CostReport> {
+pub fn run(args: &CostArgs, observer: &mut dyn FnMut(CostEvent<'_>)) -> Result<CostReport> {
     let grid = Grid::new(&args.steps, &args.max_triangles, args.budget.0)?;
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let (photos, name) = photos(args, folder.path())?;
     let cell = |steps, max_triangles| {
         let run = |seed| {
-            observer.begins(steps, max_triangles, seed);
+            observer(CostEvent::Begins { steps, max_triangles, seed });
             train(args, &photos, TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() })
         };
         let cell = CostCell::new(steps, max_triangles, (0..args.seeds).map(run).collect::<Result<_>>()?);
-        observer.measured(&cell);
+        observer(CostEvent::Measured(&cell));
         Ok(cell)
     };
     let mut cells = grid.measure(cell)?;
@@ -78,7 +87,7 @@ fn train(args: &CostArgs, photos: &Dataset, options: TrainOptions) -> Result<Cos
     let (seed, began) = (options.seed, cpu_secs());
     let mut job = TrainJob::new(photos.clone(), options);
     job.dataset_options = args.dataset_options.clone();
-    let trained = job.run(&mut ())?.trained;
+    let trained = job.run(&mut |_| Continue(()))?.trained;
     let quality = trained.quality();
     let of = |value: Option<f64>| value.unwrap_or(f64::NAN);
     Ok(CostRun {

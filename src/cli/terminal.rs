@@ -1,0 +1,163 @@
+//! What the terminal shows of a job: trainings, drawings, stages.
+
+use super::Global;
+use super::progress::{Progress, thousands};
+use super::signals::{self, Listener};
+use super::train_progress::Bar;
+use clap::Command;
+use std::ops::ControlFlow;
+use std::path::Path;
+use trisplat_job::{Event, MakePart, TrainBegins, TrainPart};
+use trisplat_scene::{
+    Result,
+    report::{StageEvent, counted},
+};
+
+/// Shows a job, and stops it where a request to stop does not lose work: in captures and trainings.
+pub(super) struct Terminal<'a> {
+    global: &'a Global,
+    command: Command,
+    /// How to skip the trainings before that of the scene.
+    pub(super) hint: &'static str,
+    /// While it is there, a request to stop waits for the next event; otherwise it ends the program.
+    stop: Option<Listener>,
+    captures: bool,
+    /// Teachers that have begun.
+    teachers: usize,
+    drawing: Option<Progress>,
+    stages: Option<Progress>,
+    /// The bar of the last training.
+    pub(super) bar: Option<Bar>,
+}
+
+impl<'a> Terminal<'a> {
+    /// Spells the fields named in reasons and warnings as the flags of `command`.
+    pub(super) fn new(global: &'a Global, command: Command) -> Self {
+        let (drawing, stages, bar) = (None, None, None);
+        Self { global, command, hint: "", stop: None, captures: false, teachers: 0, drawing, stages, bar }
+    }
+
+    /// Shows an event; `Break` after a request to stop, where nothing is lost.
+    pub(super) fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
+        match event {
+            Event::Part(part) => {
+                let told = self.flow();
+                self.begin_part(part);
+                return told;
+            }
+            Event::Stage(event) => return self.tell_stage(event),
+            // Without a log nothing can fail.
+            Event::Begins(begins) => drop(self.begin(begins, None)),
+            Event::Train(_, event) => {
+                if let Some(bar) = &mut self.bar {
+                    return bar.tell(event);
+                }
+            }
+            Event::Watched(watched) => self.line(&watched.summary()),
+            Event::Teacher(..) => {}
+            Event::Drew { done, all } => {
+                let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
+                progress.note(&format!("drawing soft pictures: {done} of {all}"));
+            }
+            Event::Fits { limit, triangles } => {
+                let all = || "all triangles".to_owned();
+                let which = triangles.map_or_else(all, |most| format!("{} triangles", thousands(most)));
+                self.stages().line(&format!("baking {which} into {} bytes", thousands(limit)));
+            }
+        }
+        // A stop before the first step of a training would lose it.
+        ControlFlow::Continue(())
+    }
+
+    /// Shows an event of a stage. Only a capture is stopped.
+    pub(super) fn tell_stage(&mut self, event: StageEvent<'_>) -> ControlFlow<()> {
+        self.drawing.take().iter().for_each(Progress::done);
+        if !self.captures {
+            (self.bar, self.stop) = (None, None);
+        }
+        self.stages().tell(event);
+        self.flow()
+    }
+
+    pub(super) fn begin_part(&mut self, part: MakePart) {
+        self.clear();
+        self.captures = part == MakePart::Capture;
+        self.stop = self.captures.then(Listener::new);
+    }
+
+    /// Shows a training that begins; its log goes to a file.
+    ///
+    /// Errors: the log cannot be opened.
+    pub(super) fn begin(&mut self, begins: &TrainBegins<'_>, log: Option<&Path>) -> Result<()> {
+        self.stop.get_or_insert_with(Listener::new);
+        let lost = self.bar.take().map_or_else(Vec::new, |mut bar| bar.done());
+        self.clear();
+        let TrainBegins { part, steps, done, .. } = *begins;
+        let mut bar = Bar::new(self.global, steps, done, log, begins.curve)?.losing(lost);
+        let (count, hint) = (counted(steps, "step"), self.hint);
+        match part {
+            TrainPart::Trial => bar.line(&format!(
+                "a short training leaves some photos out, to see what more steps gain: {count}{hint}"
+            )),
+            TrainPart::Teacher => {
+                self.teachers += 1;
+                bar.line(&match self.teachers {
+                    1 => format!("a soft teacher scene is trained first: {count}{hint}"),
+                    which => format!("teacher {which} is trained: {count}"),
+                });
+            }
+            TrainPart::Scene => {
+                if let Some(card) = &begins.card {
+                    bar.line(&format!("training on {card}"));
+                    bar.say_rate(done);
+                }
+                begins.plan.iter().for_each(|plan| bar.line(plan));
+                if done > 0 {
+                    bar.line(&format!("the training goes on after {done} of {steps} steps"));
+                }
+            }
+        }
+        self.bar = Some(bar);
+        Ok(())
+    }
+
+    /// `Break` after a request to stop that waits for it.
+    fn flow(&self) -> ControlFlow<()> {
+        match self.stop.is_some() && signals::exit_code().is_some() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
+    /// Prints a line.
+    pub(super) fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.line(text),
+            None => Progress::new(self.global).line(text),
+        }
+    }
+
+    /// Removes the bar; returns the printer of lines.
+    pub(super) fn done(mut self) -> Progress {
+        self.stages().done();
+        let progress = self.stages.take();
+        progress.unwrap_or_else(|| Progress::new(self.global))
+    }
+
+    fn clear(&mut self) {
+        self.drawing.take().iter().chain(&self.stages.take()).for_each(Progress::done);
+        self.bar = None;
+    }
+
+    fn stages(&mut self) -> &mut Progress {
+        let (global, command) = (self.global, &self.command);
+        self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))
+    }
+}
+
+/// A failed job leaves no bar either.
+impl Drop for Terminal<'_> {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
