@@ -15,6 +15,7 @@ mod photos;
 mod reshape;
 mod robustness;
 mod shell;
+mod sky;
 mod stages;
 mod teacher;
 mod texture;

@@ -46,7 +46,7 @@ fn unseen(
 }
 
 /// Triangles of some size around the origin, with a colour per corner.
-fn scene() -> Mesh {
+pub(super) fn scene() -> Mesh {
     let place =
         |i: u64| Vec3::new((i % 5) as f32 - 2.0, (i / 5 % 5) as f32 - 2.0, (i / 25) as f32 - 1.5) * 0.5;
     let positions: Vec<Vec3> = (0..100).flat_map(|i| random_triangle(i, place(i), 0.5)).collect();
@@ -56,11 +56,11 @@ fn scene() -> Mesh {
 }
 
 /// The same triangles, all of one grey.
-fn grey(mesh: &Mesh) -> Mesh {
+pub(super) fn grey(mesh: &Mesh) -> Mesh {
     Mesh { colors: Colors::Face(vec![[0.2; 3]; mesh.face_count()]), ..mesh.clone() }
 }
 
-fn camera(view: usize) -> Camera {
+pub(super) fn camera(view: usize) -> Camera {
     let lens = Camera {
         rotation: glam::Mat3::IDENTITY,
         translation: Vec3::ZERO,
@@ -73,7 +73,7 @@ fn camera(view: usize) -> Camera {
 }
 
 /// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
-fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
+pub(super) fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
     photograph_at(mesh, 4, develop)
 }
 
@@ -108,7 +108,7 @@ fn load(folder: &Path) -> Dataset {
     Dataset::load(folder, &DatasetOptions { test_every: 0, ..DatasetOptions::default() }).unwrap()
 }
 
-fn views(dataset: &Dataset) -> Views {
+pub(super) fn views(dataset: &Dataset) -> Views {
     Views::new(dataset, &DatasetOptions::default())
 }
 
@@ -153,7 +153,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let behind = |when| {
         let (mut with, mut details) = (kept.clone(), BackdropDetails::default());
         let options = BackdropOptions { backdrop: when };
-        backdrop(&mut with, Some(&mut views(&dataset)), &options, &mut details).unwrap();
+        backdrop(&mut with, None, Some(&mut views(&dataset)), &options, &mut details).unwrap();
         with.face_count() - kept.face_count()
     };
     assert_eq!(behind(BackdropWhen::Auto), 0);
@@ -382,13 +382,14 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let (mut closed, mut details) = (mesh.clone(), BackdropDetails::default());
     let mut views = views(&dataset);
-    backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert!(details.holes.unwrap() > 0.3, "{details:?}");
     assert_eq!(closed.face_count(), 100 + 128);
     refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
-    let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    let again =
+        backdrop(&mut closed, None, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
     assert_eq!(again, Outcome::Skipped("triangles cover the photos"));
 }
 

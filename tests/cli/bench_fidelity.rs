@@ -53,6 +53,6 @@ fn without_a_soup_one_is_trained() {
     // So few steps leave hardly a triangle; what the bake puts behind them is not counted as trained.
     assert!(rows.iter().all(|r| r.psnr.is_finite() && (1..=400 + 128).contains(&r.triangles)));
     let find = |case: &str| rows.iter().find(|r| r.case == case && r.ssaa == 4).unwrap();
-    assert!(find("unseen").psnr > find("plain").psnr + 1.0, "holes are closed");
-    assert!(find("refit").psnr > find("unseen").psnr + 1.0, "and have the photos' colours");
+    assert!(find("unseen").psnr > find("plain").psnr + 2.0, "holes are closed, in the photos' colours");
+    assert!(find("refit").psnr > find("unseen").psnr - 0.1, "and hardly a triangle is left to be fitted");
 }

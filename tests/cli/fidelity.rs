@@ -169,9 +169,10 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     // Turned, scaled and moved on the way out: the cameras still fit. What stays apart is how a format rounds
     // colours, and samples that lie on an edge to the last bit.
     let placed = ["--up", "z", "--set", "scale=3", "--set", "center=true"];
-    for name in ["b.glb", "c.obj", "d.ply"] {
+    // OBJ and PLY have no picture for the backdrop alone, and show the colours of its corners.
+    for (name, least) in [("b.glb", 45.0), ("c.obj", 30.0), ("d.ply", 30.0)] {
         let like = drawn(name, "solid", &placed);
-        assert!(like > 45.0, "{name}: {like} dB");
+        assert!(like > least, "{name}: {like} dB");
     }
     for (name, more) in [
         ("e.glb", &["--target", "web", "--set", "compress=true"][..]),

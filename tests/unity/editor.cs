@@ -30,6 +30,15 @@ namespace UnityEngine
         public T[] GetComponentsInChildren<T>() => throw new NotImplementedException();
     }
     public class Mesh : Object { }
+    public class Texture : Object { }
+    public class Shader : Object { public static Shader Find(string name) => throw new NotImplementedException(); }
+    public class Material : Object
+    {
+        public Material(Shader shader) => throw new NotImplementedException();
+        public void SetTexture(string name, Texture value) => throw new NotImplementedException();
+        public void SetFloat(string name, float value) => throw new NotImplementedException();
+    }
+    public static class RenderSettings { public static Material skybox; }
     public class MeshFilter : Component { public Mesh sharedMesh; }
     public class MeshCollider : Component { public Mesh sharedMesh; }
     public class Renderer : Component { public bool enabled; }

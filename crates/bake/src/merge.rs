@@ -13,14 +13,13 @@ use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Scene,
 /// Errors: no input, soups and meshes together, files with different axes up, too many coloured triangles beside a texture.
 pub fn merge(mut inputs: Vec<ImportedScene>) -> Result<ImportedScene> {
     share_origin(&mut inputs);
+    let backdrops: Vec<Mesh> = inputs.iter_mut().filter_map(ImportedScene::take_backdrop).collect();
     texture_all(&mut inputs)?;
     let mut inputs = inputs.into_iter();
     let Some(mut all) = inputs.next() else {
         return Err(Error::invalid("inputs", "nothing", "at least one file"));
     };
-    let mut backdrops: Vec<Mesh> = all.take_backdrop().into_iter().collect();
-    for mut next in inputs {
-        backdrops.extend(next.take_backdrop());
+    for next in inputs {
         all.scene = match (all.scene, next.scene) {
             (Scene::Soup(mut a), Scene::Soup(b)) => {
                 a.append(b);

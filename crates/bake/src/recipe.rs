@@ -3,7 +3,7 @@
 mod package;
 
 use super::arrange::arrange;
-use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
+use super::backdrop::{BackdropWhen, backdrop, smoothed, take_sky};
 use super::background::{BackgroundDetails, BackgroundFrom, background};
 use super::collision::collision;
 use super::color::color;
@@ -16,7 +16,7 @@ use super::merge::{merge, share_world};
 use super::misfit::misfit;
 use super::options::BakeOptions;
 use super::prune::{PruneDetails, PruneOptions, prune};
-use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
+use super::refit::{UnseenColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{recognise_shell, spared, take_shell};
 use super::solid::solid;
@@ -27,7 +27,7 @@ use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use std::sync::Arc;
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
+    Asset, Error, FaceTexture, ImportedScene, Limits, Placement, Provenance, Result, Scene,
     camera::{Camera, Viewpoint},
     mesh::Mesh,
     report::{Observer, Outcome, Report, StageDetails},
@@ -84,7 +84,7 @@ impl<'a> Recipe<'a> {
     /// Bakes inputs, merged.
     pub(super) fn run(mut self, inputs: Vec<ImportedScene>) -> Result<Asset> {
         let mut inputs: Vec<ImportedScene> =
-            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
+            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect::<Result<_>>()?;
         // For each input separately: two scenes side by side have no common middle.
         let when = self.options.backdrop.backdrop;
         inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
@@ -155,7 +155,8 @@ impl<'a> Recipe<'a> {
         }
         let mesh = self.texture(mesh, unseen)?;
         let closer = self.report.details::<TextureDetails>().and_then(|details| details.warning());
-        self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
+        let is_textured = mesh.texture.as_ref().is_some_and(FaceTexture::is_whole);
+        self.report.warnings.extend(closer.filter(|_| is_textured));
         let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
         let source =
             LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
@@ -163,13 +164,18 @@ impl<'a> Recipe<'a> {
         // From the finished scene: tiles hold final triangles.
         let collision = collision.map(|mesh| self.placed(mesh));
         let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
-        let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
+        let mut asset = Asset { levels, collision, backdrop_apart, ..asset };
+        if self.options.backdrop.backdrop == BackdropWhen::Sky {
+            take_sky(&mut asset);
+        }
+        let options = &self.options.tiles;
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
     /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
-    fn untextured(&mut self, mut loaded: ImportedScene) -> ImportedScene {
+    fn untextured(&mut self, mut loaded: ImportedScene) -> Result<ImportedScene> {
+        let behind = loaded.take_backdrop();
         if let Scene::Mesh(mesh) = &mut loaded.scene
             && self.views.is_some()
             && mesh.drop_texture()
@@ -178,7 +184,8 @@ impl<'a> Recipe<'a> {
             let warning = "the texture of the input became one colour per triangle, because photos decide colours: give `texture` for a new one";
             self.report.warnings.push(warning.to_owned());
         }
-        loaded
+        behind.map_or(Ok(()), |behind| loaded.put_backdrop(behind))?;
+        Ok(loaded)
     }
 
     /// Soups among meshes become meshes, because only meshes merge with meshes. A budget of triangles is for
@@ -230,9 +237,9 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        let mut scene = self
-            .report
-            .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
+        let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            crop(scene, seen_by, provenance.up, options, details)
+        })?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
             && !options.crop.is_empty()
         {
@@ -412,13 +419,12 @@ impl<'a> Recipe<'a> {
             return Ok(mesh);
         }
         let mut behind = take_shell(&mut mesh, &self.watching);
-        if either(&mut self.views, &mut self.taught).is_none() && self.options.refit.refit != RefitColors::Off
-        {
-            smooth_shell(&mut behind);
-        }
         if mesh.face_count() == 0 {
             // Without other triangles the shell is the scene.
             return Ok(behind);
+        }
+        if behind.face_count() > 0 && either(&mut self.views, &mut self.taught).is_none() {
+            behind = smoothed(&behind, &self.watching);
         }
         match &mut self.backdrop {
             Some(backdrop) => backdrop.append(behind)?,
@@ -433,10 +439,9 @@ impl<'a> Recipe<'a> {
         let options = &self.options.backdrop;
         let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
-            _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
-            Some(given) => keep_backdrop(mesh, given, options, details),
-            None => backdrop(mesh, views, options, details),
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match cropped {
+            true => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
+            false => backdrop(mesh, given, views, options, details),
         })
     }
 

@@ -23,17 +23,15 @@
 //! If these still score higher, they stay, except for channels at 0 that photos contradict: a training that
 //! clamped them may have held them there (`revive` in `equations.rs`).
 //!
-//! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
+//! The backdrop has colours of its own, which stay.
 
 mod accumulator;
 mod equations;
 mod evaluation;
 mod options;
 mod photo_equations;
-mod shell_colors;
 
 pub use options::{RefitColors, RefitOptions};
-pub(super) use shell_colors::smooth_shell;
 
 use super::views::Views;
 use accumulator::Accumulator;
@@ -127,16 +125,21 @@ pub struct UnseenColors {
 impl UnseenColors {
     /// The colours of `mesh` for its faces from `behind` on.
     fn with_backdrop(self, mesh: &Mesh, behind: usize) -> Self {
-        if behind == mesh.face_count() {
-            return self;
-        }
-        let corners = |face: usize| match &self.colors {
-            _ if face >= behind => mesh.corner_colors(face),
-            Colors::Face(colors) => [colors[face]; 3],
-            Colors::Vertex(colors) => [0, 1, 2].map(|corner| colors[3 * face + corner]),
-        };
-        Self { colors: Colors::Vertex((0..mesh.face_count()).flat_map(corners).collect()), ..self }
+        Self { colors: with_backdrop(self.colors, mesh, behind), ..self }
     }
+}
+
+/// `colors`, but those of `mesh` for its faces from `behind` on.
+fn with_backdrop(colors: Colors, mesh: &Mesh, behind: usize) -> Colors {
+    if behind == mesh.face_count() {
+        return colors;
+    }
+    let corners = |face: usize| match &colors {
+        _ if face >= behind => mesh.corner_colors(face),
+        Colors::Face(colors) => [colors[face]; 3],
+        Colors::Vertex(colors) => [0, 1, 2].map(|corner| colors[3 * face + corner]),
+    };
+    Colors::Vertex((0..mesh.face_count()).flat_map(corners).collect())
 }
 
 /// Fits the colours of `mesh`, whose faces from `behind` on are its backdrop, to `views`; `details` get the PSNR on held-out photos.
@@ -167,9 +170,8 @@ pub fn refit(
     let Some(which) = which else {
         // The note is about the scene's own colours, which were trained.
         let revived = accumulator.fit.revive(mesh, behind);
-        shell_colors::paint(mesh, behind, &accumulator.fit);
         details.revived = (revived > 0).then_some(revived);
-        let outcome = match behind < mesh.face_count() || revived > 0 {
+        let outcome = match revived > 0 {
             true => Outcome::Changed(()),
             false => Outcome::Skipped("held-out photos match the present colours better"),
         };
@@ -189,8 +191,7 @@ pub fn refit(
         let progress = progress.part(end_of_pass(pass), end_of_pass(pass + 1));
         accumulator.add(mesh, views, &used, 1.0, progress)?;
     }
-    mesh.colors = accumulator.fit.colors(which);
-    shell_colors::paint(mesh, behind, &accumulator.fit);
+    mesh.colors = with_backdrop(accumulator.fit.colors(which), mesh, behind);
     details.colors = Some(which);
     let unseen = unseen.map(|unseen| unseen.with_backdrop(mesh, behind));
     Ok(Refitted { outcome: Outcome::Changed(()), unseen })

@@ -108,7 +108,8 @@ impl StageDetails for TextureDetails {
     const STAGE: &'static str = "texture";
 }
 
-/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh.
+/// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh. A backdrop
+/// that is on a picture stays there.
 ///
 /// Errors: an option out of range, no photos, a photo that cannot be decoded.
 pub fn texture(
@@ -145,7 +146,7 @@ pub fn texture(
     let charts = Charts::new(&mut charted, &footprints(mesh, views), options)?;
     (details.texels_per_pixel, details.charts) = (Some(charts.texels_per_pixel), Some(charts.count));
     let outcome = paint(&mut charted, views, &charts, None, options, details, progress)?;
-    if charted.texture.is_some() {
+    if outcome == Outcome::Changed(()) {
         *mesh = charted;
     }
     Ok(outcome)
@@ -168,14 +169,21 @@ fn paint(
     let (held_out, others) = views.held_out();
     // λ for this number of photos.
     let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
-    let painted = |texels: &Texels, flatness: f32| Some(pages(layout, texels.picture(flatness)));
+    let kept = mesh.texture.clone();
+    let painted = |texels: &Texels, flatness: f32| {
+        let texture = pages(layout, texels.picture(flatness));
+        Some(match &kept {
+            Some(kept) => texture.under(kept),
+            None => texture,
+        })
+    };
     let mut candidates = Candidates::new(mesh.face_count());
     texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
         let colors = before.map_or_else(|| views.mean_scores(mesh, &held_out), Ok)?;
         mesh.texture = painted(&texels, flatness(others.len()));
         let shown = views.mean_scores(mesh, &held_out)?;
-        mesh.texture = None;
+        mesh.texture = kept.clone();
         (details.psnr_before, details.psnr_after) = (Some(colors.psnr), Some(shown.psnr));
         (details.ssim_before, details.ssim_after) = (Some(colors.ssim), Some(shown.ssim));
         if options.texture == TextureWhen::Auto && details.colors_are_better() {

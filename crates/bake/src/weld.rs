@@ -1,8 +1,9 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
+use glam::Vec2;
 use rayon::prelude::*;
 use trisplat_scene::{
-    Result,
+    FaceTexture, Result,
     mesh::{Colors, Mesh},
     report::{Outcome, StageDetails},
 };
@@ -59,7 +60,7 @@ pub fn weld(mesh: &mut Mesh, options: &WeldOptions, details: &mut WeldDetails) -
     if mesh.positions.is_empty() {
         return Ok(Outcome::Skipped("there are no corners"));
     }
-    if mesh.texture.is_some() {
+    if mesh.texture.as_ref().is_some_and(FaceTexture::is_whole) {
         return Ok(Outcome::Skipped("corners show different parts of the texture"));
     }
     if !mesh.indices.is_empty() {
@@ -144,10 +145,11 @@ fn share(mesh: &mut Mesh) {
     mesh.indices = indices;
 }
 
-/// The bits of a corner's position and colour.
-fn key(mesh: &Mesh, corner: usize) -> [u32; 6] {
+/// The bits of a corner's position and colour, and of its place on a texture.
+fn key(mesh: &Mesh, corner: usize) -> [u32; 8] {
     let ([x, y, z], [r, g, b]) = (mesh.positions[corner].to_array(), corner_color(mesh, corner));
-    [x, y, z, r, g, b].map(f32::to_bits)
+    let place = mesh.texture.as_ref().map_or(Vec2::ZERO, |texture| texture.uvs[corner / 3][corner % 3]);
+    [x, y, z, r, g, b, place.x, place.y].map(f32::to_bits)
 }
 
 fn corner_color(mesh: &Mesh, corner: usize) -> [f32; 3] {
@@ -157,6 +159,6 @@ fn corner_color(mesh: &Mesh, corner: usize) -> [f32; 3] {
     }
 }
 
-fn hash(key: &[u32; 6]) -> u64 {
+fn hash(key: &[u32; 8]) -> u64 {
     xxh3_64(bytemuck::bytes_of(key))
 }

@@ -266,7 +266,8 @@ pub fn write(
 ) -> io::Result<()> {
     let mesh = &asset.mesh;
     let lit = !mesh.normals.is_empty();
-    let joined = mesh.texture.as_ref().map(FaceTexture::joined);
+    // Most programs would multiply the colours of other faces with it.
+    let joined = mesh.texture.as_ref().filter(|texture| texture.is_whole()).map(FaceTexture::joined);
     let texture = joined.as_ref().zip(picture);
     writeln!(mtl, "newmtl trisplat\nKd 1 1 1\nillum {}", u8::from(lit))?;
     if let Some((_, picture)) = texture {

@@ -1,4 +1,4 @@
-//! Textures of an input mesh: kept if pictures paint the whole mesh, else turned into a colour per face.
+//! Textures of an input mesh: kept if nothing else colours their faces, else turned into a colour per face.
 
 use glam::Vec2;
 use rayon::prelude::*;
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 use trisplat_scene::{
-    FaceTexture, Texture,
+    FaceTexture, NO_PAGE, Texture,
     mesh::{Colors, Mesh},
 };
 
@@ -32,7 +32,6 @@ pub fn paint(
     painted: Vec<PaintedFaces>,
     textures: &BTreeMap<usize, Option<Arc<Texture>>>,
 ) -> Option<String> {
-    let covered: usize = painted.iter().map(|painted| painted.faces.len()).sum();
     let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
     let plain = painted.iter().all(|painted| painted.plain && painted.uvs.as_flattened().iter().all(within));
     let readable: BTreeMap<usize, &Arc<Texture>> =
@@ -41,10 +40,15 @@ pub fn paint(
         return None;
     }
     let all_readable = painted.iter().all(|painted| readable.contains_key(&painted.image));
-    if plain && covered == mesh.face_count() && all_readable && readable.len() <= MOST_PAGES {
-        let texture = pages(painted, &readable);
-        let mean = |face: usize| texture.mean(face);
-        mesh.colors = Colors::Face((0..mesh.face_count()).into_par_iter().map(mean).collect());
+    if plain && all_readable && readable.len() <= MOST_PAGES {
+        let texture = pages(painted, &readable, mesh.face_count());
+        match texture.is_whole() {
+            true => {
+                let mean = |face: usize| texture.mean(face).unwrap_or_default();
+                mesh.colors = Colors::Face((0..mesh.face_count()).into_par_iter().map(mean).collect());
+            }
+            false => color_corners(mesh, &texture),
+        }
         mesh.texture = Some(texture);
         return None;
     }
@@ -62,21 +66,38 @@ pub fn paint(
         };
         let texture = FaceTexture::new(painted.uvs.iter().map(repeated).collect(), texture.clone());
         for (face, color) in colors[painted.faces].iter_mut().enumerate() {
-            let mean = texture.mean(face);
+            let mean = texture.mean(face).unwrap_or([1.0; 3]);
             (0..3).for_each(|c| color[c] *= mean[c]);
         }
     }
     mesh.colors = Colors::Face(colors);
-    Some("textures became one colour per triangle: only pictures that paint all of a scene, without repetition, are kept".to_owned())
+    Some("textures became one colour per triangle: only pictures without repetition or another colour are kept".to_owned())
 }
 
-/// The pictures of faces as pages.
-fn pages(painted: Vec<PaintedFaces>, readable: &BTreeMap<usize, &Arc<Texture>>) -> FaceTexture {
-    let number = |image: usize| readable.range(..image).count() as u16;
-    let page_of: Vec<u16> = match readable.len() {
-        1 => Vec::new(),
-        _ => painted.iter().flat_map(|p| std::iter::repeat_n(number(p.image), p.faces.len())).collect(),
-    };
-    let uvs = painted.into_iter().flat_map(|painted| painted.uvs).collect();
+/// Gives the corners of faces on a page their colours of it, beside faces with colours.
+fn color_corners(mesh: &mut Mesh, texture: &FaceTexture) {
+    for face in 0..mesh.face_count() {
+        let (Some(mean), Some(corners)) = (texture.mean(face), texture.corner_means(face)) else { continue };
+        let vertices = mesh.face(face);
+        match &mut mesh.colors {
+            Colors::Face(colors) => colors[face] = mean,
+            Colors::Vertex(colors) => {
+                vertices.into_iter().zip(corners).for_each(|(vertex, color)| colors[vertex as usize] = color);
+            }
+        }
+    }
+}
+
+/// The pictures of faces as pages; of `count` faces, others show colours.
+fn pages(painted: Vec<PaintedFaces>, readable: &BTreeMap<usize, &Arc<Texture>>, count: usize) -> FaceTexture {
+    let mut page_of = vec![NO_PAGE; count];
+    let mut uvs = vec![[Vec2::ZERO; 3]; count];
+    for painted in painted {
+        page_of[painted.faces.clone()].fill(readable.range(..painted.image).count() as u16);
+        uvs[painted.faces].copy_from_slice(&painted.uvs);
+    }
+    if readable.len() == 1 && !page_of.contains(&NO_PAGE) {
+        page_of.clear();
+    }
     FaceTexture { uvs, pages: readable.values().map(|texture| Arc::clone(texture)).collect(), page_of }
 }

@@ -3,7 +3,7 @@
 use super::output::{self, Beside, Output, OutputOptions};
 use std::path::Path;
 use trisplat_scene::{
-    Asset, Result,
+    Asset, FaceTexture, Result,
     report::{OutputReport, Report},
 };
 
@@ -19,7 +19,7 @@ pub struct WrittenFiles {
 /// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
 ///
 /// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
-/// texture, a BVH, a separate backdrop, a collider, levels of detail and their tileset. They get their names
+/// texture, a BVH, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
 /// when all of them are complete. Existing files are replaced.
 ///
 /// ```
@@ -49,8 +49,9 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
         bvh: asset.bvh.is_some(),
         levels: asset.levels.len(),
         backdrop: asset.backdrop_apart,
+        sky: asset.sky.is_some(),
         collision: asset.collision.is_some(),
-        texture: asset.mesh.texture.is_some(),
+        texture: asset.mesh.texture.as_ref().is_some_and(FaceTexture::is_whole),
     };
     let output = Output::of_scene(path, None, options, &beside)?;
     let mut report = Report::new("write");

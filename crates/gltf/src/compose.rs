@@ -117,10 +117,10 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
 }
 
 /// What has a material of its own: the scene and its backdrop on each page, the backdrop last.
-fn painted(parts: &[ScenePart]) -> Vec<(PartKind, usize)> {
-    let mut painted: Vec<(PartKind, usize)> = Vec::new();
+fn painted(parts: &[ScenePart]) -> Vec<(PartKind, Option<usize>)> {
+    let mut painted: Vec<(PartKind, Option<usize>)> = Vec::new();
     for kind in [PartKind::Scene, PartKind::Backdrop] {
-        let mut pages: Vec<usize> =
+        let mut pages: Vec<Option<usize>> =
             parts.iter().filter(|part| part.kind == kind).map(|part| part.page).collect();
         pages.sort_unstable();
         pages.dedup();
@@ -130,12 +130,12 @@ fn painted(parts: &[ScenePart]) -> Vec<(PartKind, usize)> {
 }
 
 /// The scene's material, seen from both sides, or the backdrop's, seen from its front.
-fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
+fn material(content: &Content, (kind, page): (PartKind, Option<usize>)) -> Material {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
     let plain = if kind == PartKind::Backdrop { BACKDROP } else { plain };
-    let number = if page == 0 { String::new() } else { format!("_{page}") };
+    let number = page.filter(|page| *page > 0).map_or_else(String::new, |page| format!("_{page}"));
     // Surfaces far behind a scene have their own light.
     let lit = kind == PartKind::Scene && content.parts.iter().any(|part| part.lit);
     Material {
@@ -145,7 +145,7 @@ fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(1.0),
-            base_color_texture: (!content.pictures.is_empty()).then(|| Info {
+            base_color_texture: page.map(|page| Info {
                 index: index(page),
                 tex_coord: 0,
                 extensions: None,

@@ -40,8 +40,8 @@ pub(crate) struct ScenePart<'a> {
     /// The mesh of the faces.
     pub(crate) mesh: &'a Mesh,
     pub(crate) faces: Range<usize>,
-    /// The page of the texture that all of them are on.
-    pub(crate) page: usize,
+    /// The page of the texture that all of them are on, if they are on one.
+    pub(crate) page: Option<usize>,
     pub(crate) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(crate) indexed: bool,
@@ -97,7 +97,7 @@ impl ScenePart<'_> {
     pub(crate) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
         let normals = self.lit.then_some(Stream::Normals);
         // A colour would be multiplied with the texture.
-        let painted = match self.mesh.texture {
+        let painted = match self.page {
             Some(_) => Stream::TexCoords,
             None => Stream::Colors,
         };
@@ -181,15 +181,21 @@ pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
     let named = named_ranges(asset, &options.node_name)?;
     let lit = options.lit && !mesh.normals.is_empty();
     let vertex_uvs = mesh.texture.as_ref().and_then(|t| t.of_vertices(&mesh.indices, mesh.vertex_count()));
-    let shared = !mesh.indices.is_empty()
-        && match mesh.texture {
-            // Faces that share corners may have different places on the texture there.
-            Some(_) => vertex_uvs.is_some(),
-            None => matches!(mesh.colors, Colors::Vertex(_)),
-        };
+    let page = |face: usize| mesh.texture.as_ref().and_then(|texture| texture.page(face));
+    let shares = |face: usize| {
+        !mesh.indices.is_empty()
+            && match page(face) {
+                // Faces that share corners may have different places on the texture there.
+                Some(_) => vertex_uvs.is_some(),
+                None => matches!(mesh.colors, Colors::Vertex(_)),
+            }
+    };
+    let shares_any = lit && named.iter().any(|(_, _, faces)| shares(faces.start));
+    let vertex_normals = Arc::new(if shares_any { mesh.vertex_normals() } else { Vec::new() });
+    let named: Vec<_> =
+        named.into_iter().map(|(k, name, faces)| (k, name, shares(faces.start), faces)).collect();
     let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
-    let vertex_normals = Arc::new(if lit && shared { mesh.vertex_normals() } else { Vec::new() });
-    let drawn = named.into_par_iter().map(|(kind, name, faces)| {
+    let drawn = named.into_par_iter().map(|(kind, name, shared, faces)| {
         let lit = lit && kind == PartKind::Scene;
         let part = part(name, mesh, faces, (lit, shared), options)?;
         Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
@@ -301,7 +307,7 @@ fn part<'a>(
         name,
         kind: PartKind::Scene,
         mesh,
-        page: mesh.texture.as_ref().map_or(0, |texture| texture.page(faces.start)),
+        page: mesh.texture.as_ref().and_then(|texture| texture.page(faces.start)),
         faces,
         vertices,
         indexed,

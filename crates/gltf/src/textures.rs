@@ -1,5 +1,4 @@
-//! Base-colour textures of an input: kept if one picture paints the whole mesh, else turned into a colour per
-//! face.
+//! Base-colour textures of an input: kept where nothing else colours a face, else turned into a colour per face.
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};

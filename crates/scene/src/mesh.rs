@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
 use crate::math::median::median;
-use crate::texture::FaceTexture;
+use crate::texture::{FaceTexture, NO_PAGE};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -31,7 +31,7 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// True for faces of the shell of a trained scene, which is its backdrop; empty without a shell. `[F]`
     pub shell: Vec<bool>,
-    /// The texture, which replaces the faces' colours; these are its means. Most meshes have none.
+    /// The texture, which replaces the colours of faces on a page; these are its means. Most meshes have none.
     pub texture: Option<FaceTexture>,
 }
 
@@ -173,8 +173,8 @@ impl Mesh {
         if !self.shell.is_empty() {
             self.shell = gather(&self.shell, faces);
         }
-        if let Some(texture) = &mut self.texture {
-            *texture = texture.of_faces(faces);
+        if let Some(texture) = &self.texture {
+            self.texture = texture.of_faces(faces);
         }
     }
 
@@ -209,7 +209,7 @@ impl Mesh {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
             Colors::Vertex(colors) => Colors::Vertex(gather(colors, &vertices)),
         };
-        let texture = self.texture.as_ref().map(|texture| texture.of_faces(faces));
+        let texture = self.texture.as_ref().and_then(|texture| texture.of_faces(faces));
         let positions = gather(&self.positions, &vertices);
         Mesh { positions, colors, indices, opacity, normals, shell, texture }
     }
@@ -249,8 +249,8 @@ impl Mesh {
         rest
     }
 
-    /// Appends the faces of `other`. The result has indices if either has them, colours per face only if both
-    /// have these, and a texture only if both have one.
+    /// Appends the faces of `other`. The result has indices if either has them, and colours per face only if both
+    /// have these. Faces on a page of a texture stay on it.
     ///
     /// Errors: more vertices than 32 bits count.
     pub fn append(&mut self, mut other: Mesh) -> Result<()> {
@@ -266,18 +266,11 @@ impl Mesh {
             self.shell.resize(self.face_count(), false);
             other.shell.resize(other.face_count(), false);
         }
-        match (&mut self.texture, &other.texture) {
-            (Some(a), Some(b)) => a.append(b),
-            // Without faces there is nothing that a texture lacks.
-            (None, Some(_)) if self.positions.is_empty() => {
-                self.texture = other.texture.as_ref().map(|texture| texture.of_faces(&[]));
-                self.texture.iter_mut().zip(&other.texture).for_each(|(a, b)| a.append(b));
-            }
-            (Some(_), None) if other.positions.is_empty() => {}
-            _ => {
-                self.drop_texture();
-                other.drop_texture();
-            }
+        match (&mut self.texture, other.texture.take()) {
+            (Some(a), Some(b)) => a.append(&b),
+            (None, Some(b)) => self.texture = Some(b.behind(self.face_count())),
+            (Some(a), None) => a.append_colored(other.face_count()),
+            (None, None) => {}
         }
         if matches!(self.colors, Colors::Vertex(_)) || matches!(other.colors, Colors::Vertex(_)) {
             self.spread();
@@ -331,7 +324,11 @@ impl Mesh {
     /// Replaces the texture by each face's mean colour of it. Returns whether there was one.
     pub fn drop_texture(&mut self) -> bool {
         let Some(texture) = self.texture.take() else { return false };
-        let mean = |face: usize| texture.mean(face);
+        let of_corners = |face: usize| {
+            let [a, b, c] = self.corner_colors(face);
+            [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
+        };
+        let mean = |face: usize| texture.mean(face).unwrap_or_else(|| of_corners(face));
         self.colors = Colors::Face((0..self.face_count()).into_par_iter().map(mean).collect());
         true
     }
@@ -401,7 +398,8 @@ impl Mesh {
             if !texture.page_of.is_empty() && texture.page_of.len() != f {
                 return shape("mesh texture page count", texture.page_of.len(), format!("{f}"));
             }
-            let last = texture.page_of.iter().copied().max().map_or(0, usize::from);
+            let pages = texture.page_of.iter().copied().filter(|page| *page != NO_PAGE);
+            let last = pages.max().map_or(0, usize::from);
             if last >= texture.pages.len() {
                 return shape("mesh texture page", last, format!("below {}", texture.pages.len()));
             }

@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use trisplat_scene::{
-    Asset, Chunk,
+    Asset, Chunk, FaceTexture,
     mesh::{Colors, Mesh},
 };
 
@@ -42,13 +42,18 @@ impl VertexLayout {
     /// Whether a mesh can be stored this way.
     pub fn fits(self, mesh: &Mesh) -> bool {
         match self {
-            VertexLayout::Texture => mesh.texture.is_some(),
-            VertexLayout::Corner => mesh.texture.is_none(),
+            VertexLayout::Texture => is_whole(mesh),
+            VertexLayout::Corner => !is_whole(mesh),
             VertexLayout::Face | VertexLayout::Grid => {
                 mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
             }
         }
     }
+}
+
+/// Whether every face of a mesh is on a page of its texture. Where only a backdrop is, it is drawn by the colours of its corners.
+fn is_whole(mesh: &Mesh) -> bool {
+    mesh.texture.as_ref().is_some_and(FaceTexture::is_whole)
 }
 
 /// A corner of the layout [`VertexLayout::Corner`].

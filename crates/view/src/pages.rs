@@ -65,7 +65,8 @@ impl Pages {
                 ],
             }));
         }
-        let page_of = chunks.iter().map(|(chunk, _)| texture.page(chunk.first as usize) as u16).collect();
+        let page_of =
+            chunks.iter().map(|(chunk, _)| texture.page(chunk.first as usize).unwrap_or(0) as u16).collect();
         Ok(Self { groups, page_of, bytes })
     }
 

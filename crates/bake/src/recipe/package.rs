@@ -47,11 +47,11 @@ impl Recipe<'_> {
 
         // Before stages with boxes, which must use the coordinates of the file.
         let placed = &mut self.placement;
+        let wanted = options.place.under(options.crop.is_subject());
         let points = self.views.as_deref().map_or(&[][..], |views| views.points());
         let known = Evidence { cameras: &self.cameras, points };
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how =
-                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
+            let how = *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &wanted, details));
             place(mesh, &mut provenance, how, details)
         })?;
         let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());
@@ -143,14 +143,9 @@ impl Recipe<'_> {
             let psnr = of_level.evaluate(&level)?;
             let mut provenance = provenance.clone();
             provenance.backdrop = (level.face_count() - faces) as u32;
-            // A texture holds the backdrop of its level.
-            if level.texture.is_none() || in_tiles {
+            if in_tiles {
                 level.split_off(faces);
                 provenance.backdrop = 0;
-                if let Some(backdrop) = behind.clone().filter(|_| !in_tiles) {
-                    provenance.backdrop = backdrop.face_count() as u32;
-                    level.append(backdrop)?;
-                }
             }
             Ok(FinishedLevel { asset: of_level.package(level, provenance)?, psnr })
         };

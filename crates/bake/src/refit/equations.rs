@@ -63,16 +63,6 @@ impl Equations {
         }
     }
 
-    /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.
-    pub(super) fn matrix(&self) -> [f32; 6] {
-        self.matrix
-    }
-
-    /// Σ b_k times the residual of the sample. `[corner][channel]`
-    pub(super) fn right(&self) -> &[[f32; 3]; 3] {
-        &self.right
-    }
-
     /// Pixels on which the triangle is visible: the weights of the corners sum to 1.
     fn area(&self) -> f32 {
         let [a, b, c, d, e, f] = self.matrix;
@@ -187,16 +177,6 @@ impl Fit {
                 *sums = Equations::default();
             },
         );
-    }
-
-    /// The equations of the faces from `first` on. `[face]`
-    pub(super) fn sums(&self, first: usize) -> &[Equations] {
-        &self.sums[first..]
-    }
-
-    /// The colours that photos are compared with, of the same faces. `[face][corner][channel]`
-    pub(super) fn encoded(&self, first: usize) -> &[[[f32; 3]; 3]] {
-        &self.encoded[first..]
     }
 
     /// Gives the channels of `mesh` that are 0 on a whole face before `behind` what photos show there, where

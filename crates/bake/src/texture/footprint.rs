@@ -11,7 +11,7 @@ use trisplat_scene::mesh::Mesh;
 const LONGEST: u32 = 1280;
 
 /// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1 to 2, 2 to 0. Zeros where no
-/// photo does. `[F]`
+/// photo does, and for faces that are on a picture already. `[F]`
 pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
     let drawing = views.drawing(mesh, 1);
     let mut solid = SolidRasterizer::new();
@@ -30,7 +30,12 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
             }
         });
     }
-    lengths.iter().map(|sums| [0, 1, 2].map(|i| sums[i] / sums[3].max(1.0))).collect()
+    let is_on_page = |face: usize| mesh.texture.as_ref().is_some_and(|texture| texture.page(face).is_some());
+    let mean = |(face, sums): (usize, &[f32; 4])| match is_on_page(face) {
+        true => [0.0; 3],
+        false => [0, 1, 2].map(|i| sums[i] / sums[3].max(1.0)),
+    };
+    lengths.iter().enumerate().map(mean).collect()
 }
 
 /// Lengths of the edges of a triangle in a picture, px. Of one that begins behind the camera the length that it would have in its middle.

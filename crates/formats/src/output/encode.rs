@@ -1,6 +1,6 @@
 //! Encodes an asset in its format.
 
-use super::{Output, OutputFormat, OutputOptions, WriteDetails};
+use super::{Output, OutputFormat, OutputOptions, WriteDetails, whole_texture};
 use crate::html;
 use std::path::PathBuf;
 use trisplat_exchange::{obj, ply, usdz};
@@ -36,12 +36,12 @@ impl Output {
                 let picture = self.picture.as_ref().map(|_| name_of(&self.picture));
                 obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
                 let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
-                let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
+                let lost = (whole_texture(asset).is_some() && picture.is_none()).then_some(NO_TEXTURE);
                 return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
             }
             (OutputFormat::Ply, _) => {
                 ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-                return Ok(asset.mesh.texture.iter().map(|_| NO_TEXTURE.to_owned()).collect());
+                return Ok(whole_texture(asset).iter().map(|_| NO_TEXTURE.to_owned()).collect());
             }
             (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
             (OutputFormat::Gltf, Some(bin)) => {
@@ -76,7 +76,7 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
     let apart = asset.apart();
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
-    let texture = scene.mesh.texture.as_ref();
+    let texture = whole_texture(scene);
     let bytes = texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));

@@ -94,9 +94,19 @@ impl<C> ShadeTile<'_, '_, C> {
             ];
             return;
         }
-        if let Some(texture) = &self.mesh.texture {
-            return self.shade_textured(y, texture, row);
+        let Some(texture) = &self.mesh.texture else { return self.shade_colored::<L>(y, row) };
+        if !texture.page_of.is_empty() {
+            // Some faces may show colours.
+            self.shade_colored::<L>(y, row);
+        } else {
+            row.iter_mut().zip(self.background).for_each(|(row, background)| row.fill(background));
         }
+        self.shade_textured(y, texture, row);
+    }
+
+    /// The same by the colours of the mesh.
+    #[inline(always)]
+    fn shade_colored<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
         match &self.mesh.colors {
             Colors::Face(colors) => self.shade_flat(y, colors, row),
             Colors::Vertex(colors) => {
@@ -134,27 +144,26 @@ impl<C> ShadeTile<'_, '_, C> {
         }
     }
 
-    /// Shades samples as engines filter textures: trilinear, at the level where a texel is as large as a pixel.
+    /// Shades samples of faces on a page as engines filter textures: trilinear, at the level where a texel is as large as a pixel.
     fn shade_textured(&self, y: usize, texture: &FaceTexture, row: &mut SampleRow) {
         let mut seen = (NO_FACE, None);
         for (x, face) in self.faces::<TILE_WIDTH>(0, y).into_iter().enumerate() {
-            let mut color = self.background;
-            if face != NO_FACE {
-                if face != seen.0 {
-                    seen =
-                        (face, Some(FaceBarycentrics::new(self.projector, self.mesh.corners(face as usize))));
-                }
-                let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
-                let page = texture.texture(face as usize);
-                let size = page.size().as_vec2();
-                let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);
-                let (x, y) = (self.corner[0] + x as u32, self.corner[1] + y as u32);
-                let here = at(x, y);
-                let step = [at(x + 1, y), at(x, y + 1)].map(|next| (next - here) * size);
-                let texels = step[0].length_squared().max(step[1].length_squared());
-                let level = 0.5 * libm::log2f(texels) + libm::log2f(self.projector.samples as f32);
-                color = page.sample(weights.inside(self.projector.ray(x, y), uvs), level);
+            if face == NO_FACE {
+                continue;
             }
+            let Some(page) = texture.texture(face as usize) else { continue };
+            if face != seen.0 {
+                seen = (face, Some(FaceBarycentrics::new(self.projector, self.mesh.corners(face as usize))));
+            }
+            let (Some(weights), uvs) = (&seen.1, &texture.uvs[face as usize]) else { continue };
+            let size = page.size().as_vec2();
+            let at = |x: u32, y: u32| weights.mixed(self.projector.ray(x, y), uvs);
+            let (along, across) = (self.corner[0] + x as u32, self.corner[1] + y as u32);
+            let here = at(along, across);
+            let step = [at(along + 1, across), at(along, across + 1)].map(|next| (next - here) * size);
+            let texels = step[0].length_squared().max(step[1].length_squared());
+            let level = 0.5 * libm::log2f(texels) + libm::log2f(self.projector.samples as f32);
+            let color = page.sample(weights.inside(self.projector.ray(along, across), uvs), level);
             for c in 0..3 {
                 row[c][x] = color[c];
             }

@@ -5,6 +5,9 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::sync::Arc;
 
+/// The page of faces that show the colours of their mesh.
+pub const NO_PAGE: u16 = u16::MAX;
+
 /// The pictures of a mesh, its pages, and the places of its faces on them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FaceTexture {
@@ -13,7 +16,7 @@ pub struct FaceTexture {
     pub uvs: Vec<[Vec2; 3]>,
     /// At least one.
     pub pages: Vec<Arc<Texture>>,
-    /// Number of each face's page; empty if all are on the first. `[F]`
+    /// Number of each face's page, or [`NO_PAGE`]; empty if all are on the first. `[F]`
     pub page_of: Vec<u16>,
 }
 
@@ -23,32 +26,43 @@ impl FaceTexture {
         Self { uvs, pages: vec![page], page_of: Vec::new() }
     }
 
-    /// Number of the page of a face.
+    /// Number of the page of a face; `None` if it shows the colours of the mesh.
     #[inline(always)]
-    pub fn page(&self, face: usize) -> usize {
-        self.page_of.get(face).copied().map_or(0, usize::from)
+    pub fn page(&self, face: usize) -> Option<usize> {
+        match self.page_of.get(face) {
+            None => Some(0),
+            Some(&NO_PAGE) => None,
+            Some(page) => Some(usize::from(*page)),
+        }
     }
 
-    /// The page of a face.
+    /// The page of a face; `None` if it shows the colours of the mesh.
     #[inline(always)]
-    pub fn texture(&self, face: usize) -> &Texture {
-        &self.pages[self.page(face)]
+    pub fn texture(&self, face: usize) -> Option<&Texture> {
+        Some(&self.pages[self.page(face)?])
     }
 
-    /// The texture of the faces `faces[i]`, without pages that none of them is on.
-    pub fn of_faces(&self, faces: &[u32]) -> Self {
+    /// Whether every face is on a page.
+    pub fn is_whole(&self) -> bool {
+        !self.page_of.contains(&NO_PAGE)
+    }
+
+    /// The texture of the faces `faces[i]`, without pages that none of them is on; `None` if all of them show colours.
+    pub fn of_faces(&self, faces: &[u32]) -> Option<Self> {
         let chosen = faces.par_iter().with_min_len(1 << 13);
         let uvs = chosen.clone().map(|face| self.uvs[*face as usize]).collect();
         if self.page_of.is_empty() {
-            return Self { uvs, pages: self.pages.clone(), page_of: Vec::new() };
+            return Some(Self { uvs, pages: self.pages.clone(), page_of: Vec::new() });
         }
-        let page_of = chosen.map(|face| self.page_of[*face as usize]).collect();
-        Self { uvs, pages: self.pages.clone(), page_of }.without_unused_pages()
+        let page_of: Vec<u16> = chosen.map(|face| self.page_of[*face as usize]).collect();
+        let none = !page_of.is_empty() && page_of.iter().all(|page| *page == NO_PAGE);
+        (!none).then(|| Self { uvs, pages: self.pages.clone(), page_of }.without_unused_pages())
     }
 
     fn without_unused_pages(mut self) -> Self {
         let mut used = vec![false; self.pages.len()];
-        self.page_of.iter().for_each(|page| used[usize::from(*page)] = true);
+        let pages = self.page_of.iter().filter(|page| **page != NO_PAGE);
+        pages.for_each(|page| used[usize::from(*page)] = true);
         // One page stays, also of no face.
         used[0] |= !used.contains(&true);
         let mut numbers = Vec::with_capacity(used.len());
@@ -57,13 +71,46 @@ impl FaceTexture {
             numbers.push(next);
             next += u16::from(*used);
         }
-        self.page_of.iter_mut().for_each(|page| *page = numbers[usize::from(*page)]);
+        let pages = self.page_of.iter_mut().filter(|page| **page != NO_PAGE);
+        pages.for_each(|page| *page = numbers[usize::from(*page)]);
         let mut used = used.into_iter();
         self.pages.retain(|_| used.next() == Some(true));
-        if self.pages.len() == 1 {
+        if self.pages.len() == 1 && self.is_whole() {
             self.page_of.clear();
         }
         self
+    }
+
+    /// The same behind `faces` faces that show colours.
+    pub fn behind(mut self, faces: usize) -> Self {
+        if faces > 0 {
+            self.page_of.resize(self.uvs.len(), 0);
+            self.page_of.splice(0..0, std::iter::repeat_n(NO_PAGE, faces));
+            self.uvs.splice(0..0, std::iter::repeat_n([Vec2::ZERO; 3], faces));
+        }
+        self
+    }
+
+    /// The same, but faces that are on a page of `other` stay there. Both have the same faces.
+    pub fn under(mut self, other: &FaceTexture) -> Self {
+        let first = self.pages.len() as u16;
+        self.page_of.resize(self.uvs.len(), 0);
+        for face in 0..self.uvs.len() {
+            if let Some(page) = other.page(face) {
+                (self.uvs[face], self.page_of[face]) = (other.uvs[face], first + page as u16);
+            }
+        }
+        self.pages.extend(other.pages.iter().cloned());
+        self.without_unused_pages()
+    }
+
+    /// Appends faces that show colours.
+    pub fn append_colored(&mut self, faces: usize) {
+        if faces > 0 {
+            self.page_of.resize(self.uvs.len(), 0);
+            self.uvs.resize(self.uvs.len() + faces, [Vec2::ZERO; 3]);
+            self.page_of.resize(self.uvs.len(), NO_PAGE);
+        }
     }
 
     /// Appends the faces of another texture, and its pages.
@@ -78,20 +125,22 @@ impl FaceTexture {
         let numbers: Vec<u16> = other.pages.iter().map(|page| number(page, &mut self.pages)).collect();
         let faces = self.uvs.len();
         self.uvs.extend(&other.uvs);
-        if self.pages.len() > 1 {
+        if self.pages.len() > 1 || !self.page_of.is_empty() || !other.page_of.is_empty() {
             self.page_of.resize(faces, 0);
-            self.page_of.extend((0..other.uvs.len()).map(|face| numbers[other.page(face)]));
+            let number = |face| other.page(face).map_or(NO_PAGE, |page| numbers[page]);
+            self.page_of.extend((0..other.uvs.len()).map(number));
         }
     }
 
     /// Places of the vertices of a mesh with these indices, if faces that share a vertex agree; `[V]`.
-    /// Without indices, vertices are the corners of faces. An unused vertex is at the origin.
+    /// Without indices, vertices are the corners of faces. A vertex of no face on a page is at the origin.
     pub fn of_vertices(&self, indices: &[u32], vertices: usize) -> Option<Vec<Vec2>> {
         if indices.is_empty() {
             return Some(self.uvs.as_flattened().to_vec());
         }
         let mut at = vec![Vec2::NAN; vertices];
-        for (vertex, uv) in indices.iter().zip(self.uvs.as_flattened()) {
+        let corners = indices.iter().zip(self.uvs.as_flattened()).enumerate();
+        for (_, (vertex, uv)) in corners.filter(|(corner, _)| self.page(corner / 3).is_some()) {
             let known = &mut at[*vertex as usize];
             if known.is_nan() {
                 *known = *uv;
@@ -103,13 +152,24 @@ impl FaceTexture {
         Some(at)
     }
 
-    /// Mean linear colour of a face, from the level where it covers about one texel.
-    pub fn mean(&self, face: usize) -> [f32; 3] {
+    /// Mean linear colour of a face, from the level where it covers about one texel; `None` if it shows the colours of the mesh.
+    pub fn mean(&self, face: usize) -> Option<[f32; 3]> {
         let [a, b, c] = self.uvs[face];
-        let texture = self.texture(face);
-        let size = texture.size().as_vec2();
+        Some(self.texture(face)?.sample((a + b + c) / 3.0, self.level(face)?))
+    }
+
+    /// Linear colours of the corners of a face, each the mean of about as many texels as the face has; `None` if it shows the colours of the mesh.
+    pub fn corner_means(&self, face: usize) -> Option<[[f32; 3]; 3]> {
+        let (texture, level) = (self.texture(face)?, self.level(face)?);
+        Some(self.uvs[face].map(|uv| texture.sample(uv, level)))
+    }
+
+    /// The mip level where a face covers about one texel.
+    fn level(&self, face: usize) -> Option<f32> {
+        let [a, b, c] = self.uvs[face];
+        let size = self.texture(face)?.size().as_vec2();
         let texels = ((b - a) * size).perp_dot((c - a) * size).abs() / 2.0;
-        texture.sample((a + b + c) / 3.0, 0.5 * libm::log2f(texels.max(1.0)))
+        Some(0.5 * libm::log2f(texels.max(1.0)))
     }
 }
 
@@ -136,10 +196,27 @@ mod tests {
         all.append(&of(&c));
         all.append(&both);
         assert_eq!(all.page_of, [0, 0, 0, 0, 1, 1, 2, 2, 0, 0, 0, 0, 1, 1]);
-        let some = all.of_faces(&[6, 0]);
+        let some = all.of_faces(&[6, 0]).unwrap();
         assert_eq!((some.page_of, some.pages), (vec![1, 0], vec![a, c.clone()]));
-        let one = all.of_faces(&[7]);
+        let one = all.of_faces(&[7]).unwrap();
         assert_eq!((one.page_of, one.pages), (vec![], vec![c]));
-        assert_eq!(all.of_faces(&[]).pages.len(), 1);
+        assert_eq!(all.of_faces(&[]).unwrap().pages.len(), 1);
+    }
+
+    #[test]
+    fn faces_with_colours_stand_beside_faces_on_pages() {
+        let [a, b] = [page(0), page(100)];
+        let uvs = vec![[Vec2::splat(0.5); 3]; 2];
+        let mut all = FaceTexture::new(uvs.clone(), a.clone()).behind(3);
+        assert_eq!((all.page_of.as_slice(), all.is_whole()), (&[NO_PAGE, NO_PAGE, NO_PAGE, 0, 0][..], false));
+        assert_eq!((all.page(0), all.mean(0), all.mean(4)), (None, None, Some([0.0; 3])));
+        all.append(&FaceTexture::new(uvs.clone(), b.clone()));
+        all.append_colored(1);
+        assert_eq!(all.page_of[3..], [0, 0, 1, 1, NO_PAGE]);
+        assert_eq!(all.of_faces(&[0, 2, 7]), None);
+        let behind = all.of_faces(&[5, 6]).unwrap();
+        assert_eq!(behind, FaceTexture::new(uvs, b));
+        let mixed = all.of_faces(&[0, 6]).unwrap();
+        assert_eq!((mixed.page_of.as_slice(), mixed.pages.len()), (&[NO_PAGE, 0][..], 1));
     }
 }

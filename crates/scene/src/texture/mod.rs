@@ -5,5 +5,5 @@ mod faces;
 mod joined;
 mod picture;
 
-pub use faces::FaceTexture;
+pub use faces::{FaceTexture, NO_PAGE};
 pub use picture::{StoredPicture, Texture};
