@@ -89,6 +89,7 @@ impl<'a> Recipe<'a> {
         let when = self.options.backdrop.backdrop;
         inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
         let inputs = self.of_one_kind(inputs)?;
+        let alone = inputs.len() == 1;
         let mut loaded = merge(inputs)?;
         self.backdrop = loaded.take_backdrop();
         if let Some(views) = self.views.as_deref_mut() {
@@ -138,7 +139,7 @@ impl<'a> Recipe<'a> {
         }
         let mesh = self.expose(mesh)?;
         let mesh = self.reshape(mesh, traits)?;
-        let mesh = self.part_shell(mesh)?;
+        let mesh = self.part_shell(mesh, alone)?;
 
         // Levels are made from the scene at this point, and placed like it.
         let faces = mesh.face_count();
@@ -409,8 +410,8 @@ impl<'a> Recipe<'a> {
     }
 
     /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a
-    /// backdrop, keeps its shell as part of the scene.
-    fn part_shell(&mut self, mut mesh: Mesh) -> Result<Mesh> {
+    /// backdrop, keeps its shell as part of the scene. Two shells side by side have no common middle: only one that is `alone` is smoothed here.
+    fn part_shell(&mut self, mut mesh: Mesh, alone: bool) -> Result<Mesh> {
         let when = self.options.backdrop.backdrop;
         let cropped = !self.options.crop.crop.is_empty() && when == BackdropWhen::Auto;
         if cropped || when == BackdropWhen::Off {
@@ -423,7 +424,7 @@ impl<'a> Recipe<'a> {
             // Without other triangles the shell is the scene.
             return Ok(behind);
         }
-        if behind.face_count() > 0 && either(&mut self.views, &mut self.taught).is_none() {
+        if alone && behind.face_count() > 0 && either(&mut self.views, &mut self.taught).is_none() {
             behind = smoothed(&behind, &self.watching);
         }
         match &mut self.backdrop {
