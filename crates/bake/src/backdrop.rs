@@ -53,8 +53,10 @@ const SCENE_PER_BACKDROP: u64 = 20;
 const TEXELS_PER_PIXEL: f64 = 0.5;
 /// Fewest and most rows of the picture.
 const PICTURE_ROWS: [u32; 2] = [256, 1024];
-/// Weight of a shell's own colours where no picture looks, against the pull of a neighbour: little, so that its edges do not show.
+/// Weight of a shell's own colours where no picture looks, against the pull of a neighbour: little, so that its edges do not show ...
 const SHELL_WEIGHT: f32 = 0.005;
+/// ... and where there are no pictures.
+const ONLY_SHELL_WEIGHT: f32 = 0.3;
 
 /// Whether holes are closed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -213,7 +215,7 @@ pub(super) fn smoothed(shell: &Mesh, cameras: &[Camera]) -> Mesh {
     };
     let (behind, uvs) = surface(center, subdivisions(shell.face_count() as u64), Some(shell), 0.0);
     let mut known = Known::nothing(PICTURE_ROWS[0] as usize);
-    known.add(&panorama(shell, center, PICTURE_ROWS[0]), SHELL_WEIGHT);
+    known.add(&panorama(shell, center, PICTURE_ROWS[0]), ONLY_SHELL_WEIGHT);
     painted(behind, uvs, known)
 }
 

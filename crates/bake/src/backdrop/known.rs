@@ -13,7 +13,7 @@ const AGREE: i32 = 80;
 /// Weight of each photo that agrees, against the pull of a neighbouring texel ...
 const TRUSTED: f32 = 0.1;
 /// ... and its factor for pixels beside the scene: they show some of it, or what stands in a hole.
-const RIM: f32 = 0.02;
+const RIM: f32 = 1.0;
 
 /// Colours of a picture with twice as many columns as rows.
 #[derive(Debug, Clone)]
