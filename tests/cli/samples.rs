@@ -119,8 +119,8 @@ fn trained() -> ImportedScene {
 #[test]
 fn the_trained_sample_meets_held_out_photos_as_a_file() {
     let (plain, with_photos) = without_and_with_photos(&trained());
-    // Measured 28.56 and 28.75 dB.
-    assert!(plain > 28.0 && with_photos > 28.3 && with_photos > plain, "{plain:.2} {with_photos:.2}");
+    // Measured 29.54 and 29.65 dB.
+    assert!(plain > 29.0 && with_photos > 29.2 && with_photos > plain, "{plain:.2} {with_photos:.2}");
 }
 
 /// A training leaves colours little to gain; those of a scene with a tenth less contrast have more.

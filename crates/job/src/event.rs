@@ -1,6 +1,5 @@
 //! One stream of events for a program that shows a job and may stop it.
 
-use super::training::TrainJob;
 use super::watched::TrialRun;
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
@@ -8,7 +7,7 @@ use trisplat_scene::{
     Error, Result,
     report::{Report, StageEvent, StageReport},
 };
-use trisplat_train::{TrainEvent, TrainOptions, TrainSample, Trained};
+use trisplat_train::{TrainEvent, TrainSample, Trained};
 
 /// The part of a training that a step belongs to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -89,27 +88,6 @@ pub enum Event<'a> {
 
 /// Is told what happens; `ControlFlow::Break` asks the job to stop: a training after its step, everything else before its next stage.
 pub type Observer<'a> = &'a mut dyn FnMut(Event<'_>) -> ControlFlow<()>;
-
-/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does. `observer` is told of every
-/// step; `ControlFlow::Break` stops the training, whose result is then the scene so far, with `stopped` set.
-/// [`TrainJob`] has everything that can be asked for beside the options.
-///
-/// Errors: options out of range, no training photos, photos that cannot be decoded; a stop before the scene's first step.
-///
-/// ```no_run
-/// use std::ops::ControlFlow;
-/// use trisplat_dataset::{Dataset, DatasetOptions};
-/// use trisplat_job::train;
-/// use trisplat_train::TrainOptions;
-///
-/// let photos = Dataset::load("photos", &DatasetOptions::default())?;
-/// let trained = train(&photos, &TrainOptions::default(), &mut |_| ControlFlow::Continue(()))?;
-/// trained.save("scene.ply")?;
-/// # Ok::<(), trisplat_scene::Error>(())
-/// ```
-pub fn train(dataset: &Dataset, options: &TrainOptions, observer: Observer<'_>) -> Result<Trained> {
-    Ok(TrainJob::new(dataset.clone(), options.clone()).run(observer)?.trained)
-}
 
 /// Tells that a training begins; returns the observer of its steps.
 ///

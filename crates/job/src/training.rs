@@ -499,3 +499,24 @@ pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOpti
     let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
     DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
 }
+
+/// Trains a soup on the photos of `dataset` that are not held out, as the command `train` does. `observer` is told of every
+/// step; `ControlFlow::Break` stops the training, whose result is then the scene so far, with `stopped` set.
+/// [`TrainJob`] has everything that can be asked for beside the options.
+///
+/// Errors: options out of range, no training photos, photos that cannot be decoded; a stop before the scene's first step.
+///
+/// ```no_run
+/// use std::ops::ControlFlow;
+/// use trisplat_dataset::{Dataset, DatasetOptions};
+/// use trisplat_job::train;
+/// use trisplat_train::TrainOptions;
+///
+/// let photos = Dataset::load("photos", &DatasetOptions::default())?;
+/// let trained = train(&photos, &TrainOptions::default(), &mut |_| ControlFlow::Continue(()))?;
+/// trained.save("scene.ply")?;
+/// # Ok::<(), trisplat_scene::Error>(())
+/// ```
+pub fn train(dataset: &Dataset, options: &TrainOptions, observer: Observer<'_>) -> Result<Trained> {
+    Ok(TrainJob::new(dataset.clone(), options.clone()).run(observer)?.trained)
+}
