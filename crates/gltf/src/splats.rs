@@ -191,7 +191,7 @@ impl Reader<'_> {
         Ok(Part { place, basic, sh, count, transform, turn, scale: size })
     }
 
-    /// The number of elements that all of these accessors have, each with so many components.
+    /// The number of elements that all of these accessors have. Each comes with its number of components.
     fn check(&mut self, place: &str, accessors: impl Iterator<Item = (usize, u64)>) -> Result<usize> {
         let mut count = None;
         for (accessor, width) in accessors {

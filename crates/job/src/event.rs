@@ -72,9 +72,9 @@ pub enum Event<'a> {
     Teacher(usize, &'a Trained),
     /// Soft pictures are drawn.
     Drew {
-        /// So many ...
+        /// Pictures drawn.
         done: usize,
-        /// ... of so many.
+        /// Pictures in all.
         all: usize,
     },
     /// The scene is about to be baked with at most `triangles`, which are expected to fit `limit` bytes; not at all of a bake without a limit.
