@@ -12,8 +12,11 @@ use trisplat_scene::{
 };
 use trisplat_train::TrainOptions;
 
+/// What is told of every number: where it stands, its key and its range.
+type Found<'a> = dyn FnMut(&Numbers<'_>, &str, (f64, f64)) + 'a;
+
 /// Calls `found` with every number of every option, and its range.
-fn every(found: &mut dyn FnMut(&Numbers<'_>, &str, (f64, f64))) {
+fn every(found: &mut Found<'_>) {
     let mut bake = BakeOptions::default();
     (bake.teacher.teacher_pictures, bake.prune.max_triangles) = (Some(5), Some(5));
     (bake.unseen.max_error, bake.lod.lod) = (Some(0.5), vec![0.5]);
@@ -40,7 +43,7 @@ fn numbers<T: Serialize + DeserializeOwned + JsonSchema>(
     options: &T,
     validate: fn(&T) -> Result<()>,
     called: Called,
-    found: &mut dyn FnMut(&Numbers<'_>, &str, (f64, f64)),
+    found: &mut Found<'_>,
 ) {
     validate(options).expect("the defaults are in range");
     let read = |value| {
