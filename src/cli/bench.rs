@@ -9,14 +9,11 @@ use super::progress::{Progress, thousands};
 use super::stdout::Stdout;
 use super::stress;
 use std::ffi::OsString;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
-use trisplat_bench::{bake, cost, fidelity, machine, measure, raster, stress::StressArgs};
+use trisplat_bench::{bake, cost, machine, measure, raster, stress::StressArgs};
 #[cfg(feature = "gpu")]
 use trisplat_bench::{card, fps};
-use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};
-use trisplat_train::TrainEvent;
 
 /// Which benchmark.
 #[derive(Debug, clap::Args)]
@@ -46,8 +43,6 @@ pub enum BenchCommand {
     /// Steps per second of the training on a graphics card (not in this build).
     #[cfg(not(feature = "gpu"))]
     Card(super::missing::MissingArgs),
-    /// Quality of the file in an ordinary mesh renderer, step by step, on held-out photos.
-    Fidelity(fidelity::FidelityBenchArgs),
     /// Steps and frames per second of the rasterisers on this CPU, and where the time goes.
     Raster(raster::RasterBenchArgs),
     /// Errors of rasterisers and files on stretched scenes, checked against the promises.
@@ -86,7 +81,6 @@ pub fn run(args: &BenchArgs, global: &Global, inputs: &Inputs) -> Result<()> {
         BenchCommand::Card(card_args) => run_card(card_args, global),
         #[cfg(not(feature = "gpu"))]
         BenchCommand::Card(_) => Err(super::missing::error("gpu")),
-        BenchCommand::Fidelity(fidelity_args) => run_fidelity(fidelity_args, global),
         BenchCommand::Raster(raster_args) => run_raster(raster_args, global),
         BenchCommand::Stress(stress_args) => stress::run(stress_args, global),
         BenchCommand::Cost(cost_args) => bench_cost::run(cost_args, global),
@@ -95,22 +89,18 @@ pub fn run(args: &BenchArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     }
 }
 
-/// Refuses tables, plots and other files that must not be written, before anything is measured.
+/// Refuses tables and other files that must not be written, before anything is measured.
 fn guard(args: &BenchArgs, inputs: &Inputs) -> Result<()> {
     let force = args.force;
     let mut outputs = Outputs::new(inputs, force);
-    let (csv, plot) = match &args.bench {
-        BenchCommand::Bake(args) => (&args.csv, &args.plot),
-        BenchCommand::Fidelity(args) => (&args.csv, &args.plot),
+    let csv = match &args.bench {
+        BenchCommand::Bake(args) => &args.csv,
         #[cfg(feature = "gpu")]
-        BenchCommand::Fps(args) => (&args.csv, &args.plot),
-        BenchCommand::Cost(args) => (&None, &args.plot),
-        BenchCommand::Stress(args) if args.replay.is_some() => return Ok(()),
-        BenchCommand::Stress(args) => {
+        BenchCommand::Fps(args) => &args.csv,
+        BenchCommand::Stress(args) if args.replay.is_none() => {
             // It is written only if a promise is broken, and may be that of an earlier run.
             outputs.replacing(force || stress::is_case(&args.worst));
-            outputs.plan("--worst", &args.worst)?;
-            (&None, &args.plot)
+            return outputs.plan("--worst", &args.worst);
         }
         BenchCommand::Floor { output, .. } => {
             outputs.replacing(true);
@@ -118,12 +108,10 @@ fn guard(args: &BenchArgs, inputs: &Inputs) -> Result<()> {
         }
         _ => return Ok(()),
     };
+    let Some(path) = csv else { return Ok(()) };
     outputs.replacing(force);
-    if let Some(path) = csv {
-        outputs.append("--csv", path)?;
-        machine::check_csv(path)?;
-    }
-    plot.as_deref().map_or(Ok(()), |path| outputs.plan("--plot", path))
+    outputs.append("--csv", path)?;
+    machine::check_csv(path)
 }
 
 fn run_bake(args: &bake::BakeBenchArgs, global: &Global) -> Result<()> {
@@ -211,47 +199,6 @@ fn run_card(args: &card::CardArgs, global: &Global) -> Result<()> {
         progress.line(&format!("a copy: {:.1} GB/s; {}", 1e-9 * row.copy_bandwidth, row.adapter));
     }
     if args.json { print_json(&rows) } else { Ok(()) }
-}
-
-fn run_fidelity(args: &fidelity::FidelityBenchArgs, global: &Global) -> Result<()> {
-    let progress = Progress::new(global);
-    progress.line(
-        "case            target      ssaa   triangles       bytes   bake s  PSNR dB   change    SSIM    FLIP",
-    );
-    let mut observer = |event: TrainEvent<'_>| {
-        tell(&progress, &event);
-        ControlFlow::Continue(())
-    };
-    let rows = fidelity::run(args, &mut observer, &mut |row| {
-        progress.line(&format!(
-            "{:<16}{:<10}{:>6}{:>12}{:>12}{:>9.2}{:>9.3}{:>+9.3}{:>8.4}{:>8.4}{}",
-            row.case,
-            row.target,
-            row.ssaa,
-            thousands(row.triangles),
-            thousands(row.bytes),
-            row.bake_secs,
-            row.psnr,
-            row.change,
-            row.ssim,
-            row.flip,
-            ShrunkSize::beside(row.photo_size),
-        ));
-    })?;
-    progress.done();
-    if args.json { print_json(&rows) } else { Ok(()) }
-}
-
-/// Prints the progress of a training now and then.
-fn tell(progress: &Progress, event: &TrainEvent<'_>) {
-    let TrainEvent::Sampled(sample) = event else { return };
-    if sample.test_psnr.is_some() || sample.step.is_multiple_of(500) {
-        let held_out = sample
-            .test_psnr
-            .map_or(String::new(), |p| format!(", {p:.2} held out{}", ShrunkSize::beside(sample.test_size)));
-        let (step, triangles) = (sample.step, thousands(sample.triangles));
-        progress.line(&format!("step {step}: {:.2} dB{held_out}, {triangles} triangles", sample.psnr));
-    }
 }
 
 fn run_raster(args: &raster::RasterBenchArgs, global: &Global) -> Result<()> {

@@ -8,7 +8,7 @@ use trisplat_scene::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
-pub const OUTPUTS: [&str; 15] = [
+pub const OUTPUTS: [&str; 14] = [
     "checkpoint",
     "csv",
     "curve",
@@ -16,7 +16,6 @@ pub const OUTPUTS: [&str; 15] = [
     "log",
     "output",
     "page",
-    "plot",
     "preview",
     "report",
     "save_renders",

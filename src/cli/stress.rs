@@ -17,7 +17,6 @@ pub(super) fn run(args: &StressArgs, global: &Global) -> Result<()> {
         return replay(path);
     }
     let report = stress::run(args)?;
-    args.plot.as_deref().map_or(Ok(()), |path| stress::plot(path, &report))?;
     if args.json {
         files::print_json(&report, &mut Stdout).map_err(|e| Error::io("-", e))?;
     } else {
@@ -156,7 +155,6 @@ mod tests {
             climb: 10,
             worst: PathBuf::new(),
             replay: None,
-            plot: None,
             json: false,
         };
         let mut report = stress::run(&args).unwrap();
@@ -185,7 +183,6 @@ mod tests {
             climb: 4000,
             worst: PathBuf::new(),
             replay: None,
-            plot: None,
             json: false,
         };
         let report = stress::run(&args).unwrap();

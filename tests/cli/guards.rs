@@ -24,14 +24,13 @@ struct Attempt {
 }
 
 /// Options that no input can be given to, and why.
-const WITHOUT_INPUTS: [(&str, &str); 10] = [
+const WITHOUT_INPUTS: [(&str, &str); 9] = [
     ("sample studio", "output"),
     ("sample degenerate", "output"),
     ("sample dataset", "output"),
     ("sample town", "output"),
     ("man", "folder"),
     // It reads nothing when it measures.
-    ("bench stress", "plot"),
     ("bench stress", "worst"),
     // Both take names that are not taken yet.
     ("view", "screenshots"),
@@ -147,12 +146,7 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("eval", "save_renders", eval, &["photos/images"]);
     add("render", "output", "render a.ply --dataset photos --split all -o {} -f", &["photos/images"]);
     if cfg!(feature = "bench") {
-        let fidelity = of_dataset(&["a.ply"]);
-        add("bench fidelity", "csv", "bench fidelity photos --soup a.ply --csv {} -f", &fidelity);
-        add("bench fidelity", "plot", "bench fidelity photos --soup a.ply --plot {} -f", &fidelity);
-        add("bench cost", "plot", "bench cost photos --plot {} -f", &DATASET);
         add("bench bake", "csv", "bench bake --python a.ply --csv {} -f", &["a.ply"]);
-        add("bench bake", "plot", "bench bake --python a.ply --plot {} -f", &["a.ply"]);
         add("bench floor", "output", "bench floor a.ply options.json {}", &["a.ply", "options.json"]);
     }
     let of_plan = |plan: &str| {
@@ -174,7 +168,7 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     all
 }
 
-/// The options of every command that take paths: `bench cost`, `plot`.
+/// The options of every command that take paths: `bench bake`, `csv`.
 fn path_options(command: &clap::Command, name: &str, found: &mut BTreeSet<(String, String)>) {
     for option in command.get_arguments() {
         if option.get_value_parser().type_id() == TypeId::of::<PathBuf>() {
@@ -206,7 +200,7 @@ fn check_that_all_are_tried(attempts: &[Attempt]) {
     let expected = OUTPUTS.iter().chain([&RESUMED, &IMAGES]).filter(|option| {
         let is_built = |feature: bool, of_it: &[&str]| feature || !of_it.contains(*option);
         is_built(cfg!(feature = "view"), &["screenshots"])
-            && is_built(cfg!(feature = "bench"), &["csv", "plot", "worst"])
+            && is_built(cfg!(feature = "bench"), &["csv", "worst"])
     });
     expected.for_each(|option| assert!(options.contains(option), "no command has `{option}`"));
 }
@@ -295,19 +289,11 @@ fn previews_of_an_earlier_run_need_force() {
 
 #[cfg(feature = "bench")]
 #[test]
-fn tables_plots_and_cases_of_others_are_not_replaced_by_benchmarks() {
+fn tables_and_cases_of_others_are_not_replaced_by_benchmarks() {
     let folder = folder();
     std::fs::write(folder.path().join("mine"), "precious").unwrap();
     let before = state(folder.path());
-    for line in [
-        "bench fidelity photos --soup a.ply --plot mine",
-        "bench bake --plot mine",
-        "bench cost --plot mine",
-        "bench stress --plot mine",
-        "bench stress --worst mine",
-    ] {
-        refused(folder.path(), &line.split(' ').collect::<Vec<_>>(), &["mine", "--force"]);
-    }
+    refused(folder.path(), &["bench", "stress", "--worst", "mine"], &["mine", "--force"]);
     refused(folder.path(), &["bench", "bake", "--csv", "mine"], &["mine: is no table"]);
     assert_eq!(state(folder.path()), before);
 }

@@ -3,7 +3,6 @@
 #[cfg(feature = "bench")]
 mod bench_cost;
 #[cfg(feature = "bench")]
-mod bench_fidelity;
 mod budget;
 mod capture;
 mod checkpoints;

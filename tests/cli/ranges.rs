@@ -50,7 +50,6 @@ fn rest(command: &str, flag: &str) -> Vec<&'static str> {
         "bench bake" => "--triangles 10 --runs 1",
         "bench fps" => "a.ply",
         "bench card" => "--triangles 10",
-        "bench fidelity" => "photos",
         "bench raster" => "--frames 1",
         "bench cost" => "photos",
         "bench stress" => "--cases 1",

@@ -150,7 +150,7 @@ fn every_layout_draws_what_rays_meet() {
     let camera = camera();
     let faces = triangles(600, 3);
     for (mesh, layouts) in [
-        (faces, &[VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid][..]),
+        (faces, &[VertexLayout::Corner, VertexLayout::Face][..]),
         (indexed(300), &[VertexLayout::Corner]),
     ] {
         let (ids, wants) = reference(&mesh, &camera);
@@ -172,12 +172,11 @@ fn layouts_take_the_bytes_they_promise() {
     let faces = asset(triangles(1000, 3));
     let bytes = |layout| card.upload(&faces, layout).unwrap().bytes;
     assert_eq!(bytes(Some(VertexLayout::Corner)), 48_000);
-    assert_eq!(bytes(Some(VertexLayout::Face)), 40_000 + 16);
-    assert_eq!(bytes(Some(VertexLayout::Grid)), 28_000 + 16);
+    assert_eq!(bytes(Some(VertexLayout::Face)), 40_000);
     assert_eq!(bytes(None), bytes(Some(VertexLayout::Face)));
     let shared = asset(indexed(1000));
     assert_eq!(card.upload(&shared, None).unwrap().bytes, 3000 * 16 + 1000 * 12);
-    assert!(matches!(card.upload(&shared, Some(VertexLayout::Grid)), Err(Error::Invalid { .. })));
+    assert!(matches!(card.upload(&shared, Some(VertexLayout::Face)), Err(Error::Invalid { .. })));
 }
 
 #[test]
@@ -227,20 +226,14 @@ fn culling_chunks_does_not_change_the_picture() {
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());
-    for layout in [VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid] {
+    for layout in [VertexLayout::Corner, VertexLayout::Face] {
         let model = card.upload(&chunked, Some(layout)).unwrap();
         let (few, drawn) = card.render(&model, &camera, &options()).unwrap();
         assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
-        let model = card
-            .upload(&whole, Some(if layout == VertexLayout::Grid { VertexLayout::Face } else { layout }))
-            .unwrap();
+        let model = card.upload(&whole, Some(layout)).unwrap();
         let (all, _) = card.render(&model, &camera, &options()).unwrap();
         let differ = few.rgb.iter().zip(&all.rgb).filter(|(a, b)| off(**a, **b) > 1).count();
-        // On their grids corners move by 1/2,000,000 of a chunk: an edge may pass a pixel's centre.
-        assert!(
-            differ <= if layout == VertexLayout::Grid { 10 } else { 0 },
-            "{layout:?}: {differ} pixels differ"
-        );
+        assert_eq!(differ, 0, "{layout:?}");
     }
 }
 
@@ -256,7 +249,7 @@ fn normals_face_the_viewer() {
     let size = UVec2::new(40, 40);
     let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
     let camera = Camera { rotation, translation, focal: Vec2::splat(40.0), center: Vec2::splat(20.0), size };
-    for layout in [VertexLayout::Corner, VertexLayout::Face, VertexLayout::Grid] {
+    for layout in [VertexLayout::Corner, VertexLayout::Face] {
         let model = card.upload(&asset(mesh.clone()), Some(layout)).unwrap();
         let (got, _) = card
             .render(&model, &camera, &HeadlessOptions { display: DisplayMode::Normals, ..options() })

@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::metric,
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{Canvas, ChunkOrder, DisplayMode, FrameParams, HeadlessOptions, VertexLayout};
+use trisplat_view::{Canvas, DisplayMode, FrameParams, HeadlessOptions, VertexLayout};
 
 const ACROSS: u32 = 6;
 
@@ -128,7 +128,6 @@ fn subsets_chunks_and_normals_of_textured_triangles_are_drawn() {
         display: DisplayMode::Color,
         wireframe: false,
         subset: Some(&some),
-        order: ChunkOrder::File,
         level_bias: 0.0,
     };
     let mut encoder =

@@ -6,7 +6,6 @@
 
 use super::machine::Machine;
 use super::measure::{self, Usage};
-use super::plot::{self, PlotPoint};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
@@ -32,9 +31,6 @@ pub struct BakeBenchArgs {
     /// Append rows to this CSV file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Draw CPU time and memory against triangles as SVG.
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
     /// Python with trimesh, to measure that too.
     #[arg(long, value_name = "PROGRAM")]
     pub python: Option<PathBuf>,
@@ -102,19 +98,7 @@ pub fn run(args: &BakeBenchArgs, mut on_row: impl FnMut(&BakeRow)) -> Result<Vec
     if let Some(path) = &args.csv {
         super::machine::append_csv(path, &Machine::here(), &rows)?;
     }
-    if let Some(path) = &args.plot {
-        plot(path, &rows)?;
-    }
     Ok(rows)
-}
-
-/// Plots CPU seconds and peak memory against triangles, one line per case.
-fn plot(path: &Path, rows: &[BakeRow]) -> Result<()> {
-    let points = |value: fn(&BakeRow) -> f64| -> Vec<PlotPoint> {
-        rows.iter().map(|r| PlotPoint { name: r.case.clone(), x: r.triangles as f64, y: value(r) }).collect()
-    };
-    let memory = points(|r| r.peak_bytes as f64 * 1e-6);
-    plot::lines(path, &[("CPU seconds", points(|r| r.cpu_seconds)), ("peak memory, MB", memory)])
 }
 
 /// Writes the inputs of one size and lists the command lines.

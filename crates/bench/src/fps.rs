@@ -5,19 +5,18 @@
 
 use super::frames::{self, Agreement, FrameCost, FrameCount, fitted};
 use super::machine::Machine;
-use super::plot::{self, PlotPoint};
 use super::three;
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_eval::BakedScene;
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_gpu::AdapterOptions;
 use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::{Asset, Chunk, Error, ImportedScene, Result, Rng, Scene, camera::Camera};
-use trisplat_view::{ChunkOrder, Headless, Model, VertexLayout, orbit};
+use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene, camera::Camera};
+use trisplat_view::{Headless, Model, orbit};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
@@ -47,9 +46,6 @@ pub struct FpsArgs {
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
-    /// Also measure the alternatives: other vertex layouts, other orders, without chunks.
-    #[arg(long)]
-    pub against: bool,
     /// Also draw with three.js in headless Chromium: a folder whose node_modules holds three and playwright-core.
     #[arg(long, value_name = "FOLDER")]
     pub three: Option<PathBuf>,
@@ -62,9 +58,6 @@ pub struct FpsArgs {
     /// Append rows to this CSV file.
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// Draw milliseconds per frame against triangles as SVG.
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
     /// Which graphics card draws.
     #[command(flatten, next_help_heading = "Graphics card")]
     pub adapter: AdapterOptions,
@@ -78,7 +71,7 @@ pub struct FpsArgs {
 pub struct FpsRow {
     /// The scene's file, or "studio".
     pub scene: String,
-    /// How it was drawn: "default", or what differs from it.
+    /// What drew it: "default", or "three.js".
     pub case: String,
     /// Triangles of the scene.
     pub triangles: u64,
@@ -115,13 +108,6 @@ struct Flythrough {
     path: Vec<Camera>,
 }
 
-/// A model and the order its chunks are drawn in.
-struct FpsCase {
-    name: &'static str,
-    model: Model,
-    order: ChunkOrder,
-}
-
 /// Measures everything; calls `on_row` with each row as soon as it is there.
 pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow>> {
     if ![1, 4].contains(&args.msaa) {
@@ -133,9 +119,9 @@ pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow
         if args.file.is_some() { vec![None] } else { args.triangles.iter().copied().map(Some).collect() };
     for triangles in counts {
         let flythrough = flythrough(args, triangles)?;
-        let cases = cases(&card, &flythrough.asset, args.against)?;
+        let model = card.upload(&flythrough.asset, None)?;
         for &size in &args.sizes {
-            let mut measured = measure(args, &mut card, &flythrough, &cases, size)?;
+            let mut measured = measure(args, &mut card, &flythrough, &model, size)?;
             measured.sort_by(|a, b| a.cost.frame_ms.total_cmp(&b.cost.frame_ms));
             measured.iter().for_each(&mut on_row);
             rows.extend(measured);
@@ -144,23 +130,7 @@ pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow
     if let Some(path) = &args.csv {
         super::machine::append_csv(path, &Machine::here(), &rows)?;
     }
-    if let Some(path) = &args.plot {
-        plot(path, &rows)?;
-    }
     Ok(rows)
-}
-
-/// Plots milliseconds per frame against triangles, one line per case and size.
-fn plot(path: &Path, rows: &[FpsRow]) -> Result<()> {
-    let name = |r: &FpsRow| format!("{}, {}x{}", r.case, r.width, r.height);
-    let points = |value: fn(&FpsRow) -> f64| -> Vec<PlotPoint> {
-        rows.iter().map(|r| PlotPoint { name: name(r), x: r.triangles as f64, y: value(r) }).collect()
-    };
-    let processor = points(|r| r.cost.cpu_ms);
-    plot::lines(
-        path,
-        &[("ms per frame, median", points(|r| r.cost.frame_ms)), ("CPU ms per frame", processor)],
-    )
 }
 
 /// Reads the file, or makes the sample scene, and plans the camera path.
@@ -202,61 +172,27 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
     Ok(Flythrough { name, asset: baked.asset, path })
 }
 
-/// The default, and the alternatives when `against` is set.
-fn cases(card: &Headless, asset: &Asset, against: bool) -> Result<Vec<FpsCase>> {
-    let case =
-        |name, asset: &Asset, layout, order| Ok(FpsCase { name, model: card.upload(asset, layout)?, order });
-    let mut cases = vec![case("default", asset, None, ChunkOrder::File)?];
-    if !against {
-        return Ok(cases);
-    }
-    cases.push(case("near chunks first", asset, None, ChunkOrder::Near)?);
-    for (name, layout) in [
-        ("corner layout", VertexLayout::Corner),
-        ("face layout", VertexLayout::Face),
-        ("grid layout", VertexLayout::Grid),
-    ] {
-        if layout.fits(&asset.mesh) && layout != cases[0].model.layout {
-            cases.push(case(name, asset, Some(layout), ChunkOrder::File)?);
-        }
-    }
-    let count = asset.mesh.face_count() as u32;
-    let chunks = vec![Chunk { first: 0, count }];
-    let mut whole = Asset { mesh: asset.mesh.clone(), chunks, ..Asset::default() };
-    cases.push(case("one chunk", &whole, None, ChunkOrder::File)?);
-    let mut order: Vec<u32> = (0..count).collect();
-    let rng = Rng::new(1, "shuffled faces", 0);
-    order.sort_by_cached_key(|&face| rng.uniform_f64(face.into()).to_bits());
-    whole.mesh.select(&order);
-    cases.push(case("one chunk, shuffled", &whole, None, ChunkOrder::File)?);
-    Ok(cases)
-}
-
-/// All cases at one size, round by round.
+/// The model, and with `--three` three.js beside it, at one size, round by round.
 fn measure(
     args: &FpsArgs,
     card: &mut Headless,
     flythrough: &Flythrough,
-    cases: &[FpsCase],
+    model: &Model,
     size: UVec2,
 ) -> Result<Vec<FpsRow>> {
     let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
     let count = FrameCount { warmup: args.warmup as usize, frames: args.frames as usize };
-    let mut rows = Vec::new();
-    for case in cases {
-        let checked = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
-        let frame = frames::picture(card, &case.model, checked, case.order)?;
-        let agreement = frames::check(case.name, &frame, &flythrough.asset.mesh, checked)?;
-        let bytes = case.model.bytes as f64 / case.model.triangles().max(1) as f64;
-        rows.push((case.name, Some(bytes), agreement, card.gpu.describe(), None::<FrameCost>));
-    }
+    let checked = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
+    let frame = frames::picture(card, model, checked)?;
+    let agreement = frames::check("default", &frame, &flythrough.asset.mesh, checked)?;
+    let bytes = model.bytes as f64 / model.triangles().max(1) as f64;
+    let mut rows = vec![("default", Some(bytes), agreement, card.gpu.describe(), None::<FrameCost>)];
     if args.three.is_some() {
         rows.push(("three.js", None, Agreement { psnr: f64::NAN, off: f64::NAN }, String::new(), None));
     }
     for _ in 0..args.rounds {
-        for (i, (name, _, agreement, adapter, best)) in rows.iter_mut().enumerate() {
-            let cost = match (cases.get(i), &args.three) {
-                (Some(case), _) => frames::time(card, &case.model, &path, case.order, args.msaa, count)?,
+        for (name, bytes, agreement, adapter, best) in &mut rows {
+            let cost = match (*bytes, &args.three) {
                 (None, Some(folder)) => {
                     let seen =
                         three::time(folder, &args.chromium, &flythrough.asset, &path, args.msaa, count)?;
@@ -264,7 +200,7 @@ fn measure(
                     *adapter = seen.adapter;
                     seen.cost
                 }
-                (None, None) => continue,
+                _ => frames::time(card, model, &path, args.msaa, count)?,
             };
             if best.is_none_or(|best| cost.frame_ms < best.frame_ms) {
                 *best = Some(cost);

@@ -7,7 +7,7 @@ use std::time::Instant;
 use trisplat_gpu::Timer;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{Error, Result, camera::Camera, image::RgbImage, mesh::Mesh, process};
-use trisplat_view::{Canvas, ChunkOrder, DisplayMode, DrawStats, FrameParams, Headless, Model};
+use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 pub(super) const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
@@ -47,7 +47,6 @@ pub(super) fn time(
     card: &mut Headless,
     model: &Model,
     path: &[Camera],
-    order: ChunkOrder,
     msaa: u32,
     count: FrameCount,
 ) -> Result<FrameCost> {
@@ -59,7 +58,7 @@ pub(super) fn time(
     let mut times = FrameTimes::default();
     let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     for i in 0..count.warmup + count.frames + 1 {
-        let params = params(&path[i % path.len()], order);
+        let params = params(&path[i % path.len()]);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
         let slot = timer.as_mut().and_then(Timer::begin);
         let timestamps = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
@@ -123,7 +122,7 @@ impl FrameTimes {
     }
 }
 
-fn params(camera: &Camera, order: ChunkOrder) -> FrameParams<'static> {
+fn params(camera: &Camera) -> FrameParams<'static> {
     let (display, background) = (DisplayMode::Color, BACKGROUND);
     FrameParams {
         camera: *camera,
@@ -132,7 +131,6 @@ fn params(camera: &Camera, order: ChunkOrder) -> FrameParams<'static> {
         display,
         wireframe: false,
         subset: None,
-        order,
         level_bias: 0.0,
     }
 }
@@ -144,11 +142,10 @@ pub(super) fn picture(
     card: &mut Headless,
     model: &Model,
     camera: &Camera,
-    order: ChunkOrder,
 ) -> Result<RgbImage> {
     let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
     let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
-    card.draw(&mut encoder, &canvas, model, &params(camera, order), None)?;
+    card.draw(&mut encoder, &canvas, model, &params(camera), None)?;
     card.gpu.queue.submit([encoder.finish()]);
     canvas.pixels(&card.gpu)
 }

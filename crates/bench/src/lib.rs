@@ -6,16 +6,13 @@ pub mod bake;
 #[cfg(feature = "gpu")]
 pub mod card;
 pub mod cost;
-pub mod fidelity;
 #[cfg(feature = "gpu")]
 pub mod fps;
 #[cfg(feature = "gpu")]
 mod frames;
 pub mod machine;
 pub mod measure;
-mod plot;
 pub mod raster;
 pub mod stress;
 #[cfg(feature = "gpu")]
 mod three;
-mod training;

@@ -13,7 +13,6 @@ pub mod exact;
 pub mod exact_grad;
 mod histogram;
 mod invariances;
-mod plot;
 pub mod promises;
 mod rate;
 pub mod ray_caster;
@@ -24,6 +23,5 @@ pub mod scene;
 mod stored;
 mod tally;
 
-pub use plot::plot;
 pub use rows::{ErrorSummary, InvarianceRow, Part, PromiseResult, StressReport, StressRow};
 pub use run::{StressArgs, broken, replay, run};

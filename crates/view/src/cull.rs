@@ -1,7 +1,7 @@
 //! Frustum culling of whole chunks by their bounding boxes.
 
 use super::layout::Aabb;
-use glam::{DVec3, DVec4, Vec3};
+use glam::{DVec3, DVec4};
 use trisplat_scene::camera::Camera;
 
 /// The view pyramid of a camera, cut off at the near plane.
@@ -42,16 +42,10 @@ impl Frustum {
     }
 }
 
-/// Distance from a camera to the nearest point of a box.
-pub(crate) fn distance(camera: &Camera, bounds: &Aabb) -> f32 {
-    let position: Vec3 = camera.position();
-    position.distance(position.clamp(bounds.min, bounds.max))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Mat3, UVec2, Vec2};
+    use glam::{Mat3, UVec2, Vec2, Vec3};
     use trisplat_scene::Rng;
 
     #[test]

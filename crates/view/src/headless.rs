@@ -1,7 +1,7 @@
 //! Pictures drawn on a graphics card without a window or a display.
 
 use super::layout::VertexLayout;
-use super::model::{ChunkOrder, Model};
+use super::model::{Model};
 use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
@@ -78,7 +78,6 @@ impl Headless {
             display: options.display,
             wireframe: false,
             subset: None,
-            order: ChunkOrder::File,
             level_bias: (options.samples as f32).log2(),
         };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());

@@ -4,14 +4,13 @@
 //! |---|---|---|
 //! | corner | 48, or 16 per vertex and 12 per face with indices | f32 position and colour per corner |
 //! | face | 40 | f32 position per corner, colour per face |
-//! | grid | 28 | position of 21 bits per axis on the chunk's grid, colour per face |
 //! | texture | 60, and its pictures | f32 position and place on the picture per corner |
 //!
 //! Colours are linear light in 10 bits per channel, stored as their square root: off by at most 0.2 of an 8-bit sRGB
 //! code, and decoded by one multiplication.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use trisplat_scene::{
     Asset, Chunk,
@@ -26,8 +25,6 @@ pub enum VertexLayout {
     Corner,
     /// Position per corner, colour per face.
     Face,
-    /// Position on a grid of the chunk, colour per face.
-    Grid,
     /// Position and place on the picture per corner: for textured meshes, and only for these.
     Texture,
 }
@@ -44,7 +41,7 @@ impl VertexLayout {
         match self {
             VertexLayout::Texture => mesh.texture.is_some(),
             VertexLayout::Corner => mesh.texture.is_none(),
-            VertexLayout::Face | VertexLayout::Grid => {
+            VertexLayout::Face => {
                 mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
             }
         }
@@ -71,39 +68,10 @@ pub(crate) struct TextureVertex {
     pub uv: [f32; 2],
 }
 
-/// The positions that a chunk can store: `origin + step * (0..2^21)` on each axis.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(crate) struct ChunkGrid {
-    /// Multiples of the step.
-    pub origin: [f32; 3],
-    /// A power of two.
-    pub step: f32,
-}
-
-const GRID_BITS: i32 = 21;
-
 /// Linear light to 10 bits per channel, red lowest, stored as the square root.
 pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
     let [r, g, b] = linear.map(|c| (c.clamp(0.0, 1.0).sqrt() * 1023.0 + 0.5) as u32);
     r | g << 10 | b << 20
-}
-
-/// The grid of a chunk whose corners lie in a box.
-pub(crate) fn grid(bounds: &Aabb) -> ChunkGrid {
-    let extent = f64::from((bounds.max - bounds.min).max_element()).max(f64::MIN_POSITIVE);
-    // One step is kept for the origin, which is rounded down to a multiple of the step.
-    let exponent = (extent / f64::from((1 << GRID_BITS) - 2)).log2().ceil().clamp(-120.0, 120.0);
-    let step = exponent.exp2();
-    let origin = (bounds.min.as_dvec3() / step).floor() * step;
-    ChunkGrid { origin: origin.as_vec3().to_array(), step: step as f32 }
-}
-
-/// The point of a grid nearest to a position: 21 bits per axis, x lowest.
-pub(crate) fn pack_position(grid: &ChunkGrid, position: Vec3) -> [u32; 2] {
-    let steps = (position.as_dvec3() - DVec3::from(grid.origin.map(f64::from))) / f64::from(grid.step);
-    let [x, y, z] = (steps + 0.5).to_array().map(|s| (s as u32).min((1 << GRID_BITS) - 1));
-    [x | y << 21, y >> 11 | z << 10]
 }
 
 /// An axis-aligned bounding box.
@@ -154,27 +122,5 @@ mod tests {
             assert!(off.abs() < 0.2, "code {code} moved by {off}");
         }
         assert_eq!(pack_color([2.0, -1.0, f32::NAN]), 1023);
-    }
-
-    #[test]
-    fn a_grid_holds_its_box_to_a_two_millionth() {
-        for (min, max) in [
-            (Vec3::ZERO, Vec3::ONE),
-            (Vec3::new(-3.0, 17.0, 1e6), Vec3::new(9.0, 17.5, 1.000_001e6)),
-            (Vec3::splat(-1e-9), Vec3::splat(1e-9)),
-            (Vec3::splat(5.0), Vec3::splat(5.0)),
-        ] {
-            let grid = grid(&Aabb { min, max });
-            assert_eq!(grid.step.log2().fract(), 0.0);
-            for corner in [min, max, min.lerp(max, 0.37)] {
-                let [low, high] = pack_position(&grid, corner);
-                let xyz = [low & 0x1f_ffff, low >> 21 | (high & 0x3ff) << 11, high >> 10];
-                let back = DVec3::from(grid.origin.map(f64::from))
-                    + f64::from(grid.step) * DVec3::from(xyz.map(f64::from));
-                let off = (back - corner.as_dvec3()).abs().max_element();
-                let extent = f64::from((max - min).max_element());
-                assert!(off <= extent / 2e6 + f64::from(corner.length()) * 6e-8, "{corner} is off by {off}");
-            }
-        }
     }
 }

@@ -27,6 +27,6 @@ pub use headless::{Canvas, Headless, HeadlessOptions};
 #[cfg(feature = "gpu")]
 pub use layout::VertexLayout;
 #[cfg(feature = "gpu")]
-pub use model::{ChunkOrder, Model};
+pub use model::Model;
 #[cfg(feature = "gpu")]
 pub use renderer::{DisplayMode, DrawStats, FrameParams};

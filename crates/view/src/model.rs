@@ -1,7 +1,7 @@
 //! An asset in GPU memory.
 
-use super::cull::{Frustum, distance};
-use super::layout::{self, Aabb, ChunkGrid, CornerVertex, TextureVertex, VertexLayout};
+use super::cull::Frustum;
+use super::layout::{self, Aabb, CornerVertex, TextureVertex, VertexLayout};
 use super::pages::{Pages, runs};
 use glam::Vec3;
 use std::ops::Range;
@@ -25,7 +25,7 @@ pub struct Model {
     pub chunks: Vec<(Chunk, Aabb)>,
     vertices: Buffer,
     indices: Option<Buffer>,
-    /// Face colours and grids.
+    /// Face colours.
     faces: Option<BindGroup>,
     pages: Option<Pages>,
 }
@@ -33,7 +33,7 @@ pub struct Model {
 /// The layouts of the bind groups that models have.
 #[derive(Debug, Clone)]
 pub struct ModelGroups {
-    /// Face colours and grids.
+    /// Face colours.
     pub faces: BindGroupLayout,
     /// A page of a texture.
     pub page: BindGroupLayout,
@@ -46,17 +46,6 @@ pub struct Subset {
     indices: Buffer,
     /// The part of the indices that belongs to each chunk, counted in faces. `[chunks]`
     ranges: Vec<Range<u32>>,
-}
-
-/// The drawing order of visible chunks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum ChunkOrder {
-    /// As in the file; neighbours become one draw call.
-    #[default]
-    File,
-    /// Front to back, so that early depth tests reject hidden faces.
-    Near,
 }
 
 /// One draw call: a run of faces, and the chunk that it (or its first face) is in.
@@ -87,7 +76,6 @@ impl Model {
                 let at = |v: usize| mesh.positions[v].to_array();
                 buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
             }
-            VertexLayout::Grid => grid_corners(gpu, mesh, &chunks)?,
             VertexLayout::Texture => texture_corners(gpu, mesh)?,
         };
         let usage = BufferUsages::INDEX;
@@ -97,8 +85,8 @@ impl Model {
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
         bytes += pages.as_ref().map_or(0, |pages| pages.bytes);
         let faces = match &mesh.colors {
-            Colors::Face(colors) if matches!(layout, VertexLayout::Face | VertexLayout::Grid) => {
-                let (group, size) = face_group(gpu, &groups.faces, colors, &chunks)?;
+            Colors::Face(colors) if layout == VertexLayout::Face => {
+                let (group, size) = face_group(gpu, &groups.faces, colors)?;
                 bytes += size;
                 Some(group)
             }
@@ -143,28 +131,18 @@ impl Model {
     }
 
     /// The draw calls for the view of `camera`; with `per_chunk` one for every chunk.
-    pub fn draw_calls(
-        &self,
-        camera: &Camera,
-        near: f32,
-        order: ChunkOrder,
-        per_chunk: bool,
-    ) -> Vec<DrawCall> {
+    pub fn draw_calls(&self, camera: &Camera, near: f32, per_chunk: bool) -> Vec<DrawCall> {
         let frustum = Frustum::new(camera, near);
-        let seen = |(_, (chunk, bounds)): &(usize, &(Chunk, Aabb))| chunk.count > 0 && frustum.sees(bounds);
-        let mut visible: Vec<usize> = self.chunks.iter().enumerate().filter(seen).map(|(i, _)| i).collect();
-        if order == ChunkOrder::Near {
-            visible.sort_by_cached_key(|&i| distance(camera, &self.chunks[i].1).to_bits());
-        }
-        let mut draws: Vec<DrawCall> = Vec::with_capacity(visible.len());
-        for i in visible {
-            let chunk = self.chunks[i].0;
+        let mut draws: Vec<DrawCall> = Vec::new();
+        for (i, (chunk, bounds)) in self.chunks.iter().enumerate() {
+            if chunk.count == 0 || !frustum.sees(bounds) {
+                continue;
+            }
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
                 Some((run, last))
                     if run.end == faces.start
                         && !per_chunk
-                        && self.layout != VertexLayout::Grid
                         && self.page(*last) == self.page(i as u32) =>
                 {
                     run.end = faces.end;
@@ -251,33 +229,14 @@ fn texture_corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
     })
 }
 
-/// Every corner on the grid of its chunk.
-fn grid_corners(gpu: &Gpu, mesh: &Mesh, chunks: &[(Chunk, Aabb)]) -> Result<Buffer> {
-    let grids: Vec<ChunkGrid> = chunks.iter().map(|(_, bounds)| layout::grid(bounds)).collect();
-    let at = |v: usize| {
-        let chunk = chunks.partition_point(|(chunk, _)| 3 * chunk.first as usize <= v) - 1;
-        layout::pack_position(&grids[chunk], mesh.positions[v])
-    };
-    buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)
-}
-
-/// The bind group of face colours and grids, and its bytes.
-fn face_group(
-    gpu: &Gpu,
-    groups: &BindGroupLayout,
-    colors: &[[f32; 3]],
-    chunks: &[(Chunk, Aabb)],
-) -> Result<(BindGroup, u64)> {
+/// The bind group of face colours, and its bytes.
+fn face_group(gpu: &Gpu, groups: &BindGroupLayout, colors: &[[f32; 3]]) -> Result<(BindGroup, u64)> {
     let usage = BufferUsages::STORAGE;
     let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| layout::pack_color(colors[f]))?;
-    let grids = buffer::filled(gpu, "grids", usage, chunks.len(), |c| layout::grid(&chunks[c].1))?;
     let group = gpu.device.create_bind_group(&BindGroupDescriptor {
         label: Some("faces"),
         layout: groups,
-        entries: &[
-            BindGroupEntry { binding: 0, resource: colors.as_entire_binding() },
-            BindGroupEntry { binding: 1, resource: grids.as_entire_binding() },
-        ],
+        entries: &[BindGroupEntry { binding: 0, resource: colors.as_entire_binding() }],
     });
-    Ok((group, colors.size() + grids.size()))
+    Ok((group, colors.size()))
 }

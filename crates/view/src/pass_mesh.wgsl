@@ -8,15 +8,10 @@ struct Frame {
     view: mat4x4<f32>, // world to camera: x right, y down, z forward
     levels: vec4<f32>, // x is added to the mip level
 }
-struct Grid {
-    origin: vec3<f32>,
-    step: f32,
-}
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(0) var<storage, read> face_colors: array<u32>;
-@group(1) @binding(1) var<storage, read> grids: array<Grid>;
-// In place of both, for textured triangles.
+// In place of it, for textured triangles.
 @group(1) @binding(2) var page: texture_2d<f32>;
 @group(1) @binding(3) var trilinear: sampler;
 
@@ -56,15 +51,6 @@ fn unpack_color(bits: u32) -> vec3<f32> {
     return root * root;
 }
 
-// 21 bits per axis on the grid of the chunk.
-fn unpack_position(bits: vec2<u32>, chunk: u32) -> vec3<f32> {
-    let x = bits.x & 0x1fffffu;
-    let y = (bits.x >> 21u) | ((bits.y & 0x3ffu) << 11u);
-    let z = bits.y >> 10u;
-    let grid = grids[chunk];
-    return grid.origin + grid.step * vec3<f32>(vec3<u32>(x, y, z));
-}
-
 fn shown(color: vec3<f32>, chunk: u32) -> vec3<f32> {
     if DISPLAY == CHUNKS {
         let brightness = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
@@ -102,17 +88,6 @@ fn face_color(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u
 @vertex
 fn face_display(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Displayed {
     return displayed(position, unpack_color(face_colors[vertex / 3u]), chunk);
-}
-
-@vertex
-fn grid_color(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Flat {
-    let position = unpack_position(bits, chunk);
-    return Flat(frame.clip * vec4<f32>(position, 1.0), unpack_color(face_colors[vertex / 3u]));
-}
-
-@vertex
-fn grid_display(@location(0) bits: vec2<u32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Displayed {
-    return displayed(unpack_position(bits, chunk), unpack_color(face_colors[vertex / 3u]), chunk);
 }
 
 @vertex

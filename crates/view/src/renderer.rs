@@ -3,7 +3,7 @@
 //! light and sRGB-encoded when written.
 
 use super::layout::{CornerVertex, TextureVertex, VertexLayout};
-use super::model::{ChunkOrder, Model, ModelGroups, Subset};
+use super::model::{Model, ModelGroups, Subset};
 use super::pages;
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4, Vec4};
@@ -27,8 +27,6 @@ pub struct FrameParams<'a> {
     pub wireframe: bool,
     /// Some of the faces only.
     pub subset: Option<&'a Subset>,
-    /// The order of chunks.
-    pub order: ChunkOrder,
     /// Added to the mip level of textures: for several samples per pixel along each axis, the logarithm of their number to base 2.
     pub level_bias: f32,
 }
@@ -163,7 +161,7 @@ impl Renderer {
             group_layout(gpu, "frame", ShaderStages::VERTEX_FRAGMENT, &[BufferBindingType::Uniform]);
         let storage = BufferBindingType::Storage { read_only: true };
         let groups = ModelGroups {
-            faces: group_layout(gpu, "faces", ShaderStages::VERTEX, &[storage, storage]),
+            faces: group_layout(gpu, "faces", ShaderStages::VERTEX, &[storage]),
             page: pages::group_layout(gpu),
         };
         let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
@@ -184,7 +182,7 @@ impl Renderer {
     pub fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
         let limits = gpu.device.limits();
         let color_bytes = 4 * asset.mesh.face_count() as u64;
-        let room = limits.max_storage_buffers_per_shader_stage >= 2
+        let room = limits.max_storage_buffers_per_shader_stage >= 1
             && color_bytes <= limits.max_storage_buffer_binding_size;
         if room || asset.mesh.texture.is_some() {
             VertexLayout::exact(&asset.mesh)
@@ -217,7 +215,7 @@ impl Renderer {
         let uniform = frame_uniform(params);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
         let per_chunk = display == DisplayMode::Chunks || params.subset.is_some();
-        let draws = model.draw_calls(&params.camera, params.near, params.order, per_chunk);
+        let draws = model.draw_calls(&params.camera, params.near, per_chunk);
         let mut pass = begin(encoder, output, params.background);
         let Some(pipeline) = self.pipelines.get(&key) else { return Ok(DrawStats::default()) };
         pass.set_pipeline(pipeline);
@@ -250,8 +248,6 @@ impl Renderer {
             (VertexLayout::Corner, false) => ("corner_display", "display_light"),
             (VertexLayout::Face, true) => ("face_color", "flat_light"),
             (VertexLayout::Face, false) => ("face_display", "display_light"),
-            (VertexLayout::Grid, true) => ("grid_color", "flat_light"),
-            (VertexLayout::Grid, false) => ("grid_display", "display_light"),
             (VertexLayout::Texture, true) => ("texture_color", "texture_light"),
             (VertexLayout::Texture, false) => ("texture_display", "texture_display_light"),
         };
@@ -263,7 +259,7 @@ impl Renderer {
             PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
         let groups: &[Option<&BindGroupLayout>] = match key.layout {
             VertexLayout::Corner => &[Some(&self.frame_layout)],
-            VertexLayout::Face | VertexLayout::Grid => &[Some(&self.frame_layout), Some(&self.groups.faces)],
+            VertexLayout::Face => &[Some(&self.frame_layout), Some(&self.groups.faces)],
             VertexLayout::Texture => &[Some(&self.frame_layout), Some(&self.groups.page)],
         };
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
@@ -370,12 +366,10 @@ fn group_layout(
 fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
     const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
     const FACE: [VertexAttribute; 1] = vertex_attr_array![0 => Float32x3];
-    const GRID: [VertexAttribute; 1] = vertex_attr_array![0 => Uint32x2];
     const TEXTURE: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Float32x2];
     let (stride, attributes): (usize, &[VertexAttribute]) = match layout {
         VertexLayout::Corner => (size_of::<CornerVertex>(), &CORNER),
         VertexLayout::Face => (size_of::<[f32; 3]>(), &FACE),
-        VertexLayout::Grid => (size_of::<[u32; 2]>(), &GRID),
         VertexLayout::Texture => (size_of::<TextureVertex>(), &TEXTURE),
     };
     VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }

@@ -25,9 +25,6 @@ pub struct CostArgs {
     /// Print the report as JSON (schema: trisplat schema cost).
     #[arg(long)]
     pub json: bool,
-    /// Draw PSNR against CPU seconds as SVG, with bands, a line for each number of triangles.
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
     /// How the data set is read.
     #[command(flatten)]
     pub dataset_options: DatasetOptions,

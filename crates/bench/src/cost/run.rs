@@ -4,7 +4,7 @@ use super::advice::CostAdvice;
 use super::args::CostArgs;
 use super::cell::{CostCell, CostRun, compare};
 use super::grid::Grid;
-use super::report::{CostReport, plot};
+use super::report::CostReport;
 use crate::machine::Machine;
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
@@ -52,7 +52,7 @@ pub fn run(args: &CostArgs, observer: &mut dyn FnMut(CostEvent<'_>)) -> Result<C
     compare(&mut cells);
     let watched: Vec<String> = photos.test().map(|view| view.name.clone()).collect();
     let advice = CostAdvice::new(&cells, watched.len());
-    let report = CostReport {
+    Ok(CostReport {
         machine: Machine::here(),
         dataset: name,
         photo_size: ShrunkSize::of(photos.views.iter()),
@@ -61,9 +61,7 @@ pub fn run(args: &CostArgs, observer: &mut dyn FnMut(CostEvent<'_>)) -> Result<C
         budget: args.budget.0,
         advice: advice.ok_or_else(|| Error::invalid("budget", args.budget, "time for one training"))?,
         cells,
-    };
-    args.plot.as_deref().map_or(Ok(()), |path| plot(path, &report))?;
-    Ok(report)
+    })
 }
 
 /// Width of the synthetic photos, px: half of their height is above what the warm-up of training leaves as it is.

@@ -50,9 +50,6 @@ pub struct StressArgs {
     /// Draw the case of this file alone and print what is found; exit code 1 where it fails a promise.
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
-    /// Write heat maps of the errors of every pair of axes, as SVG.
-    #[arg(long, value_name = "FILE")]
-    pub plot: Option<PathBuf>,
     /// Print JSON (`trisplat schema stress` describes it).
     #[arg(long)]
     pub json: bool,
@@ -250,7 +247,6 @@ mod tests {
             climb: 300,
             worst: PathBuf::new(),
             replay: None,
-            plot: None,
             json: false,
         }
     }

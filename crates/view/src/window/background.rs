@@ -1,7 +1,7 @@
 //! Work on other threads than the window's, and their messages.
 
 use super::super::layout::{Aabb, VertexLayout};
-use super::super::model::{ChunkOrder, Model, ModelGroups, Subset};
+use super::super::model::{Model, ModelGroups, Subset};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
 use super::pick::Picked;
 use super::scene::{SceneChange, SceneFiles, SceneLoader, SoftRenderer, WindowScene};
@@ -180,7 +180,6 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<RgbImage> {
         display: of.display,
         wireframe: of.wireframe,
         subset: of.subset.as_deref(),
-        order: ChunkOrder::File,
         level_bias: 0.0,
     };
     canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &params, None)?;

@@ -1,6 +1,6 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
-use super::super::model::{ChunkOrder, ModelGroups};
+use super::super::model::{ModelGroups};
 use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
 use super::options::WindowOptions;
 use super::panel;
@@ -209,7 +209,6 @@ impl Screen {
             display: session.settings.display,
             wireframe: session.settings.wireframe,
             subset: session.drawn_subset().map(|subset| &**subset),
-            order: ChunkOrder::File,
             level_bias: 0.0,
         };
         let Some(shown) = &session.shown else {
