@@ -6,3 +6,5 @@ mod formats;
 mod gltf;
 mod gltf_read;
 mod pt;
+#[path = "common/skip.rs"]
+mod skip;

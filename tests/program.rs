@@ -4,3 +4,5 @@ mod cli;
 mod faults;
 #[path = "common/folders.rs"]
 mod folders;
+#[path = "common/skip.rs"]
+mod skip;

@@ -3,4 +3,6 @@
 mod bake;
 mod common;
 mod scale;
+#[path = "common/skip.rs"]
+mod skip;
 mod surface;

@@ -3,4 +3,6 @@
 mod common;
 mod kernels;
 mod raster;
+#[path = "common/skip.rs"]
+mod skip;
 mod train;

@@ -42,11 +42,15 @@ pub(super) fn svg(samples: &[TrainSample]) -> String {
     for ((points, range), color) in
         [(&triangles, counts), (&train, decibels), (&test, decibels)].into_iter().zip(COLORS)
     {
-        let places: String = points.iter().map(|p| place(*p, range)).fold(String::new(), |mut all, (x, y)| {
-            let _ = write!(all, "{x:.1},{y:.1} ");
-            all
-        });
-        let _ = writeln!(svg, "<polyline points=\"{places}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>");
+        let places: String =
+            points.iter().map(|p| place(*p, range)).fold(String::new(), |mut all, (x, y)| {
+                let _ = write!(all, "{x:.1},{y:.1} ");
+                all
+            });
+        let _ = writeln!(
+            svg,
+            "<polyline points=\"{places}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>"
+        );
     }
     for (x, y) in test.iter().map(|p| place(*p, decibels)) {
         let _ = writeln!(svg, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{}\"/>", COLORS[2]);

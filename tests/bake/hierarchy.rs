@@ -3,7 +3,7 @@
 use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::Path;
 use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, bvh, chunk};
 use trisplat_formats::{
     ReadOptions, Source,
@@ -107,19 +107,16 @@ fn rays_hit_what_brute_force_hits() {
 }
 
 #[test]
-fn rays_hit_what_brute_force_hits_in_a_real_soup() {
-    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/soups/guitar_tri.ply"));
-    let Ok(source) = Source::open(&path, &trisplat::Limits::DEFAULT) else {
-        eprintln!("SKIPPED (no ../shared/soups/guitar_tri.ply)");
-        return;
+fn rays_hit_what_brute_force_hits_in_a_trained_soup() {
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/soups/trained.ply"));
+    let source = Source::open(path, &trisplat::Limits::DEFAULT).unwrap();
+    let Scene::Soup(soup) = ply::read(source, &ReadOptions::with_degree(0)).unwrap().scene else {
+        panic!("trained.ply is a soup")
     };
-    let Scene::Mesh(mesh) = ply::read(source, &ReadOptions::with_degree(0)).unwrap().scene else {
-        panic!("guitar_tri.ply is a mesh")
-    };
-    let asset = built(mesh, 4096);
+    let asset = built(mesh_of(&soup), 4096);
     asset.bvh.as_ref().unwrap().validate_with(&asset.mesh).unwrap();
-    let hits = compare("guitar", &asset, 100);
-    assert!(hits > 20, "{hits} of 100 rays hit");
+    let hits = compare("trained", &asset, 200);
+    assert!(hits > 100, "{hits} of 200 rays hit");
 }
 
 #[test]

@@ -1,5 +1,4 @@
 //! The stages of the bake: each by itself, each on every hostile soup, and what they promise together.
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
 
 mod background;
 mod chunks;

@@ -1,7 +1,5 @@
 //! `trisplat eval` and `trisplat render` as a user meets them.
 
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use trisplat_dataset::{Dataset, DatasetOptions};
@@ -216,7 +214,7 @@ fn independent(renders: &Path, photos: &Path, ours: &StepScore) {
     let mut python = Command::new("python3");
     python.arg(script).arg(renders).arg(photos).arg("--json").arg(&json);
     if !python.output().is_ok_and(|o| o.status.success()) {
-        eprintln!("SKIPPED (no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy)");
+        crate::skip::skipped("no ../shared/metrics/compare.py, or no Python with numpy, pillow and scipy");
         return;
     }
     let theirs: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();

@@ -1,8 +1,6 @@
 //! The Python module, built into a wheel and used from Python. It compiles the library once more, in over two minutes of CPU time, so it runs
 //! only when asked for: `TRISPLAT_PYTHON=1 tests/run.sh`, or `TRISPLAT_PYTHON=1 cargo test --test program python`.
 
-#![allow(clippy::print_stderr, reason = "a test that is skipped says so")]
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -31,7 +29,7 @@ assert any("'psnr': 2" in str(cell.get("outputs")) for cell in notebook.cells), 
 #[test]
 fn the_wheel_reads_and_bakes() {
     if std::env::var_os("TRISPLAT_PYTHON").is_none() {
-        eprintln!("SKIPPED (TRISPLAT_PYTHON is not set): the wheel is not built");
+        crate::skip::skipped("TRISPLAT_PYTHON is not set: the wheel is not built");
         return;
     }
     let bin = here("target/judges/venv/bin");

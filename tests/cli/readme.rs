@@ -98,11 +98,11 @@ fn every_command_of_the_readme_runs() {
             arguments[1] = "soft.ply";
         }
         if arguments[0] == "bench" && cfg!(not(feature = "bench")) {
-            eprintln!("SKIPPED (built without the feature bench): {command}");
+            crate::skip::skipped(&format!("built without the feature bench: {command}"));
             continue;
         }
         if arguments[0] == "view" && cfg!(not(feature = "view")) {
-            eprintln!("SKIPPED (built without the feature view): {command}");
+            crate::skip::skipped(&format!("built without the feature view: {command}"));
             continue;
         }
         let more = if only_parsed { &["--help"] } else { additions(&arguments) };

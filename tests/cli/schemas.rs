@@ -1,7 +1,5 @@
 //! The checked-in schemas are those of the code; samples and real reports satisfy them.
 
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
-
 use clap::ValueEnum;
 use serde_json::Value;
 use std::io::Write;
@@ -41,7 +39,7 @@ for e in jsonschema.Draft202012Validator(schema).iter_errors(value): print(e.jso
     let python = root().join("target/judges/venv/bin/python");
     if !python.exists() {
         assert!(std::env::var_os("TRISPLAT_REQUIRE_JUDGES").is_none(), "no Python at {}", python.display());
-        eprintln!("SKIPPED (no target/judges: run tests/run.sh)");
+        crate::skip::skipped("no target/judges: run tests/run.sh");
         return None;
     }
     let schema: Value = serde_json::from_str(&name.text()).unwrap();

@@ -1,7 +1,5 @@
 //! Data sets: real photos, the sample, lenses and options.
 
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
-
 mod broken;
 mod mutants;
 mod phone;
@@ -47,7 +45,7 @@ fn load(path: &Path) -> Dataset {
 fn real(name: &str) -> Option<PathBuf> {
     let path = Path::new(REAL).join(name);
     if !path.is_dir() {
-        eprintln!("SKIPPED (no ../shared/data/{name})");
+        crate::skip::skipped(&format!("no ../shared/data/{name}"));
         return None;
     }
     Some(path)

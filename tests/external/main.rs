@@ -18,6 +18,8 @@ mod levels;
 mod lit;
 mod make;
 mod renderers;
+#[path = "../common/skip.rs"]
+mod skip;
 mod textured;
 mod tiles;
 mod usdz;
@@ -50,7 +52,7 @@ fn studio() -> PathBuf {
 fn shared(name: &str) -> Option<PathBuf> {
     let path = here("../shared/soups").join(name);
     if !path.exists() {
-        eprintln!("SKIPPED (no ../shared/soups/{name})");
+        crate::skip::skipped(&format!("no ../shared/soups/{name}"));
         return None;
     }
     Some(path)
@@ -64,7 +66,7 @@ fn have(judge: &str, there: bool) -> bool {
             required != "1" && !required.split(',').any(|name| name == judge),
             "{judge} is required and missing: tests/run.sh installs it"
         );
-        eprintln!("SKIPPED (no {judge}): tests/run.sh installs it");
+        crate::skip::skipped(&format!("no {judge}: tests/run.sh installs it"));
     }
     there
 }

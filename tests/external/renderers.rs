@@ -188,7 +188,7 @@ fn outside_renderers_agree_on_the_photos() {
     let (Some(file), Some(dataset)) =
         (std::env::var_os("TRISPLAT_FILE"), std::env::var_os("TRISPLAT_DATASET"))
     else {
-        eprintln!("SKIPPED (no TRISPLAT_FILE and TRISPLAT_DATASET): tests/renderers.sh gives them");
+        crate::skip::skipped("no TRISPLAT_FILE and TRISPLAT_DATASET: tests/renderers.sh gives them");
         return;
     };
     let keep = std::env::var_os("TRISPLAT_KEEP").map(PathBuf::from);

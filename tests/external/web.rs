@@ -1,7 +1,12 @@
 //! The program as WebAssembly, in Node and in a browser's page: the bytes of the program, its words, and nothing of the network.
 
 use super::browser::{assert_seen, chromium, named};
-use super::{have, here, runs_with, shared, studio};
+#[allow(dead_code, reason = "shared with the tests of checkpoints")]
+#[path = "../pt/files.rs"]
+mod checkpoints;
+
+use super::{have, here, runs_with, studio};
+use checkpoints::{checkpoint, floats};
 use serde_json::{Value, json};
 use std::fs;
 use std::ops::ControlFlow::Continue;
@@ -133,15 +138,29 @@ fn node_writes_the_bytes_of_the_program() {
 
 #[test]
 fn a_checkpoint_becomes_the_programs_glb() {
-    let Some(checkpoint) = shared("guitar_20k.pt").filter(|_| built()) else { return };
+    if !built() {
+        return;
+    }
     let [ours, theirs] = [(); 2].map(|()| TempDir::new().unwrap());
-    let files = json!({ "guitar.pt": checkpoint });
+    let corners = (0..20u16).flat_map(|i| {
+        let x = f32::from(i);
+        [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, -1.0, 0.0]].concat()
+    });
+    let tensors = [
+        floats("triangles_points", &[20, 3, 3], corners),
+        floats("sigma", &[20, 1], [-3.0; 20]),
+        floats("opacity", &[20, 1], [4.0; 20]),
+        floats("features_dc", &[20, 1, 3], [0.5; 60]),
+        floats("features_rest", &[20, 0, 3], []),
+    ];
+    let checkpoint_file = ours.path().join("scene.pt");
+    fs::write(&checkpoint_file, checkpoint(&tensors, b"")).unwrap();
+    let files = json!({ "scene.pt": checkpoint_file });
     let options = json!({ "teacher": "off" });
     let job = json!([{ "files": files, "options": options, "output": "a.glb", "folder": theirs.path() }]);
     let done = in_node(&job);
     assert!(done[0]["error"].is_null(), "{}", done[0]);
-    fs::copy(checkpoint, ours.path().join("guitar.pt")).unwrap();
-    program(ours.path(), &["bake", "guitar.pt", "-o", "a.glb", "--teacher", "off"]).unwrap();
+    program(ours.path(), &["bake", "scene.pt", "-o", "a.glb", "--teacher", "off"]).unwrap();
     assert_same(ours.path(), theirs.path(), &done[0]["names"]);
 }
 

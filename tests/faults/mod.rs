@@ -23,7 +23,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Visits the calls of `case`, with every kind of fault.
 fn visit(case: &Case) {
     let Some(injector) = Injector::build() else {
-        eprintln!("SKIPPED (no `cc` that compiles a library for LD_PRELOAD)");
+        crate::skip::skipped("no `cc` that compiles a library for LD_PRELOAD");
         return;
     };
     let new = case.outcome(&injector);

@@ -21,7 +21,7 @@ pub(crate) fn source(bytes: &[u8]) -> Source {
 pub(crate) fn shared(name: &str) -> Option<Source> {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/soups")).join(name);
     if !path.exists() {
-        eprintln!("SKIPPED (no ../shared/soups/{name})");
+        crate::skip::skipped(&format!("no ../shared/soups/{name}"));
         return None;
     }
     Some(Source::open(&path, &trisplat::Limits::DEFAULT).expect("readable"))

@@ -29,10 +29,3 @@ fn ply_and_off_of_the_guitar_agree() {
         }
     }
 }
-
-#[test]
-fn gaussians_are_refused_with_a_remedy() {
-    let Some(gaussians) = shared("guitar_3dgs.ply") else { return };
-    let message = ply::read(gaussians, &OPTIONS).expect_err("no triangles").to_string();
-    assert!(message.contains("3D Gaussians (PLY)") && message.contains("trisplat bake"), "{message}");
-}

@@ -1,5 +1,4 @@
 //! glTF read back: files of this program in every variant, files of others, and hostile files.
-#![allow(clippy::print_stderr)]
 
 mod check;
 mod files;

@@ -1,7 +1,5 @@
 //! The metrics against values from independent implementations on the same PNG files: tests/metric/reference.py writes them.
 
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
-
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use trisplat_scene::image::RgbImage;
@@ -41,7 +39,7 @@ fn metrics_equal_the_values_of_scikit_image_and_of_flip_evaluator() {
 fn metrics_equal_the_values_of_torch_on_pictures_that_are_not_ours() {
     let folder = here("../shared/metrics");
     let Ok(text) = std::fs::read_to_string(folder.join("reference_values.json")) else {
-        eprintln!("SKIPPED (no ../shared/metrics)");
+        crate::skip::skipped("no ../shared/metrics");
         return;
     };
     let pairs: serde_json::Map<String, Value> = serde_json::from_str(&text).unwrap();

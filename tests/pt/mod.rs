@@ -1,5 +1,4 @@
 //! Checkpoints: the authors' layout, the successors', and files made to hurt.
-#![allow(clippy::print_stderr)]
 
 mod files;
 mod hostile;
@@ -168,7 +167,7 @@ fn ulps(a: f32, b: f32) -> u32 {
 fn the_guitar_checkpoint_has_its_known_values() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/soups");
     let Ok(expected) = std::fs::read(format!("{folder}/guitar_20k_expected.npz")) else {
-        eprintln!("SKIPPED (no ../shared/soups)");
+        crate::skip::skipped("no ../shared/soups");
         return;
     };
     let soup = soup(read(Path::new(&format!("{folder}/guitar_20k.pt")), 3).expect("valid"));

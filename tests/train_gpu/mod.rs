@@ -31,7 +31,7 @@ fn card() -> Option<Gpu> {
         Err(why) => {
             let required = std::env::var("TRISPLAT_REQUIRE_GPU").is_ok_and(|v| v == "1");
             assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {why}");
-            eprintln!("SKIPPED (no adapter): {why}");
+            crate::skip::skipped(&format!("no adapter: {why}"));
             None
         }
     }

@@ -20,7 +20,7 @@ pub(super) fn card() -> Option<Headless> {
         Err(why) => {
             let required = std::env::var("TRISPLAT_REQUIRE_GPU").is_ok_and(|v| v == "1");
             assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {why}");
-            eprintln!("SKIPPED (no adapter): {why}");
+            crate::skip::skipped(&format!("no adapter: {why}"));
             None
         }
     }
@@ -149,10 +149,9 @@ fn every_layout_draws_what_rays_meet() {
     let Some(mut card) = card() else { return };
     let camera = camera();
     let faces = triangles(600, 3);
-    for (mesh, layouts) in [
-        (faces, &[VertexLayout::Corner, VertexLayout::Face][..]),
-        (indexed(300), &[VertexLayout::Corner]),
-    ] {
+    for (mesh, layouts) in
+        [(faces, &[VertexLayout::Corner, VertexLayout::Face][..]), (indexed(300), &[VertexLayout::Corner])]
+    {
         let (ids, wants) = reference(&mesh, &camera);
         let seen: std::collections::BTreeSet<_> = ids.iter().collect();
         assert!(seen.len() > 80, "only {} faces are in view", seen.len());

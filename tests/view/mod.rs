@@ -1,7 +1,6 @@
 //! Drawing on a graphics card: pictures, and the window.
 
 #![cfg(feature = "gpu")]
-#![allow(clippy::print_stderr, reason = "a test that cannot judge says so")]
 
 mod card;
 #[cfg(all(feature = "view", unix))]

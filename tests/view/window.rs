@@ -38,7 +38,7 @@ impl Desk {
             let found = Command::new("sh").args(["-c", &format!("command -v {tool}")]).output();
             if !found.is_ok_and(|o| o.status.success()) {
                 assert!(!required, "TRISPLAT_REQUIRE_GPU=1, but {tool} is missing");
-                eprintln!("SKIPPED (no {tool})");
+                crate::skip::skipped(&format!("no {tool}"));
                 return None;
             }
         }

@@ -138,11 +138,7 @@ fn params(camera: &Camera) -> FrameParams<'static> {
 const NEAR: f32 = 0.01;
 
 /// One frame, drawn and read back.
-pub(super) fn picture(
-    card: &mut Headless,
-    model: &Model,
-    camera: &Camera,
-) -> Result<RgbImage> {
+pub(super) fn picture(card: &mut Headless, model: &Model, camera: &Camera) -> Result<RgbImage> {
     let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
     let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
     card.draw(&mut encoder, &canvas, model, &params(camera), None)?;

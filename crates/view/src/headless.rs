@@ -1,7 +1,7 @@
 //! Pictures drawn on a graphics card without a window or a display.
 
 use super::layout::VertexLayout;
-use super::model::{Model};
+use super::model::Model;
 use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};

@@ -141,9 +141,7 @@ impl Model {
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
                 Some((run, last))
-                    if run.end == faces.start
-                        && !per_chunk
-                        && self.page(*last) == self.page(i as u32) =>
+                    if run.end == faces.start && !per_chunk && self.page(*last) == self.page(i as u32) =>
                 {
                     run.end = faces.end;
                 }

@@ -240,15 +240,7 @@ mod tests {
     use crate::stress::rows::Part;
 
     fn args(cases: u64) -> StressArgs {
-        StressArgs {
-            cases,
-            seed: 1,
-            seeds: 1,
-            climb: 300,
-            worst: PathBuf::new(),
-            replay: None,
-            json: false,
-        }
+        StressArgs { cases, seed: 1, seeds: 1, climb: 300, worst: PathBuf::new(), replay: None, json: false }
     }
 
     #[test]

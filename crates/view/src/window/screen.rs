@@ -1,6 +1,6 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
-use super::super::model::{ModelGroups};
+use super::super::model::ModelGroups;
 use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
 use super::options::WindowOptions;
 use super::panel;
