@@ -3,10 +3,10 @@
 use super::Global;
 use super::bench_cost;
 use super::files;
+use super::files::Stdout;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::{Progress, thousands};
-use super::stdout::Stdout;
 use super::stress;
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -13,10 +13,10 @@ pub mod bench;
 mod bench_cost;
 pub mod capture;
 mod capture_rows;
-pub mod completions;
 pub mod eval;
 pub mod files;
 pub mod flags;
+pub mod generated;
 pub mod global;
 mod harden;
 pub mod info;
@@ -25,7 +25,6 @@ mod info_tileset;
 pub mod inputs;
 pub mod layers;
 pub mod make;
-pub mod man;
 pub mod merge;
 pub mod mesh;
 pub mod messages;
@@ -46,7 +45,6 @@ pub mod schema;
 mod settings_hint;
 mod short_help;
 mod signals;
-mod stdout;
 #[cfg(feature = "bench")]
 mod stress;
 mod suggestions;
@@ -60,7 +58,6 @@ pub mod train_progress;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;
-mod version;
 #[cfg(feature = "view")]
 pub mod view;
 

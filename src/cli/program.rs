@@ -6,9 +6,9 @@ use super::inputs::Inputs;
 #[cfg(not(all(feature = "bench", feature = "view")))]
 use super::missing;
 use super::{
-    Global, bake, bake_args, capture, completions, eval, flags, info, make, man, merge, mesh, messages,
-    numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help, signals,
-    stdout::Stdout, suggestions, train, train_args, validate, version::version,
+    Global, bake, bake_args, capture, eval, files::Stdout, flags, generated, info, make, merge, mesh,
+    messages, numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help,
+    signals, suggestions, train, train_args, validate,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -20,7 +20,7 @@ use trisplat_scene::{Error, Limits, Result};
 
 /// Turns posed photographs into triangle scenes a game engine draws as they are.
 #[derive(Debug, Parser)]
-#[command(name = "trisplat", version = &*version().leak(), max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "trisplat", version = &*generated::version().leak(), max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
     /// What is common to all commands.
     #[command(flatten)]
@@ -72,9 +72,9 @@ pub enum Command {
     /// Print a JSON Schema.
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
-    Completions(completions::CompletionsArgs),
+    Completions(generated::CompletionsArgs),
     /// Write manual pages.
-    Man(man::ManArgs),
+    Man(generated::ManArgs),
 }
 
 /// Parses the arguments of this process and runs the command.
@@ -150,8 +150,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         }
         Command::Sample(args) => sample::run(args, inputs),
         Command::Schema(args) => schema::run(args),
-        Command::Completions(args) => completions::run(args, &mut Cli::command()),
-        Command::Man(args) => man::run(args, Cli::command()),
+        Command::Completions(args) => generated::completions(args, &mut Cli::command()),
+        Command::Man(args) => generated::man(args, Cli::command()),
     }?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,6 +1,6 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from their types.
 
-use super::stdout::Stdout;
+use super::files::Stdout;
 use std::io::Write;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, BvhDetails, ChunkDetails,

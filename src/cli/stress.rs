@@ -2,8 +2,8 @@
 
 use super::Global;
 use super::files;
+use super::files::Stdout;
 use super::progress::{Progress, thousands};
-use super::stdout::Stdout;
 use std::path::Path;
 use trisplat_bench::{
     stress::case::StressCase,

@@ -1,7 +1,7 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
+use super::files::Stdout;
 use super::signals::Listener;
-use super::stdout::Stdout;
 use super::{Global, messages};
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use std::fs::File;

@@ -1,6 +1,7 @@
 //! A COLMAP model in memory, with the meaning of camera models and quaternions.
 
 use super::lens::{Distortion, Lens};
+use glam::DVec3;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
@@ -97,6 +98,21 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
         center: center.into(),
         distortion: Distortion { radial, tangential },
     })
+}
+
+/// A point of the cloud in f64.
+pub(super) struct FoundPoint {
+    pub(super) position: DVec3,
+    pub(super) rgb: [u8; 3],
+    pub(super) error: Option<f32>,
+}
+
+impl From<PointRow> for FoundPoint {
+    fn from(row: PointRow) -> Self {
+        // COLMAP writes -1 for a point that was never refined.
+        let error = (row.error >= 0.0 && row.error.is_finite()).then_some(row.error as f32);
+        Self { position: row.position, rgb: row.rgb, error }
+    }
 }
 
 #[cfg(test)]

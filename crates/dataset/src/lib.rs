@@ -13,7 +13,6 @@ mod colmap_text;
 pub mod describe;
 mod files;
 mod found;
-mod found_point;
 mod kind;
 mod lens;
 mod load;

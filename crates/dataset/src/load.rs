@@ -1,8 +1,8 @@
 //! From the path of a data set to cameras and photos: finds its reader, then does the common steps: check the
 //! photos, plan their undistortion, shrink, split.
 
+use super::colmap_model::FoundPoint;
 use super::found::{Found, FoundPhoto};
-use super::found_point::FoundPoint;
 use super::kind::DatasetKind;
 use super::lens::Lens;
 use super::options::{DatasetOptions, Masks};

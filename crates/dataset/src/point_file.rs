@@ -1,7 +1,7 @@
 //! The file of a cloud of points. It is read once for the extent of the scene and again for the points, and
 //! is never held in f64, because a city has very many points.
 
-use super::found_point::FoundPoint;
+use super::colmap_model::FoundPoint;
 use super::{colmap_binary, colmap_text, point_ply};
 use std::path::PathBuf;
 use trisplat_scene::{Limits, Result};

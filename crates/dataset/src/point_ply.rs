@@ -1,6 +1,6 @@
 //! The point cloud beside a `transforms.json`: a PLY file of coloured points.
 
-use super::found_point::FoundPoint;
+use super::colmap_model::FoundPoint;
 use glam::DVec3;
 use std::path::Path;
 use trisplat_formats::{

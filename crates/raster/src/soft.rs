@@ -22,7 +22,6 @@ mod skipped;
 mod slabs;
 mod slots;
 pub(crate) mod sort;
-mod soup_grad;
 mod soup_ref;
 mod splat_sums;
 mod splats;
@@ -34,8 +33,7 @@ pub use frame::{Frame, FrameGrad};
 pub use importance::Importance;
 pub use options::{SoftOptions, Sort, Window};
 pub use skipped::SoftWork;
-pub use soup_grad::SoupGrad;
-pub use soup_ref::SoupRef;
+pub use soup_ref::{SoupGrad, SoupRef};
 pub use tile_grid::{MARGIN, TILE, tile_count};
 
 use forward::Slab;

@@ -2,15 +2,11 @@
 //! a budget, each with several seeds; photos of the training set that are left out say how close each comes.
 
 mod advice;
-mod args;
 mod band;
 mod cell;
 mod grid;
-mod report;
 mod run;
 
 pub use advice::CostAdvice;
-pub use args::CostArgs;
 pub use cell::{CostCell, CostRun};
-pub use report::CostReport;
-pub use run::{CostEvent, run};
+pub use run::{CostArgs, CostEvent, CostReport, run};

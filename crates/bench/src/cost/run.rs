@@ -1,19 +1,19 @@
-//! Trains the grid.
+//! What `trisplat bench cost` is asked for, the training of its grid, and its report.
 
 use super::advice::CostAdvice;
-use super::args::CostArgs;
 use super::cell::{CostCell, CostRun, compare};
 use super::grid::Grid;
-use super::report::CostReport;
 use crate::machine::Machine;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow::Continue;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use trisplat_dataset::{
-    Dataset, ShrunkSize,
+    Dataset, DatasetOptions, ShrunkSize,
     synthetic::{self, SyntheticOptions},
 };
 use trisplat_job::{TrainJob, watched};
-use trisplat_scene::{Error, Result, process::cpu_secs};
+use trisplat_scene::{Error, Result, Seconds, process::cpu_secs};
 use trisplat_train::TrainOptions;
 
 /// What happens while the grid is measured.
@@ -95,4 +95,54 @@ fn train(args: &CostArgs, photos: &Dataset, options: TrainOptions) -> Result<Cos
         psnr: of(quality.map(|quality| quality.psnr)),
         ssim: of(quality.map(|quality| quality.ssim)),
     })
+}
+
+/// What to measure.
+#[derive(Debug, Clone, clap::Args)]
+pub struct CostArgs {
+    /// Posed photos; without them a synthetic scene is made, whose photos are exact.
+    #[arg(value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
+    /// CPU time that the dearest training may take, as in 90s or 10m. All trainings together take about 20 times as long.
+    #[arg(long, value_name = "TIME", default_value = "30s")]
+    pub budget: Seconds,
+    /// Steps to try, ascending [default: 250, 500, 1000, and so on].
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
+    pub steps: Vec<u64>,
+    /// Most triangles to try, ascending [default: 3000, 10000, 30000, and so on].
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(8..=1_000_000_000))]
+    pub max_triangles: Vec<u64>,
+    /// Trainings of each, with seeds 0, 1, 2, and so on; one alone has no band of confidence.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=99))]
+    pub seeds: u64,
+    /// Print the report as JSON (schema: trisplat schema cost).
+    #[arg(long)]
+    pub json: bool,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+/// What `trisplat bench cost --json` prints.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(title = "trisplat cost report")]
+pub struct CostReport {
+    /// Where it was measured.
+    #[serde(flatten)]
+    pub machine: Machine,
+    /// The data set as given, or "synthetic".
+    pub dataset: String,
+    /// The size that the photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub photo_size: Option<ShrunkSize>,
+    /// Photos that were trained on.
+    pub photos: u64,
+    /// Photos of the training set that were left out, and measured with. Held-out photos are not looked at.
+    pub watched: Vec<String>,
+    /// CPU seconds that the dearest training was to take at most.
+    pub budget: f64,
+    /// The grid, in the order in which it was trained.
+    pub cells: Vec<CostCell>,
+    /// What it says.
+    pub advice: CostAdvice,
 }
