@@ -172,7 +172,6 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::View(args) => Some(&mut args.dataset_options),
         #[cfg(feature = "bench")]
         Command::Bench(args) => match &mut args.bench {
-            bench::BenchCommand::Fidelity(args) => Some(&mut args.dataset_options),
             bench::BenchCommand::Cost(args) => Some(&mut args.dataset_options),
             #[cfg(feature = "gpu")]
             bench::BenchCommand::Fps(args) => Some(&mut args.dataset_options),

@@ -1,7 +1,6 @@
 //! A COLMAP model in memory, with the meaning of camera models and quaternions.
 
 use super::lens::{Distortion, Lens};
-use glam::DVec3;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
