@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use std::path::Path;
 use trisplat_dataset::PhotoTruth;
-use trisplat_scene::image::RgbImage;
+use trisplat_scene::image::{Image, RgbImage};
 
 /// Writes the photos of the sample into `folder` as a phone would have taken them from the same places, with the sample's poses. Returns
 /// what was done, photo by photo in order of name.
@@ -26,7 +26,9 @@ pub(crate) fn phone_sample(folder: &Path) -> Vec<PhotoTruth> {
     let count = names.len() as u32;
     let photo = |(index, name): (u32, String)| {
         let path = Path::new("images").join(&name);
-        let scene = RgbImage::load(&sample.join(&path)).unwrap().to_image();
+        let scene = RgbImage::load(&sample.join(&path)).unwrap();
+        let pixels = scene.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))).collect();
+        let scene = Image { size: scene.size, pixels };
         let truth = PhotoTruth::new(0, index, count, name, (DMat3::IDENTITY, DVec3::ZERO));
         truth.take(0, index, &scene).to_pixels().save_png(folder.join(&path)).unwrap();
         truth

@@ -67,12 +67,6 @@ impl RgbImage {
         Self { size, rgb: rgb.iter().map(|p| p.map(code)).collect(), alpha: None }
     }
 
-    /// The picture as floats in [0, 1]; alpha is left out.
-    pub fn to_image(&self) -> Image {
-        let pixels = self.rgb.iter().map(|p| p.map(|c| f32::from(c) * (1.0 / 255.0))).collect();
-        Image { size: self.size, pixels }
-    }
-
     /// Bytes it takes in memory.
     pub fn bytes(&self) -> u64 {
         self.rgb.len() as u64 * 3 + self.alpha.as_ref().map_or(0, |a| a.len() as u64)

@@ -134,18 +134,6 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)), orbit: None }
 }
 
-/// The camera of a viewpoint for a picture of `size`, which shows the subject even if narrow.
-pub fn camera_for(viewpoint: &Viewpoint, size: UVec2) -> Camera {
-    let camera = viewpoint.camera(size);
-    let Some(radius) = viewpoint.radius else { return camera };
-    let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
-    let half_width = size.x as f32 / (2.0 * camera.focal.x);
-    // The view in a picture with a photo's proportions suffices.
-    let usual = size.y as f32 / (2.0 * camera.focal.y) * USUAL_ASPECT;
-    let shrink = half_width / half_width.max(needed.min(usual));
-    Camera { focal: camera.focal * shrink, ..camera }
-}
-
 /// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
 /// viewpoint's lens.
 pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
@@ -158,8 +146,6 @@ pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
 
 /// Widest lens for a narrow picture: the sine of half its angle.
 const MOST_SINE: f32 = 0.85;
-/// Ratio of a photo's width to its height.
-const USUAL_ASPECT: f32 = 4.0 / 3.0;
 
 #[cfg(test)]
 mod tests {
@@ -239,7 +225,7 @@ mod tests {
     fn a_narrow_picture_holds_the_subject_too() {
         let chosen = of(&ball(), &[]);
         for size in [UVec2::new(390, 844), UVec2::new(844, 390), UVec2::new(400, 300)] {
-            let camera = camera_for(&chosen.viewpoint, size);
+            let camera = camera_holding(&chosen.viewpoint, size);
             assert!(ball().iter().flatten().all(|p| camera.frames(*p)), "{size}");
         }
     }
