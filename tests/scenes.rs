@@ -3,6 +3,4 @@
 mod bake;
 mod common;
 mod scale;
-#[path = "common/skip.rs"]
-mod skip;
 mod surface;

@@ -3,7 +3,7 @@
 use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, bvh, chunk};
 use trisplat_formats::{
     ReadOptions, Source,

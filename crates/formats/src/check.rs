@@ -3,7 +3,7 @@
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
 //! finding, with their number and the first few places.
 
-mod tileset;
+mod tile_tree;
 mod triangles;
 
 pub use trisplat_exchange::findings::{Finding, Severity};
@@ -14,7 +14,7 @@ use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use tileset::CheckedTile;
+use tile_tree::CheckedTile;
 use trisplat_exchange::findings::{Findings, Positions};
 use trisplat_exchange::{Format, ReadOptions, Source, foreign};
 use trisplat_gltf::{self as gltf, document_json};
@@ -62,7 +62,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
                 let format = detect(&mut source)?;
                 check_file(tile, format, source, options)
             };
-            let triangles = tileset::check(
+            let triangles = tile_tree::check(
                 path,
                 &json,
                 (&options.limits, options.allow_outside),

@@ -4,11 +4,11 @@
 //! Gaussian and tile for the rows that are being drawn, one per thread.
 
 mod draw;
+mod ellipse;
 mod options;
 #[cfg(test)]
 mod oracle;
-mod project;
-mod rows;
+mod tile_rows;
 
 pub use options::GaussianOptions;
 
@@ -27,8 +27,8 @@ pub fn draw_and_weigh(
     options: &GaussianOptions,
     weights: Option<&mut [f32]>,
 ) -> Frame {
-    let projected = project::all(splats, camera, options);
-    let order = project::front_to_back(&projected);
-    let rows = rows::bin(&projected, &order, camera.size);
+    let projected = ellipse::all(splats, camera, options);
+    let order = ellipse::front_to_back(&projected);
+    let rows = tile_rows::bin(&projected, &order, camera.size);
     draw::frame(&projected, &rows, camera.size, options, weights)
 }

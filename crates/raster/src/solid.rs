@@ -20,7 +20,7 @@
 mod barycentric;
 mod bin;
 mod bins;
-mod clip;
+mod clipped;
 mod fill;
 mod hidden;
 mod keys;

@@ -1,8 +1,8 @@
 //! Blends the ellipses of every tile front to back, a line of sixteen pixels at once.
 
+use super::ellipse::Ellipse;
 use super::options::{ALPHA_CAP, GaussianOptions, LOG2_CUTOFF, MIN_TRANSMITTANCE};
-use super::project::Ellipse;
-use super::rows::Rows;
+use super::tile_rows::Rows;
 use crate::kernel::composite;
 use crate::soft::{Frame, TILE};
 use glam::{UVec2, Vec2};

@@ -4,7 +4,7 @@ use super::bins::{
     Batch, LargeTriangle, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TinyTriangle, extent,
     samples_between, tile_count,
 };
-use super::clip;
+use super::clipped;
 use super::hidden::TileDepths;
 use super::projector::{GUARD, Projector, snap_group};
 use glam::Vec3;
@@ -76,7 +76,7 @@ impl Work for BinFaces<'_> {
                 match group.action[lane] {
                     Action::DRAW => out.insert(&group.snapped(lane), face as u32),
                     Action::CLIP => {
-                        clip::clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
+                        clipped::clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
                     }
                     _ => {}
                 }

@@ -7,7 +7,7 @@
 //! source, and constants from their Rust twins. Nothing is summed by float atomics, so the same seed gives
 //! the same bits on the same card. Parameters and moments stay on the card between `load` and `store`.
 
-mod backend;
+mod gpu_backend;
 mod job;
 mod limits;
 mod ordering;
@@ -25,7 +25,7 @@ mod step_passes;
 mod uniform;
 mod work;
 
-pub(super) use backend::expected_bytes;
-pub use backend::{GpuBackend, StepTimes};
+pub(super) use gpu_backend::expected_bytes;
+pub use gpu_backend::{GpuBackend, StepTimes};
 pub use limits::GpuLimits;
 pub use picture::CardScene;

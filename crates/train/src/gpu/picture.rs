@@ -1,6 +1,6 @@
 //! Pictures of a scene on the card: the passes of a step up to the frame.
 
-use super::backend::GpuBackend;
+use super::gpu_backend::GpuBackend;
 use super::limits::GpuLimits;
 use super::pending_step::{first_counts, missing_capacity};
 use super::step_buffers::StepCapacity;

@@ -1,6 +1,6 @@
 //! The tiles that ellipses touch, by rows of tiles.
 
-use super::project::Ellipse;
+use super::ellipse::Ellipse;
 use crate::soft::{MARGIN, TILE, tile_count};
 use glam::UVec2;
 use rayon::prelude::*;
