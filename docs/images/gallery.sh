@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the pictures of docs/gallery.md: a photo, the same view of the file as `trisplat render` draws it, and its wires.
+# Makes the pictures of docs/gallery.md: a photo, or a drawing of the Gaussians, the same view of the file as `trisplat render` draws it, and its wires.
 # Usage: docs/images/gallery.sh TRISPLAT DATA FILES   (with ImageMagick)
 # DATA holds the data sets `banana` and `beach`, and splats.ply, Gaussians trained on `banana`. Files that are in the folder FILES are taken as
 # they are, others made by the commands of the page, in three minutes of CPU time for all.
@@ -19,7 +19,12 @@ scene() {
     for show in color wires; do
         "$trisplat" render "$files/$name.glb" --dataset "$dataset" --show $show -q -o "$folder/${name}_$show"
     done
-    convert "$dataset/images/$photo" "$folder/${name}_color/${photo%.*}.png" "$folder/${name}_wires/${photo%.*}.png" \
+    local left=$dataset/images/$photo
+    if [ "$name" = splats ]; then
+        "$trisplat" render "$data/splats.ply" --dataset "$dataset" -q -o "$folder/left"
+        left=$folder/left/${photo%.*}.png
+    fi
+    convert "$left" "$folder/${name}_color/${photo%.*}.png" "$folder/${name}_wires/${photo%.*}.png" \
         -resize 400x -background white -splice 6x0+0+0 +append -chop 6x0+0+0 -quality 80 "docs/images/gallery-$name.jpg"
 }
 scene bananas "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s

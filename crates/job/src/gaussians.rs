@@ -7,8 +7,8 @@ use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::{Dataset, DatasetOptions, View, exposure::ExposureUse};
-use trisplat_scene::math::evenly_spaced::evenly_spaced;
-use trisplat_scene::{Error, ImportedSplats, Result, Soup, camera::Camera, placed};
+use trisplat_scene::math::{evenly_spaced::evenly_spaced, median::median};
+use trisplat_scene::{Error, ImportedSplats, Result, SceneNormalization, Soup, camera::Camera, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
@@ -17,8 +17,8 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
-/// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
-const CALM: f64 = 0.5;
+/// Rate of the corners at first, as a share of the usual size of the first triangles, which lie about right, and at most that with photos.
+const STRIDE: f64 = 0.1;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -96,13 +96,11 @@ pub(super) fn solid(
         options.exposure = ExposureUse::Off;
     }
     let surroundings = teacher.shows_surroundings();
-    if surroundings {
-        options.rates.vertices *= CALM;
-    }
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
+    options.rates.vertices = options.rates.vertices.min(STRIDE * usual_size(&first, &cameras));
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();
@@ -111,6 +109,15 @@ pub(super) fn solid(
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
     Ok(Hardened { scene, pictures, stage })
+}
+
+/// The median of the roots of the triangles' areas, in units of training space.
+fn usual_size(triangles: &Soup, cameras: &[Camera]) -> f64 {
+    let middles: Vec<Vec3> = triangles.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+    let size = |[a, b, c]: &[Vec3; 3]| (0.5 * (*b - *a).cross(*c - *a).length()).sqrt();
+    let sizes = triangles.vertices.iter().map(size).collect();
+    let usual = median(sizes, f32::total_cmp).unwrap_or(0.0);
+    f64::from(usual * SceneNormalization::new(cameras, &middles).scale)
 }
 
 /// The shell behind the `first` triangles, as `views` show it: what lies far behind few viewpoints would else be painted close in front of
@@ -125,7 +132,8 @@ impl Effort {
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
         let stand_in = splats.stand_in();
         let stored = self.chosen(&stand_in.cameras);
-        let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored);
+        let sizes = (self.pictures, self.longer_px);
+        let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
         let mut found = found.ok_or_else(|| shows_nothing(path))?;
         if found.kind != ViewpointKind::Stored {
             // The most telling ones come first.

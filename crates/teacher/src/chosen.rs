@@ -4,6 +4,7 @@
 //! the set that sees more of the scene's triangles wins. Triangles that no good candidate sees are ignored,
 //! because a scene is only valid where it was photographed.
 
+use super::framed;
 use super::photographed;
 use super::survey::{Survey, ViewCoverage, camera};
 use glam::Vec3;
@@ -71,12 +72,18 @@ impl Search {
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }
 
-    /// The same for Gaussians in whose place the scene has triangles.
-    pub(super) fn of_splats(mut self, splats: &Splats) -> Option<Chosen> {
+    /// The same for Gaussians in whose place the scene has triangles: around an object at most `count`, with pictures of `longer_px`.
+    pub(super) fn of_splats(mut self, splats: &Splats, count: usize, longer_px: u32) -> Option<Chosen> {
         let Unit { middle, length, reach } = self.unit;
-        let around = around(reach, self.up, true).iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
+        let (up, from) = (self.up, around(reach, self.up, true));
+        let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !photographed::surround(splats, &around, middle, reach * length) {
-            return self.viewpoints();
+            let chosen = self.viewpoints()?;
+            if chosen.inside {
+                return Some(chosen);
+            }
+            let cameras = framed::around(splats, up, count, longer_px);
+            return Some(Chosen { cameras, ..chosen }).filter(|chosen| !chosen.cameras.is_empty());
         }
         let places = photographed::places(splats, length, self.up);
         let view = |place: &Camera| {
@@ -206,7 +213,7 @@ fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
 }
 
 /// One of `count` directions that are spread evenly over the sphere.
-fn direction(i: usize, count: usize) -> Vec3 {
+pub(super) fn direction(i: usize, count: usize) -> Vec3 {
     const GOLDEN_ANGLE: f32 = 2.399_963;
     let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
     let (sin, cos) = (i as f32 * GOLDEN_ANGLE).sin_cos();

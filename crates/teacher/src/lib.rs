@@ -10,6 +10,7 @@ mod chosen;
 pub mod dataset;
 mod drawing;
 mod filled;
+mod framed;
 mod gaussians;
 mod photographed;
 mod stored;

@@ -47,11 +47,16 @@ impl Viewpoints {
     }
 
     /// Those of Gaussians, the most telling first: all `stored` cameras, or chosen ones; `stand_in` has triangles in the place of the Gaussians.
-    /// Chosen cameras around an object look at it from all sides, from below too, unless the scene knows where up is. `None` where nothing is
-    /// seen.
-    pub fn of_splats(splats: &Splats, stand_in: &ImportedScene, stored: &[Camera]) -> Option<Self> {
+    /// Around an object `count` cameras are chosen, which look at it from all sides, from below too, and have pictures of `longer_px` that it
+    /// fills. `None` where nothing is seen.
+    pub fn of_splats(
+        splats: &Splats,
+        stand_in: &ImportedScene,
+        stored: &[Camera],
+        (count, longer_px): (usize, u32),
+    ) -> Option<Self> {
         match stored.is_empty() {
-            true => Some(Self::of_chosen(Search::new(stand_in, true)?.of_splats(splats)?)),
+            true => Some(Self::of_chosen(Search::new(stand_in, true)?.of_splats(splats, count, longer_px)?)),
             false => Some(Self { kind: ViewpointKind::Stored, cameras: stored.to_vec() }),
         }
     }
