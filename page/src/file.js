@@ -1,5 +1,5 @@
 // The scene inside the page: base64 blocks, each decoded as soon as the browser has read it, into one GLB.
-import { Mesh } from 'three';
+import { EquirectangularReflectionMapping, Mesh, SRGBColorSpace, TextureLoader } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js';
 
@@ -24,7 +24,7 @@ export class SceneFile {
     this.#report((0.5 * this.#end) / this.#bytes.length);
   }
 
-  /** The scene, its meshes and its initial viewpoint, once all blocks are there. Can be called once. */
+  /** The scene, its meshes, its initial viewpoint and the panorama behind it, once all blocks are there. Can be called once. */
   async meshes() {
     const bytes = this.#bytes;
     this.#bytes = null;
@@ -39,7 +39,7 @@ export class SceneFile {
     const meshes = [];
     scene.traverse((node) => node instanceof Mesh && meshes.push(node));
     this.#report(1);
-    return { scene, meshes, viewpoint: asset.extras?.viewpoint ?? null };
+    return { scene, meshes, viewpoint: asset.extras?.viewpoint ?? null, sky: await panorama() };
   }
 
   // One array after the other, yielding to the event loop in between, so that the bar moves and the page responds.
@@ -63,6 +63,17 @@ export class SceneFile {
       decodeGltfBufferAsync: (...task) => (queue = queue.then(() => one(...task))),
     };
   }
+}
+
+/** The surroundings, or null: `--backdrop sky` puts them into a block of their own. */
+async function panorama() {
+  const block = document.getElementById('sky');
+  if (!block) return null;
+  const sky = await new TextureLoader().loadAsync(`data:${block.type},${block.textContent}`);
+  block.remove();
+  sky.mapping = EquirectangularReflectionMapping;
+  sky.colorSpace = SRGBColorSpace;
+  return sky;
 }
 
 /** Length of a GLB in bytes, from its header. */

@@ -38,9 +38,9 @@ async function open() {
   demandWebGL();
   const canvas = element('picture');
   const renderer = new Renderer(canvas, requested.ssaa ?? GRID, `#${requested.background ?? BACKGROUND}`);
-  const { scene, meshes, viewpoint } = await file.meshes();
+  const { scene, meshes, viewpoint, sky } = await file.meshes();
   const bounds = boundsOf(meshes);
-  renderer.show(scene);
+  renderer.show(scene, sky);
   renderer.resize();
   renderer.camera.near = requested.near ?? 1e-3 * bounds.radius;
   renderer.camera.far = 1e3 * bounds.reach;

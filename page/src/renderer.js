@@ -56,8 +56,10 @@ export class Renderer {
     return this.#size[1];
   }
 
-  show(scene) {
+  /** Shows a scene before a panorama, if there is one. */
+  show(scene, sky) {
     this.#scene.add(scene);
+    this.#scene.background = sky;
   }
 
   /** Fits the picture to the window; true when its size changed. */

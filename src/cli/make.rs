@@ -10,7 +10,7 @@ use super::signals;
 use super::terminal::Terminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use trisplat_bake::BakeOptions;
+use trisplat_bake::{BackdropOptions, BakeOptions, CropOptions};
 use trisplat_capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
@@ -59,6 +59,12 @@ pub struct MakeArgs {
     /// Write the results of every step as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    /// What is kept.
+    #[command(flatten)]
+    pub crop_options: CropOptions,
+    /// What stands behind it.
+    #[command(flatten)]
+    pub backdrop_options: BackdropOptions,
     /// Photos and poses.
     #[command(flatten)]
     pub capture: CaptureOptions,
@@ -75,6 +81,7 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
     let mut bake = BakeOptions::default();
     bake.output.target = args.target;
+    (bake.crop, bake.backdrop) = (args.crop_options.clone(), args.backdrop_options.clone());
     let mut outputs = guard(args, inputs, bake.clone(), &page)?;
     let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
     if let Some(work) = &args.work {

@@ -5,10 +5,13 @@ use clap::{Arg, Command};
 
 /// Commands whose flags do not fit one screen, and the fields that `-h` shows.
 const SHOWN: &[(&str, &str)] = &[
-    ("make", "output force budget work page target max_triangles frames poses report max_size masks"),
+    (
+        "make",
+        "output force budget work page target max_triangles crop backdrop frames poses report max_size masks",
+    ),
     (
         "bake",
-        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop up scale_by config sets",
+        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop backdrop up scale_by config sets",
     ),
     ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
     (

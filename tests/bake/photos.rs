@@ -55,7 +55,7 @@ fn unseen(
 }
 
 /// Triangles of some size around the origin, with a colour per corner.
-fn scene() -> Mesh {
+pub(super) fn scene() -> Mesh {
     let place =
         |i: u64| Vec3::new((i % 5) as f32 - 2.0, (i / 5 % 5) as f32 - 2.0, (i / 25) as f32 - 1.5) * 0.5;
     let positions: Vec<Vec3> = (0..100).flat_map(|i| random_triangle(i, place(i), 0.5)).collect();
@@ -65,7 +65,7 @@ fn scene() -> Mesh {
 }
 
 /// The same triangles, all of one grey.
-fn grey(mesh: &Mesh) -> Mesh {
+pub(super) fn grey(mesh: &Mesh) -> Mesh {
     Mesh { colors: Colors::Face(vec![[0.2; 3]; mesh.face_count()]), ..mesh.clone() }
 }
 
@@ -82,7 +82,7 @@ fn camera(view: usize) -> Camera {
 }
 
 /// Photographs `mesh` into a data set on disk, as finely sampled as photos are; `develop` may change a photo.
-fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
+pub(super) fn photograph(mesh: &Mesh, develop: impl Fn(usize, RgbImage) -> RgbImage) -> (TempDir, Dataset) {
     photograph_at(mesh, 4, develop)
 }
 
@@ -117,7 +117,7 @@ fn load(folder: &Path) -> Dataset {
     Dataset::load(folder, &DatasetOptions { test_every: 0, ..DatasetOptions::default() }).unwrap()
 }
 
-fn views(dataset: &Dataset) -> Views {
+pub(super) fn views(dataset: &Dataset) -> Views {
     Views::new(dataset, &DatasetOptions::default())
 }
 

@@ -57,13 +57,16 @@ namespace UnityEngine
         public Color32[] colors32 { get; set; } = { };
         public int[] triangles { get; set; }
     }
-    public class Shader : Object { }
+    public class Texture : Object { }
+    public class Shader : Object { public static Shader Find(string name) => new Shader { name = name }; }
+    public static class RenderSettings { public static Material skybox; }
     public class Material : Object
     {
         internal readonly Dictionary<string, float> floats = new Dictionary<string, float>();
         public Material(Shader shader) => this.shader = shader;
         public Shader shader { get; }
         public void SetFloat(string name, float value) => floats[name] = value;
+        public void SetTexture(string name, Texture value) => throw new NotImplementedException();
     }
     public static class JsonUtility
     {

@@ -8,6 +8,14 @@
 //!
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
+mod fill;
+mod known;
+mod panorama;
+mod sky;
+mod surface;
+
+pub(super) use sky::{Sky, take_sky};
+
 use super::views::Views;
 use glam::Vec3;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
@@ -44,6 +52,8 @@ pub enum BackdropWhen {
     Sphere,
     /// Always with photos, in a file of its own: OUT.backdrop.glb
     File,
+    /// Always with photos, as a panorama for the sky of an engine: OUT.sky.jpg
+    Sky,
     /// Never; a backdrop of the input is removed
     Off,
 }

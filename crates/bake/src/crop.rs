@@ -1,11 +1,13 @@
-//! Keeps a region of the scene: a box, a sphere, or what cameras have in view.
+//! Keeps a region of the scene: a box, a sphere, what cameras have in view, or the subject.
 //!
 //! It comes first, so that a budget of triangles is spent on the region.
+
+mod subject;
 
 use glam::DVec3;
 use rayon::prelude::*;
 use trisplat_scene::{
-    Error, Region, Result, Scene,
+    Error, Region, Result, Scene, UpAxis,
     camera::Camera,
     report::{Outcome, StageDetails},
 };
@@ -16,8 +18,8 @@ use trisplat_scene::{
 #[serde(deny_unknown_fields, default)]
 pub struct CropOptions {
     /// Keep only triangles whose centroid is in a region, in the coordinates of the input: a box
-    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, or seen:K, the view of at least K cameras (of `--dataset` or
-    /// the file). Given several times: in all of them
+    /// X0,Y0,Z0,X1,Y1,Z1, a sphere X,Y,Z,RADIUS, seen:K, the view of at least K cameras (of `--dataset` or
+    /// the file), or subject, the object that the cameras look at, with the origin under it. Given several times: in all of them
     #[cfg_attr(feature = "cli", arg(long, value_name = "REGION", allow_hyphen_values = true))]
     #[schemars(with = "Vec<String>")]
     pub crop: Vec<Region>,
@@ -26,6 +28,11 @@ pub struct CropOptions {
 impl CropOptions {
     /// Keeps everything.
     pub const DEFAULT: Self = Self { crop: Vec::new() };
+
+    /// Whether only the subject is kept.
+    pub(crate) fn is_subject(&self) -> bool {
+        self.crop.contains(&Region::Subject)
+    }
 }
 
 /// What cropping dropped.
@@ -39,12 +46,13 @@ impl StageDetails for CropDetails {
     const STAGE: &'static str = "crop";
 }
 
-/// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame.
+/// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame; `up` is that of its file, if it names one.
 ///
 /// Errors: a region by cameras without cameras; nothing left.
 pub(crate) fn crop(
     scene: &mut Scene,
     cameras: &[Camera],
+    up: Option<UpAxis>,
     options: &CropOptions,
     details: &mut CropDetails,
 ) -> Result<Outcome<()>> {
@@ -57,7 +65,14 @@ pub(crate) fn crop(
         return Err(Error::invalid("crop", words(), wants));
     }
     let total = scene.triangle_count();
-    let inside = |i: usize| is_inside(scene, i, cameras, options);
+    let of_subject = match options.is_subject() {
+        true => subject::subject(scene, cameras, up).ok_or_else(|| {
+            Error::invalid("crop", words(), "a scene in which one thing stands out, or a box or a sphere")
+        })?,
+        false => Vec::new(),
+    };
+    let inside =
+        |i: usize| of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene, i, cameras, options);
     let keep: Vec<bool> = (0..total).into_par_iter().with_min_len(1 << 12).map(inside).collect();
     let kept = keep.iter().filter(|keep| **keep).count();
     if kept == 0 {
@@ -97,10 +112,10 @@ mod tests {
         let crops = regions.iter().map(|text| text.parse().expect(text)).collect();
         let options = CropOptions { crop: crops };
         let (mut scene, mut details) = (row(10), CropDetails::default());
-        let first = crop(&mut scene, cameras, &options, &mut details)?;
+        let first = crop(&mut scene, cameras, None, &options, &mut details)?;
         let dropped = 10 - scene.triangle_count() as u64;
         assert_eq!((first == Outcome::Changed(()), details.outside), (dropped > 0, dropped));
-        let again = crop(&mut scene, cameras, &options, &mut CropDetails::default())?;
+        let again = crop(&mut scene, cameras, None, &options, &mut CropDetails::default())?;
         assert!(matches!(again, Outcome::Skipped(_)));
         Ok(scene.triangle_count())
     }

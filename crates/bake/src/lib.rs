@@ -65,7 +65,7 @@ pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use collision::{CollisionDetails, CollisionOptions, collision};
 pub use color::{ColorDetails, color};
 pub use counts::count;
-pub use crop::CropDetails;
+pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
 pub use exposure::ExposureDetails;
 pub use lit::{Lit, LitDetails, LitOptions, lit};

@@ -123,7 +123,8 @@ pub fn mesh(
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
-        how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &options.place, details);
+        let wanted = options.place.under(options.crop.is_subject());
+        how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &wanted, details);
         place(mesh, &mut provenance, how, details)
     })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));
@@ -151,8 +152,9 @@ fn cropped(
     observer: StageObserver<'_>,
 ) -> Result<ImportedScene> {
     let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
-    let scene = report
-        .stage(observer, scene, count, |scene, details| crop(scene, cameras, &options.crop, details))?;
+    let scene = report.stage(observer, scene, count, |scene, details| {
+        crop(scene, cameras, provenance.up, &options.crop, details)
+    })?;
     Ok(ImportedScene { scene, provenance, warnings, cameras: stored })
 }
 

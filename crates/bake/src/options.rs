@@ -187,6 +187,7 @@ impl BakeOptions {
             bvh: self.bvh.bvh,
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
+            sky: self.backdrop.backdrop == BackdropWhen::Sky,
             collision: self.collision.collision,
             texture: self.texture.is_wanted(),
         };

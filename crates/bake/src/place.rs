@@ -62,6 +62,11 @@ impl PlaceOptions {
     pub const DEFAULT: Self =
         Self { up: UpChoice::Auto, rotate: 0.0, scale: 1.0, scale_by: None, center: false, ground: false };
 
+    /// The same with the origin under the scene, if it is only a subject.
+    pub(crate) fn under(&self, subject: bool) -> Self {
+        Self { center: self.center || subject, ground: self.ground || subject, ..self.clone() }
+    }
+
     /// Checks ranges.
     pub fn validate(&self) -> Result<()> {
         ranges::check(self, Called::ByFlag)?;

@@ -3,7 +3,7 @@
 mod package;
 
 use super::arrange::arrange;
-use super::backdrop::{BackdropWhen, backdrop, keep_backdrop};
+use super::backdrop::{BackdropWhen, Sky, backdrop, keep_backdrop, take_sky};
 use super::background::{BackgroundDetails, BackgroundFrom, background};
 use super::collision::collision;
 use super::color::color;
@@ -51,6 +51,8 @@ pub(super) struct Recipe<'a> {
     facing: Option<Arc<Mesh>>,
     /// The backdrop of the input, then that of the output before placement.
     backdrop: Option<Mesh>,
+    /// What replaces it, if that is asked for.
+    sky: Sky,
     /// The scene's placement, which its levels share.
     placement: Option<Placement>,
     /// The first viewpoint, in the frame of the file.
@@ -77,6 +79,7 @@ impl<'a> Recipe<'a> {
             watching,
             facing,
             backdrop,
+            sky: Sky::default(),
             placement,
             viewpoint: None,
         }
@@ -164,7 +167,15 @@ impl<'a> Recipe<'a> {
         // From the finished scene: tiles hold final triangles.
         let collision = collision.map(|mesh| self.placed(mesh));
         let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
-        let (asset, options) = (Asset { levels, collision, backdrop_apart, ..asset }, &self.options.tiles);
+        let mut asset = Asset { levels, collision, backdrop_apart, ..asset };
+        if self.options.backdrop.backdrop == BackdropWhen::Sky {
+            let placement = self.placement.unwrap_or_default();
+            if !take_sky(&mut asset, std::mem::take(&mut self.sky), &placement) {
+                let warning = "no sky is written: it needs photos (`dataset`), or a scene with a shell";
+                self.report.warnings.push(warning.to_owned());
+            }
+        }
+        let options = &self.options.tiles;
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
@@ -231,9 +242,9 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
-        let mut scene = self
-            .report
-            .stage(self.observer, scene, count, |scene, details| crop(scene, seen_by, options, details))?;
+        let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
+            crop(scene, seen_by, provenance.up, options, details)
+        })?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
             && !options.crop.is_empty()
         {
@@ -432,7 +443,10 @@ impl<'a> Recipe<'a> {
     /// to the sphere.
     fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
         let options = &self.options.backdrop;
-        let (given, views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
+        let (given, mut views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
+        if options.backdrop == BackdropWhen::Sky {
+            self.sky = Sky::behind(&mesh, given.as_ref(), views.as_deref_mut(), &self.watching)?;
+        }
         let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
         self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
             _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),

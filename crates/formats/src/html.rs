@@ -3,6 +3,7 @@
 //! ```text
 //! <!doctype html><!-- trisplat page 1 -->
 //! ... style, viewer (page/ in the repository) ...
+//! <script type="image/jpeg;base64" id="sky">...</script>    with a panorama in place of a backdrop
 //! <script type="model/gltf-binary;base64">...</script><script>trisplat.block()</script>    one line per block
 //! ...
 //! ```
@@ -27,7 +28,7 @@ const BLOCK_BYTES: usize = 3 << 20;
 /// Longer lines do not belong to this format.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
-/// Writes the page of `asset` and returns what was written; `path` is for messages.
+/// Writes the page of `asset`, with its `sky` as an encoded picture, and returns what was written; `path` is for messages.
 ///
 /// # Errors
 /// As [`gltf::write_glb`].
@@ -36,6 +37,7 @@ pub(crate) fn write(
     path: &Path,
     title: &str,
     asset: &Asset,
+    sky: Option<&EncodedPicture>,
     options: &GltfOptions,
 ) -> Result<Written> {
     let io = |e| Error::io(path, e);
@@ -43,12 +45,23 @@ pub(crate) fn write(
     let head =
         head.replace("@TITLE@", &escaped(title)).replace("@GENERATOR@", &trisplat_scene::report::generator());
     out.write_all(head.as_bytes()).map_err(io)?;
+    if let Some(EncodedPicture { mime, bytes }) = sky {
+        let text = BASE64.encode(bytes);
+        writeln!(out, "<script type=\"{mime};base64\" id=\"sky\">{text}</script>").map_err(io)?;
+    }
     let mut blocks = BlockWriter { out, pending: Vec::with_capacity(BLOCK_BYTES), text: String::new() };
     let written = gltf::write_glb(&mut blocks, path, asset, options)?;
     blocks.end().map_err(io)?;
     out.write_all(tail.as_bytes()).map_err(io)?;
     out.flush().map_err(io)?;
     Ok(written)
+}
+
+/// A picture as a file holds it.
+pub(crate) struct EncodedPicture {
+    /// "image/jpeg" or "image/png".
+    pub(crate) mime: &'static str,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// Text escaped for HTML, in elements and attributes.

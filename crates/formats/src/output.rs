@@ -17,6 +17,7 @@ use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},
+    image::RgbImage,
     ranges::{self, Called},
     report::{Outcome, OutputReport, Report, StageDetails, StageObserver},
 };
@@ -181,6 +182,8 @@ pub struct Output {
     bvh: Option<PathBuf>,
     /// Name of the scene's node, if the format has nodes.
     node: &'static str,
+    /// The panorama in place of a backdrop.
+    sky: Option<PathBuf>,
     /// The file of the backdrop, if separate.
     backdrop: Option<Box<Output>>,
     /// The file of the collider, if separate.
@@ -238,6 +241,7 @@ impl Output {
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
             bvh: bvh.then(|| path.with_extension("bvh")),
             node: SCENE_NODE,
+            sky: None,
             backdrop: None,
             collision: None,
             levels: Vec::new(),
@@ -249,9 +253,7 @@ impl Output {
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let rest =
-                [output.second.as_deref(), output.picture.as_deref(), output.import(), output.bvh.as_deref()];
-            let all = rest.into_iter().chain(output.of_levels());
+            let all = output.beside_main().into_iter().chain(output.of_levels());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
     }
@@ -271,11 +273,15 @@ impl Output {
         self.sidecar.as_ref().map(|sidecar| sidecar.0.as_path())
     }
 
+    /// The files of one part beside its first.
+    fn beside_main(&self) -> [Option<&Path>; 5] {
+        let [second, picture] = [self.second.as_deref(), self.picture.as_deref()];
+        [second, picture, self.import(), self.bvh.as_deref(), self.sky.as_deref()]
+    }
+
     /// Every file in the order of publication: each after the files that it names.
     fn publishing_order(&self) -> Vec<&Path> {
-        let beside = self.parts().flat_map(|part| {
-            [part.picture.as_deref(), part.second.as_deref(), part.import(), part.bvh.as_deref()]
-        });
+        let beside = self.parts().flat_map(Self::beside_main);
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
         let last = std::iter::once(Some(self.main.as_path())).chain(self.of_levels());
         beside.chain(parts).chain(last).flatten().collect()
@@ -390,6 +396,9 @@ impl SetWriter<'_> {
             }
             None => warnings = self.one(asset, output, details)?,
         }
+        if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
+            self.picture(path, sky)?;
+        }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
             let provenance = Provenance { backdrop: 0, viewpoint: None, ..asset.provenance.clone() };
@@ -419,10 +428,7 @@ impl SetWriter<'_> {
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
-            let mut file = self.started.take(path)?;
-            let bytes = self.options.texture_format.bytes(texture.joined().pages[0].picture())?;
-            file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
-            self.written.push(file);
+            self.picture(path, texture.joined().pages[0].picture())?;
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;
@@ -435,9 +441,17 @@ impl SetWriter<'_> {
         Ok(warnings)
     }
 
+    fn picture(&mut self, path: &Path, picture: &RgbImage) -> Result<()> {
+        self.bytes(path, &self.options.texture_format.bytes(picture)?)
+    }
+
     fn text(&mut self, path: &Path, text: &str) -> Result<()> {
+        self.bytes(path, text.as_bytes())
+    }
+
+    fn bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
         let mut file = self.started.take(path)?;
-        file.write_all(text.as_bytes()).map_err(|e| Error::io(path, e))?;
+        file.write_all(bytes).map_err(|e| Error::io(path, e))?;
         self.written.push(file);
         Ok(())
     }

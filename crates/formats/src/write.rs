@@ -20,7 +20,7 @@ pub struct WrittenFiles {
 /// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
 ///
 /// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
-/// texture, a BVH, a separate backdrop, a collider, levels of detail and their tileset. They get their names
+/// texture, a BVH, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
 /// when all of them are complete. Existing files are replaced.
 ///
 /// ```
@@ -50,6 +50,7 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
         bvh: asset.bvh.is_some(),
         levels: asset.levels.len(),
         backdrop: asset.backdrop_apart,
+        sky: asset.sky.is_some(),
         collision: asset.collision.is_some(),
         texture: asset.mesh.texture.is_some(),
     };

@@ -2,6 +2,7 @@
 
 use crate::bvh::Bvh;
 use crate::camera::Viewpoint;
+use crate::image::RgbImage;
 use crate::mesh::Mesh;
 use crate::report::Counts;
 use glam::{DMat3, DQuat, DVec3, Vec3};
@@ -38,6 +39,9 @@ pub struct Asset {
     pub collision: Option<Mesh>,
     /// Whether the backdrop, if there is one, is written into a separate file.
     pub backdrop_apart: bool,
+    /// The surroundings as a panorama in place of a backdrop, written into a separate file: equirectangular, its middle towards +X, a quarter from
+    /// the left -Z.
+    pub sky: Option<RgbImage>,
 }
 
 /// A piece of a scene at one level of detail; its children show the same piece with more triangles.

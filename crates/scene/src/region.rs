@@ -1,4 +1,4 @@
-//! A part of space: a box, a sphere, or the view of cameras.
+//! A part of space: a box, a sphere, the view of cameras, or the subject of a scene.
 
 use crate::camera::Camera;
 use glam::{DVec3, Vec3};
@@ -15,13 +15,18 @@ pub enum Region {
     Sphere([f64; 3], f64),
     /// In the pictures of at least this many cameras, hidden or not.
     Seen(u32),
+    /// The object that the cameras look at, with what it stands on near it.
+    Subject,
 }
 
 impl FromStr for Region {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wants = "expected a box x0,y0,z0,x1,y1,z1, a sphere x,y,z,radius, or seen:K";
+        let wants = "expected a box x0,y0,z0,x1,y1,z1, a sphere x,y,z,radius, seen:K, or subject";
+        if text == "subject" {
+            return Ok(Self::Subject);
+        }
         if let Some(count) = text.strip_prefix("seen:") {
             let count = count.parse().ok().filter(|k| *k > 0);
             return count.map(Self::Seen).ok_or_else(|| format!("has no number of cameras; {wants}"));
@@ -42,6 +47,7 @@ impl fmt::Display for Region {
             Self::Box([a, b, c], [x, y, z]) => write!(f, "{a},{b},{c},{x},{y},{z}"),
             Self::Sphere([x, y, z], radius) => write!(f, "{x},{y},{z},{radius}"),
             Self::Seen(count) => write!(f, "seen:{count}"),
+            Self::Subject => write!(f, "subject"),
         }
     }
 }
@@ -61,7 +67,7 @@ impl From<Region> for String {
 }
 
 impl Region {
-    /// Whether a point is in it; `cameras` look at the scene.
+    /// Whether a point is in it; `cameras` look at the scene. A subject needs the whole scene to be found: every point may be in it.
     pub fn holds(&self, point: DVec3, cameras: &[Camera]) -> bool {
         match *self {
             Self::Box(low, high) => {
@@ -72,6 +78,7 @@ impl Region {
                 let seen = cameras.iter().filter(|camera| is_in_picture(camera, point.as_vec3()));
                 seen.take(count as usize).count() == count as usize
             }
+            Self::Subject => true,
         }
     }
 }
@@ -88,7 +95,7 @@ mod tests {
 
     #[test]
     fn regions_are_read_as_they_are_written() {
-        for text in ["0,-1,2,3,4.5,6", "1,2,3,0.5", "seen:4"] {
+        for text in ["0,-1,2,3,4.5,6", "1,2,3,0.5", "seen:4", "subject"] {
             assert_eq!(text.parse::<Region>().map(|region| region.to_string()), Ok(text.to_owned()));
         }
         for wrong in ["1,0,0,0,1,1", "1,2,3", "1,2,3,0", "seen:0", "seen:x", "a,b,c,d", "1,2,3,nan", ""] {

@@ -39,6 +39,7 @@ func _ready():
 		if shape.shape is ConcavePolygonShape3D:
 			shape.shape.backface_collision = true
 	look_from_first(first, box)
+	show_sky(get_node("../World").environment)
 	Input.mouse_mode = Input.MOUSE_MODE_CAPTURED
 
 ## Puts the eyes where scene.glb says, or above the scene when it does not.
@@ -51,6 +52,18 @@ func look_from_first(first: Camera3D, box: AABB):
 	$Camera.rotation.x = asin(clampf(ahead.y, -1.0, 1.0))
 	$Camera.fov = first.fov
 	position = first.global_position - Vector3.UP * $Camera.position.y
+
+## Shows the panorama that `trisplat bake --backdrop sky` writes beside scene.glb.
+func show_sky(environment: Environment):
+	if not ResourceLoader.exists("res://scene.sky.jpg"):
+		return
+	var panorama := PanoramaSkyMaterial.new()
+	panorama.panorama = load("res://scene.sky.jpg")
+	environment.sky = Sky.new()
+	environment.sky.sky_material = panorama
+	# A panorama of Godot begins at -Z, that of the file a quarter of a turn before.
+	environment.sky_rotation.y = 0.5 * PI
+	environment.background_mode = Environment.BG_SKY
 
 ## The box around what the bake calls the scene: a backdrop is no part of it.
 func bounds(scene: Node) -> AABB:

@@ -47,11 +47,11 @@ impl Recipe<'_> {
 
         // Before stages with boxes, which must use the coordinates of the file.
         let placed = &mut self.placement;
+        let wanted = options.place.under(options.crop.is_subject());
         let points = self.views.as_deref().map_or(&[][..], |views| views.points());
         let known = Evidence { cameras: &self.cameras, points };
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let how =
-                *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &options.place, details));
+            let how = *placed.get_or_insert_with(|| placement(mesh, &provenance, known, &wanted, details));
             place(mesh, &mut provenance, how, details)
         })?;
         let warning = self.report.details::<PlaceDetails>().and_then(|details| details.warning());

@@ -16,6 +16,8 @@ pub struct Beside {
     pub levels: usize,
     /// The backdrop in a separate file.
     pub backdrop: bool,
+    /// The surroundings as a panorama.
+    pub sky: bool,
     /// What to collide with.
     pub collision: bool,
     /// The picture of its texture, if the format does not hold it.
@@ -38,6 +40,13 @@ impl Output {
         if beside.backdrop {
             output = output.with_backdrop_file(options)?;
         }
+        // A page holds it.
+        if beside.sky && output.format != OutputFormat::Html {
+            output.sky = Some(output.beside(
+                &format!("sky.{}", options.texture_format.ending()),
+                "`backdrop` sky writes a picture",
+            )?);
+        }
         if beside.collision {
             output = output.with_collision(options)?;
         }
@@ -56,7 +65,7 @@ impl Output {
 
     /// The same with the backdrop in a separate file: OUT.backdrop.glb.
     pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
-        let path = self.beside("backdrop", "`backdrop` file writes one")?;
+        let path = self.part("backdrop", "`backdrop` file writes one")?;
         self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
         Ok(self)
     }
@@ -67,7 +76,7 @@ impl Output {
         if gltf && options.target.has_collision_node() {
             return Ok(self);
         }
-        let path = self.beside("collision", "`collision` writes one")?;
+        let path = self.part("collision", "`collision` writes one")?;
         let file = Self::plan(&path, Some(self.format), options, false)?;
         self.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
         Ok(self)
@@ -80,7 +89,7 @@ impl Output {
             return Ok(self);
         }
         let level = |i: usize| {
-            let path = self.beside(&format!("lod{i}"), "`lod` writes more files")?;
+            let path = self.part(&format!("lod{i}"), "`lod` writes more files")?;
             Self::plan(&path, Some(self.format), options, self.bvh.is_some())
         };
         self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
@@ -91,14 +100,19 @@ impl Output {
         Ok(self)
     }
 
-    /// OUT.PART.glb; `what` names the content in the error for outputs that cannot have files beside them.
-    fn beside(&self, part: &str, what: &str) -> Result<PathBuf> {
+    /// OUT.PART.glb, as [`Output::beside`].
+    fn part(&self, part: &str, what: &str) -> Result<PathBuf> {
+        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb");
+        self.beside(&format!("{part}.{ending}"), what)
+    }
+
+    /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside them.
+    fn beside(&self, ending: &str, what: &str) -> Result<PathBuf> {
         let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
         if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
             let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
             return Err(Error::invalid("output", self.main.display(), wants));
         }
-        let ending = self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb").to_owned();
-        Ok(self.main.with_extension(format!("{part}.{ending}")))
+        Ok(self.main.with_extension(ending))
     }
 }

@@ -56,7 +56,11 @@ impl Output {
                         "html: the page shows colours as they are; `lit` is for files that engines read";
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
-                html::write(main, path, &title.to_string_lossy(), asset, &encoding)?
+                let format = options.texture_format;
+                let encoded =
+                    |sky| Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? });
+                let sky = asset.sky.as_ref().map(encoded).transpose()?;
+                html::write(main, path, &title.to_string_lossy(), asset, sky.as_ref(), &encoding)?
             }
             _ => {
                 let encoding = named(options.encoding(details));

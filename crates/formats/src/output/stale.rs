@@ -21,7 +21,7 @@ impl Output {
         let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
         found.extend(parts.iter().flat_map(of_levels));
         found.extend(parts);
-        found.extend([beside("bvh"), beside("tileset.json")]);
+        found.extend(["bvh", "tileset.json", "sky.jpg", "sky.png"].map(beside));
         found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
         // Godot writes settings of that name itself: only unchanged ones are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();

@@ -59,7 +59,7 @@ impl<'a> Surroundings<'a> {
 }
 
 /// How far along a ray a triangle is, whichever side of it the ray meets.
-fn hit([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> Option<f32> {
+pub fn hit([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> Option<f32> {
     let (ab, ac, off) = (b - a, c - a, from - a);
     let (across, around) = (way.cross(ac), off.cross(ab));
     let volume = ab.dot(across);

@@ -1,0 +1,225 @@
+//! What photos show of the backdrop: the colour of each texel that some of them agree on.
+
+use crate::views::Views;
+use glam::Vec2;
+use rayon::prelude::*;
+use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer};
+use trisplat_scene::{Result, camera::Camera, image::RgbImage, math::median::median, mesh::Mesh};
+
+/// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn picture.
+const LEAST_ALPHA: u8 = 230;
+/// Photos agree when no channel is farther than this from the median, codes.
+const AGREE: i32 = 80;
+/// Weight of each photo that agrees, against the pull of a neighbouring texel.
+const TRUSTED: f32 = 0.1;
+
+/// Colours of a picture with twice as many columns as rows.
+#[derive(Debug, Clone)]
+pub(super) struct Known {
+    pub(super) rows: usize,
+    /// sRGB-encoded, 0 to 255. `[H * W]`
+    pub(super) values: Vec<[f32; 3]>,
+    /// 0 where nothing is known. `[H * W]`
+    pub(super) weights: Vec<f32>,
+}
+
+impl Known {
+    pub(super) fn nothing(rows: usize) -> Self {
+        let texels = 2 * rows * rows;
+        Self { rows, values: vec![[0.0; 3]; texels], weights: vec![0.0; texels] }
+    }
+
+    /// What `views` show of `mesh` behind its first faces, whose corners are at `uvs`.
+    ///
+    /// Errors: a photo that cannot be decoded.
+    pub(super) fn of_photos(
+        mesh: &Mesh,
+        behind: usize,
+        uvs: &[[Vec2; 3]],
+        rows: usize,
+        views: &mut Views,
+    ) -> Result<Self> {
+        let drawing = views.drawing(mesh, 1);
+        let mut solid = SolidRasterizer::new();
+        let mut seen: Vec<u64> = Vec::new();
+        views.prefetch(&(0..views.len()).collect::<Vec<_>>());
+        for view in 0..views.len() {
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visible = solid.visibility(mesh, camera, &drawing);
+            let shown = Shown { mesh, behind, uvs, rows, camera, photo: &photo, face: &visible.face };
+            seen.extend(shown.texels());
+        }
+        seen.par_sort_unstable();
+        let mut known = Self::nothing(rows);
+        for of_texel in seen.chunk_by(|a, b| texel(*a) == texel(*b)) {
+            let inner: Vec<[u8; 3]> =
+                of_texel.iter().filter(|one| !is_rim(**one)).map(|one| rgb(*one)).collect();
+            // Pixels beside the scene show some of it, or what stands in a hole: only where there are no others.
+            let colors = match inner.is_empty() {
+                true => of_texel.iter().map(|one| rgb(*one)).collect(),
+                false => inner,
+            };
+            let (value, count) = agreed(&colors);
+            let at = texel(of_texel[0]);
+            known.values[at] = value;
+            known.weights[at] = TRUSTED * count;
+        }
+        Ok(known)
+    }
+
+    /// Adds colours with a small weight where nothing is known. `[H * W]`
+    pub(super) fn add(&mut self, picture: &RgbImage, weight: f32) {
+        for (i, rgb) in
+            picture.rgb.iter().enumerate().filter(|(i, _)| self.weights[*i] == 0.0).collect::<Vec<_>>()
+        {
+            (self.values[i], self.weights[i]) = (rgb.map(f32::from), weight);
+        }
+    }
+
+    /// With half as many rows and columns.
+    pub(super) fn halved(&self) -> Self {
+        let mut half = Self::nothing(self.rows / 2);
+        let columns = 2 * self.rows;
+        for i in 0..half.values.len() {
+            let first = 2 * (i / self.rows) * columns + 2 * (i % self.rows);
+            for j in [first, first + 1, first + columns, first + columns + 1] {
+                let weight = self.weights[j];
+                half.weights[i] += weight;
+                (0..3).for_each(|c| half.values[i][c] += weight * self.values[j][c]);
+            }
+            let per = 1.0 / half.weights[i].max(f32::MIN_POSITIVE);
+            half.values[i] = half.values[i].map(|sum| sum * per);
+        }
+        half
+    }
+
+    /// The mean colour.
+    pub(super) fn mean(&self) -> [f32; 3] {
+        let mut sums = [0.0f64; 4];
+        for (value, weight) in self.values.iter().zip(&self.weights) {
+            (0..3).for_each(|c| sums[c] += f64::from(weight * value[c]));
+            sums[3] += f64::from(*weight);
+        }
+        [0, 1, 2].map(|c| (sums[c] / sums[3].max(1e-30)) as f32)
+    }
+}
+
+/// The mean of the photos that agree, and their number.
+fn agreed(colors: &[[u8; 3]]) -> ([f32; 3], f32) {
+    let middle = [0, 1, 2].map(|c: usize| {
+        i32::from(median(colors.iter().map(|color| color[c]).collect(), u8::cmp).unwrap_or(0))
+    });
+    let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
+    for color in colors {
+        if (0..3).all(|c| (i32::from(color[c]) - middle[c]).abs() <= AGREE) {
+            (0..3).for_each(|c| sum[c] += f32::from(color[c]));
+            count += 1.0;
+        }
+    }
+    match count > 0.0 {
+        true => (sum.map(|sum| sum / count), count),
+        false => (middle.map(|code| code as f32), 1.0),
+    }
+}
+
+/// A texel and its colour in one photo, in one number that sorts by texel.
+fn packed(texel: usize, rim: bool, [r, g, b]: [u8; 3]) -> u64 {
+    (texel as u64) << 32 | u64::from(rim) << 24 | u64::from(r) << 16 | u64::from(g) << 8 | u64::from(b)
+}
+
+fn texel(packed: u64) -> usize {
+    (packed >> 32) as usize
+}
+
+fn is_rim(packed: u64) -> bool {
+    packed >> 24 & 1 == 1
+}
+
+fn rgb(packed: u64) -> [u8; 3] {
+    [16, 8, 0].map(|shift| (packed >> shift) as u8)
+}
+
+/// A photo and what is visible in it.
+struct Shown<'a> {
+    mesh: &'a Mesh,
+    behind: usize,
+    uvs: &'a [[Vec2; 3]],
+    rows: usize,
+    camera: &'a Camera,
+    photo: &'a RgbImage,
+    /// `[H * W]`
+    face: &'a [u32],
+}
+
+impl Shown<'_> {
+    /// The mean colour of each texel, once for pixels beside the scene and once for others.
+    fn texels(&self) -> Vec<u64> {
+        let mut pixels: Vec<u64> =
+            (0..self.photo.size.y).into_par_iter().flat_map_iter(|y| self.row(y)).collect();
+        pixels.par_sort_unstable();
+        let mean = |run: &[u64]| {
+            let sum = run.iter().fold([0u32; 3], |sum, one| {
+                let rgb = rgb(*one);
+                [0, 1, 2].map(|c| sum[c] + u32::from(rgb[c]))
+            });
+            let count = run.len() as u32;
+            packed(texel(run[0]), is_rim(run[0]), sum.map(|sum| ((sum + count / 2) / count) as u8))
+        };
+        pixels.chunk_by(|a, b| a >> 24 == b >> 24).map(mean).collect()
+    }
+
+    /// Pixels of a row that show the backdrop.
+    fn row(&self, y: u32) -> Vec<u64> {
+        let barycentrics = Barycentrics::new(self.mesh, self.camera, 1);
+        let (width, columns) = (self.photo.size.x, 2 * self.rows);
+        let mut last = (NO_FACE, None);
+        let mut found = Vec::new();
+        for x in 0..width {
+            let pixel = (y * width + x) as usize;
+            let face = self.face[pixel];
+            let masked = self.photo.alpha.as_ref().is_some_and(|alpha| alpha[pixel] < LEAST_ALPHA);
+            if face == NO_FACE || (face as usize) < self.behind || masked {
+                continue;
+            }
+            if last.0 != face {
+                last = (face, Some(barycentrics.face(face)));
+            }
+            let Some(of_face) = &last.1 else { continue };
+            let weights = barycentrics.weights(of_face, x, y);
+            let uvs = &self.uvs[face as usize - self.behind];
+            let place = uvs[0] * weights[0] + uvs[1] * weights[1] + uvs[2] * weights[2];
+            let [column, row] = [place.x * columns as f32, place.y * self.rows as f32].map(|at| at as usize);
+            let texel = row.min(self.rows - 1) * columns + column.min(columns - 1);
+            found.push(packed(texel, self.is_rim(x, y), self.photo.rgb[pixel]));
+        }
+        found
+    }
+
+    /// Whether a pixel beside this one shows the scene.
+    fn is_rim(&self, x: u32, y: u32) -> bool {
+        let size = self.photo.size;
+        let shows = |x: u32, y: u32| (self.face[(y * size.x + x) as usize] as usize) < self.behind;
+        let (left, right) = (x.saturating_sub(1), (x + 1).min(size.x - 1));
+        let (above, below) = (y.saturating_sub(1), (y + 1).min(size.y - 1));
+        shows(left, y) || shows(right, y) || shows(x, above) || shows(x, below)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_that_agree_outvote_one_that_does_not() {
+        let (value, count) = agreed(&[[100, 50, 20], [104, 52, 24], [250, 250, 250], [102, 54, 22]]);
+        assert_eq!((value, count), ([102.0, 52.0, 22.0], 3.0));
+        assert_eq!(agreed(&[[7, 8, 9]]), ([7.0, 8.0, 9.0], 1.0));
+    }
+
+    #[test]
+    fn a_sample_is_packed_without_loss() {
+        let one = packed(123_456, true, [1, 200, 255]);
+        assert_eq!((texel(one), is_rim(one), rgb(one)), (123_456, true, [1, 200, 255]));
+    }
+}

@@ -1,0 +1,211 @@
+//! The object that cameras look at together, with what it stands on near it.
+//!
+//! Around the subject's ball, the height with most area is its support, such as a table. What is connected above it around the middle is the
+//! object; what is beside, behind and below is left out, except the support within a hand's breadth, cut along an ellipse.
+
+use crate::place::samples::Foreground;
+use crate::place::up::{Confidence, Evidence, estimate};
+use glam::{DVec3, IVec3, Vec2, Vec3};
+use std::collections::HashMap;
+use trisplat_raster::framing::Subject;
+use trisplat_scene::{Scene, UpAxis, camera::Camera, math::sets::Sets, mesh::Mesh};
+
+/// What is farther from the middle than this many radii of the subject's ball is not looked at.
+const REACH: f32 = 1.6;
+/// Longest side of a triangle that is looked at, in radii: larger ones are walls.
+const LONGEST: f32 = 1.0;
+/// Thickness of the support, in radii.
+const LAYER: f32 = 0.06;
+/// The support is below this height above the middle, in radii ...
+const SUPPORT_BELOW: f32 = 0.3;
+/// ... and has at least this share of the area.
+const LEAST_SUPPORT: f32 = 0.1;
+/// Cells by which connected parts are found, per radius.
+const CELLS: f32 = 14.0;
+/// The object is the part with most area within this many radii of the middle.
+const CORE: f32 = 0.6;
+/// Parts with less than this share of the object's area are crumbs.
+const CRUMB: f32 = 0.05;
+/// A hand's breadth, in half axes of the object.
+const HAND: f32 = 0.15;
+/// Share of the object within its half axes: some triangles lie astray.
+const WITHIN: f32 = 0.98;
+
+/// A triangle, in heights and places on the ground around the middle of the subject's ball, whose radius is 1.
+#[derive(Clone, Copy)]
+struct Piece {
+    number: usize,
+    corners: [Vec3; 3],
+    middle: Vec3,
+    area: f32,
+}
+
+/// Which triangles of `scene` are the subject; `None` when nothing stands out. `up` is that of its file, if it names one.
+pub(super) fn subject(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Vec<bool>> {
+    let count = scene.triangle_count();
+    let middle = |i: usize| scene.corners(i).into_iter().sum::<Vec3>() / 3.0;
+    let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
+    let ball = Subject::of(&middles, cameras)?;
+    let frame = Frame::new(ball, upward(scene, cameras, up));
+    let pieces: Vec<Piece> =
+        (0..count).filter(|i| !scene.is_shell(*i)).filter_map(|i| frame.piece(i, scene.corners(i))).collect();
+    let support = support(&pieces);
+    let above = |piece: &&Piece| support.is_none_or(|height| piece.middle.z > height + LAYER / 2.0);
+    let standing: Vec<Piece> = pieces.iter().filter(above).copied().collect();
+    let object = object(&standing)?;
+    let outline = Outline::new(&object)?;
+    let mut keep = vec![false; count];
+    object.iter().filter(|piece| outline.holds(piece)).for_each(|piece| keep[piece.number] = true);
+    if let Some(height) = support {
+        let near = |piece: &&Piece| (piece.middle.z - height).abs() <= LAYER / 2.0;
+        let level = pieces.iter().filter(near).filter(|piece| outline.holds(piece));
+        level
+            .filter(|piece| piece.corners.iter().all(|c| c.z > height - LAYER))
+            .for_each(|piece| keep[piece.number] = true);
+    }
+    Some(keep)
+}
+
+/// The direction that points up.
+fn upward(scene: &Scene, cameras: &[Camera], known: Option<UpAxis>) -> DVec3 {
+    if known == Some(UpAxis::Y) {
+        return DVec3::Y;
+    }
+    let corners = (0..scene.triangle_count()).filter(|i| !scene.is_shell(*i)).flat_map(|i| scene.corners(i));
+    let mesh = Mesh { positions: corners.collect(), ..Mesh::default() };
+    let estimate = estimate(Foreground::new(&mesh, 0), Evidence { cameras, points: &[] });
+    let usable = estimate.filter(|estimate| estimate.confidence != Confidence::None);
+    usable.map_or(known.unwrap_or_default().vector(), |estimate| DVec3::from(estimate.direction))
+}
+
+/// Coordinates in which the subject's ball is that of radius 1 around the origin, and z is up.
+struct Frame {
+    ball: Subject,
+    axes: [Vec3; 3],
+}
+
+impl Frame {
+    fn new(ball: Subject, up: DVec3) -> Self {
+        let up = up.as_vec3().normalize_or(Vec3::Y);
+        let along = up.any_orthonormal_vector();
+        Self { ball, axes: [along, up.cross(along), up] }
+    }
+
+    /// A triangle that is near enough and not too large.
+    fn piece(&self, number: usize, corners: [Vec3; 3]) -> Option<Piece> {
+        let within =
+            |v: Vec3| Vec3::from(self.axes.map(|axis| axis.dot(v - self.ball.center))) / self.ball.radius;
+        let corners = corners.map(within);
+        let [a, b, c] = corners;
+        let middle = (a + b + c) / 3.0;
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let area = (b - a).cross(c - a).length() / 2.0;
+        let near = middle.truncate().length() < REACH && middle.z.abs() < REACH && longest < LONGEST;
+        near.then_some(Piece { number, corners, middle, area })
+    }
+}
+
+/// The height of the layer with most area, if it has enough.
+fn support(pieces: &[Piece]) -> Option<f32> {
+    let mut heights: Vec<(f32, f32)> = pieces.iter().map(|piece| (piece.middle.z, piece.area)).collect();
+    heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let all: f32 = heights.iter().map(|one| one.1).sum();
+    let (mut end, mut area, mut moment) = (0, 0.0, 0.0);
+    let mut best = (0.0, 0.0);
+    for (first, weight) in &heights {
+        while end < heights.len() && heights[end].0 <= first + LAYER {
+            area += heights[end].1;
+            moment += heights[end].0 * heights[end].1;
+            end += 1;
+        }
+        if area > best.0 && moment / area < SUPPORT_BELOW {
+            best = (area, moment / area);
+        }
+        area -= weight;
+        moment -= first * weight;
+    }
+    (best.0 > LEAST_SUPPORT * all).then_some(best.1)
+}
+
+/// The connected part around the middle, and others that are large.
+fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
+    let cell = |piece: &Piece| (piece.middle * CELLS).floor().as_ivec3();
+    let mut numbers: HashMap<IVec3, u32> = HashMap::new();
+    let mut cells: Vec<IVec3> = Vec::new();
+    for piece in standing {
+        numbers.entry(cell(piece)).or_insert_with(|| {
+            cells.push(cell(piece));
+            cells.len() as u32 - 1
+        });
+    }
+    let mut sets = Sets::new(cells.len());
+    for (number, at) in cells.iter().enumerate() {
+        for beside in 0..27 {
+            let step = IVec3::new(beside % 3, beside / 3 % 3, beside / 9) - 1;
+            if let Some(other) = numbers.get(&(*at + step)) {
+                sets.join(number as u32, *other);
+            }
+        }
+    }
+    // Area of each part, and how much of it is around the middle.
+    let mut areas = vec![(0.0f32, 0.0f32); cells.len()];
+    let part: Vec<usize> = standing.iter().map(|piece| sets.first(numbers[&cell(piece)]) as usize).collect();
+    for (piece, part) in standing.iter().zip(&part) {
+        areas[*part].0 += piece.area;
+        areas[*part].1 += if piece.middle.length() < CORE { piece.area } else { 0.0 };
+    }
+    let main = (0..areas.len()).max_by(|a, b| areas[*a].1.total_cmp(&areas[*b].1).then(b.cmp(a)))?;
+    let largest = areas[main].0;
+    let belongs = |part: usize| part == main || areas[part].1 > CRUMB * largest;
+    Some(standing.iter().zip(&part).filter(|(_, part)| belongs(**part)).map(|(piece, _)| *piece).collect())
+}
+
+/// An ellipse on the ground around an object and a hand's breadth, up to its top.
+struct Outline {
+    center: Vec2,
+    axes: [Vec2; 2],
+    half: Vec2,
+    top: f32,
+}
+
+impl Outline {
+    /// `None` of nothing.
+    fn new(object: &[Piece]) -> Option<Self> {
+        let area: f32 = object.iter().map(|piece| piece.area).sum();
+        let ground = |piece: &Piece| piece.middle.truncate();
+        let center = object.iter().map(|piece| ground(piece) * piece.area).sum::<Vec2>() / area;
+        if !center.is_finite() {
+            return None;
+        }
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for piece in object {
+            let d = ground(piece) - center;
+            (xx, xy, yy) =
+                (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
+        }
+        let turn = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
+        let along = Vec2::new(libm::cosf(turn), libm::sinf(turn));
+        let axes = [along, along.perp()];
+        let quantile = |value: &dyn Fn(&Piece) -> f32| {
+            let mut values: Vec<f32> = object.iter().map(value).collect();
+            let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
+            *values.select_nth_unstable_by(at, f32::total_cmp).1
+        };
+        let half = axes.map(|axis| quantile(&|piece| (ground(piece) - center).dot(axis).abs()).max(1e-3));
+        let half = Vec2::from(half);
+        let away =
+            |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
+        let half = half * quantile(&away);
+        let hand = HAND * half.max_element();
+        Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })
+    }
+
+    /// Whether a triangle is within it.
+    fn holds(&self, piece: &Piece) -> bool {
+        piece.corners.iter().all(|corner| {
+            let at = corner.truncate() - self.center;
+            let place = Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half;
+            place.length_squared() <= 1.0 && corner.z <= self.top
+        })
+    }
+}

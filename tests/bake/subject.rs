@@ -1,0 +1,102 @@
+//! `--crop subject`: what is kept of a thing on a table, and how large a viewer shows it that frames the whole file.
+
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{
+    Asset, ImportedScene, Scene,
+    camera::Camera,
+    math::octasphere::octasphere,
+    mesh::{Colors, Mesh},
+};
+
+/// Colours of the ball, the table, and all else.
+const BALL: f32 = 0.9;
+const TABLE: f32 = 0.5;
+const ELSE: f32 = 0.1;
+
+fn part(positions: Vec<Vec3>, grey: f32) -> Mesh {
+    let colors = Colors::Face(vec![[grey; 3]; positions.len() / 3]);
+    Mesh { positions, colors, ..Mesh::default() }
+}
+
+/// A square of cells of 0.15 with corners at `from`, `from + u` and `from + v`.
+fn square(from: Vec3, u: Vec3, v: Vec3, cells: usize) -> Vec<Vec3> {
+    let at = |i: usize, k: usize| from + (u * i as f32 + v * k as f32) / cells as f32;
+    let cell = |n: usize| {
+        let (i, k) = (n % cells, n / cells);
+        [at(i, k), at(i + 1, k), at(i, k + 1), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)]
+    };
+    (0..cells * cells).flat_map(cell).collect()
+}
+
+/// A ball of radius 0.5 on a table of side 6, before a wall, with crumbs in the air.
+fn studio() -> Mesh {
+    let (corners, faces) = octasphere(3);
+    let ball = faces.iter().flat_map(|f| f.map(|i| 0.5 * corners[i as usize] + Vec3::Y * 0.5));
+    let mut all = part(ball.collect(), BALL);
+    let table = square(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 40);
+    all.append(part(table, TABLE)).unwrap();
+    let wall = square(Vec3::new(-3.0, 0.0, -3.0), Vec3::X * 6.0, Vec3::Y * 6.0, 40);
+    all.append(part(wall, ELSE)).unwrap();
+    let crumb = |at: Vec3| [at, at + Vec3::X * 0.05, at + Vec3::Y * 0.05];
+    let crumbs = [[1.2, 1.0, 0.3], [-0.9, 1.4, 0.8], [0.4, 2.0, -1.0]].map(|at| crumb(at.into()));
+    all.append(part(crumbs.concat(), ELSE)).unwrap();
+    all
+}
+
+fn lens(size: UVec2, focal: f32) -> Camera {
+    let center = size.as_vec2() / 2.0;
+    Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal: Vec2::splat(focal), center, size }
+}
+
+/// Twelve cameras in half a circle around the ball.
+fn cameras() -> Vec<Camera> {
+    let camera = |i: usize| {
+        let turn = (i as f32 / 11.0 - 0.5) * 3.0;
+        let eye = Vec3::new(2.5 * turn.sin(), 1.2 + 0.1 * (i % 3) as f32, 2.5 * turn.cos());
+        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Y * 0.5, Vec3::Y)
+    };
+    (0..12).map(camera).collect()
+}
+
+fn cropped() -> Asset {
+    let mut options = BakeOptions::preset(BakePreset::Fast);
+    options.crop.crop = vec!["subject".parse().unwrap()];
+    let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(studio())) };
+    Bake::new(&options).run([scene]).unwrap()
+}
+
+fn is(mesh: &Mesh, face: usize, grey: f32) -> bool {
+    (mesh.corner_colors(face)[0][0] - grey).abs() < 0.05
+}
+
+#[test]
+fn the_thing_and_a_hands_breadth_of_the_table_are_kept_with_the_origin_under_them() {
+    let mesh = cropped().mesh;
+    let of = |grey: f32| (0..mesh.face_count()).filter(|f| is(&mesh, *f, grey)).count();
+    assert_eq!((of(BALL), of(ELSE)), (512, 0), "the whole ball, no wall and no crumb");
+    assert!(of(TABLE) > 10, "{} triangles of the table", of(TABLE));
+    let edge = |v: &Vec3| Vec2::new(v.x, v.z).length();
+    let farthest = mesh.positions.iter().map(edge).fold(0.0, f32::max);
+    assert!((0.5..0.75).contains(&farthest), "the table ends {farthest} from the middle");
+    let (low, high) = mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+    assert!(low.y.abs() < 0.05 && (0.9..1.1).contains(&high.y), "{low} {high}");
+    assert!(((low + high) / 2.0).x.abs() < 0.1 && ((low + high) / 2.0).z.abs() < 0.1, "{low} {high}");
+}
+
+#[test]
+fn a_viewer_that_frames_the_file_shows_the_thing_on_a_quarter_of_the_picture() {
+    let mesh = cropped().mesh;
+    let (low, high) = mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+    let (center, radius) = ((low + high) / 2.0, low.distance(high) / 2.0);
+    let size = UVec2::new(640, 480);
+    // The ball around the box fills the height, as three.js' examples and model-viewer have it.
+    let half = 25.0f32.to_radians();
+    let eye = center + Vec3::new(0.45, 0.3, 1.0).normalize() * radius / half.sin();
+    let camera = lens(size, 240.0 / half.tan()).looking(eye, center, Vec3::Y);
+    let seen = SolidRasterizer::new().visibility(&mesh, &camera, &SolidRasterOptions::default());
+    let shown = seen.face.iter().filter(|f| **f != NO_FACE && is(&mesh, **f as usize, BALL)).count();
+    let share = shown as f32 / size.element_product() as f32;
+    assert!(share > 0.25, "{share}");
+}
