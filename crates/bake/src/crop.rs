@@ -3,7 +3,7 @@
 //! It comes first, so that a budget of triangles is spent on the region.
 
 use glam::DVec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, Region, Result, Scene,
     camera::Camera,
@@ -58,7 +58,7 @@ pub(crate) fn crop(
     }
     let total = scene.triangle_count();
     let inside = |i: usize| is_inside(scene, i, cameras, options);
-    let keep: Vec<bool> = (0..total).into_par_iter().with_min_len(1 << 12).map(inside).collect();
+    let keep: Vec<bool> = parallel::collect(total, GRAIN, inside);
     let kept = keep.iter().filter(|keep| **keep).count();
     if kept == 0 {
         let wants = format!("a region that overlaps the scene: none of {total} triangles is inside");
