@@ -3,7 +3,7 @@
 
 use super::order::FaceOrder;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Scene,
     math::curve::along_curve,
@@ -42,7 +42,7 @@ pub(crate) fn arrange(
         return Outcome::Skipped("there are few triangles");
     }
     let centroid = |i: usize| scene.corners(i).map(Vec3::as_dvec3).into_iter().sum::<DVec3>() / 3.0;
-    let centroids: Vec<DVec3> = (0..scene.triangle_count()).into_par_iter().map(centroid).collect();
+    let centroids: Vec<DVec3> = parallel::collect(scene.triangle_count(), GRAIN, centroid);
     let places: Vec<usize> = along_curve(&centroids).into_iter().map(|i| i as usize).collect();
     details.moved = places.iter().enumerate().filter(|&(to, &from)| from != to).count() as u64;
     if details.moved == 0 {

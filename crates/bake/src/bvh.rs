@@ -9,8 +9,8 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance};
-use rayon::prelude::*;
 use std::collections::VecDeque;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Asset, Chunk, Error, Result, Rng,
     bvh::{Bvh, Child, child},
@@ -121,12 +121,12 @@ pub(crate) struct Built {
 ///
 /// obvhs groups the faces, first within each part and then the parts; the boxes are computed here (`fit`).
 pub(crate) fn build(mesh: &Mesh, parts: &[Chunk]) -> Built {
-    let over_part = |part: &Chunk| {
+    let over_part = |_, part: &Chunk| {
         let boxes: Vec<Aabb> =
             (part.first..part.first + part.count).map(|f| face_box(mesh, f as usize)).collect();
         PartTree::over(&boxes, PART_BUILD)
     };
-    let trees: Vec<PartTree> = parts.par_iter().map(over_part).collect();
+    let trees: Vec<PartTree> = parallel::map(parts, over_part);
     let top = PartTree::over(&trees.iter().map(|tree| tree.bounds).collect::<Vec<_>>(), TOP_BUILD);
     let mut built = Built { bvh: Bvh::default(), order: Vec::new(), parts: Vec::new() };
     let mut leaves = Vec::with_capacity(trees.len());

@@ -2,7 +2,7 @@
 //! surface area times chunks.
 
 use glam::{Vec3, Vec3A, Vec4};
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Asset, Chunk, Error, Result,
     mesh::Mesh,
@@ -136,8 +136,7 @@ pub(super) fn by_page(asset: &mut Asset) -> bool {
 /// draws or culls these. A cut along the fourth axis, size, separates triangles that are large for their
 /// neighbourhood, so that the rest is compact.
 pub(super) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
-    let mut items: Vec<Item> =
-        (0..faces).into_par_iter().with_min_len(1 << 12).map(|f| Item::new(mesh, f)).collect();
+    let mut items = parallel::collect(faces, GRAIN, |face| Item::new(mesh, face));
     let counts = split(&mut items, limit);
     let mut chunks = Vec::with_capacity(counts.len());
     let mut first = 0;

@@ -1,6 +1,6 @@
 //! Turns spherical harmonics of degree 0 into linear face colours, which engines multiply and blend.
 
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Result, Soup,
     math::color::linear_from_srgb,
@@ -26,8 +26,9 @@ pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
     soup.truncate_sh(0);
     let Soup { vertices, mut sh, opacity, sigma, shell, .. } = soup;
     drop((opacity, sigma));
-    let clamped: u64 = sh.par_iter_mut().with_min_len(1 << 14).map(linearise).sum();
-    details.clamped_channels = clamped;
+    let parts = sh.chunks_mut(1 << 14);
+    let clamped = parallel::map(parts, |_, part| part.iter_mut().map(linearise).sum::<u64>());
+    details.clamped_channels = clamped.into_iter().sum();
     Ok(Mesh { positions: vertices.into_flattened(), colors: Colors::Face(sh), shell, ..Mesh::default() })
 }
 

@@ -5,7 +5,7 @@
 mod subject;
 
 use glam::DVec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, Region, Result, Scene, UpAxis,
     camera::Camera,
@@ -73,7 +73,7 @@ pub(crate) fn crop(
     };
     let inside =
         |i: usize| of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene, i, cameras, options);
-    let keep: Vec<bool> = (0..total).into_par_iter().with_min_len(1 << 12).map(inside).collect();
+    let keep: Vec<bool> = parallel::collect(total, GRAIN, inside);
     let kept = keep.iter().filter(|keep| **keep).count();
     if kept == 0 {
         let wants = format!("a region that overlaps the scene: none of {total} triangles is inside");

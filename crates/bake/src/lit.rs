@@ -6,9 +6,9 @@
 //! which side is the front.
 
 use glam::{IVec3, Vec3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Result,
     camera::Camera,
@@ -146,27 +146,28 @@ fn see(mesh: &Mesh, cameras: &[&Camera]) -> Vec<Seen> {
             pixels[face][usize::from(behind)] += 1;
         }
     }
-    let seen = |(face, &[front, back]): (usize, &[u32; 2])| {
+    let seen = |face: usize| {
+        let [front, back] = pixels[face];
         let normal = mesh.flat_normal(face);
         let weight = if cameras.is_empty() { mesh.area(face) as f32 } else { (front + back) as f32 };
         Seen { normal: if back > front { -normal } else { normal }, weight }
     };
-    pixels.par_iter().enumerate().map(seen).collect()
+    parallel::collect(pixels.len(), GRAIN, seen)
 }
 
 /// Smooth normals from the surface or the neighbourhood.
 fn smooth(mesh: &Mesh, seen: &[Seen], surface: Option<&Mesh>, details: &mut LitDetails) -> Vec<Vec3> {
     let of_surface = surface.map(SurfaceNormals::of);
     let around = Cells::of(mesh, seen);
-    let normal = |(face, seen): (usize, &Seen)| {
-        let centroid = mesh.centroid(face);
+    let normal = |face: usize| {
+        let (seen, centroid) = (&seen[face], mesh.centroid(face));
         let of_surface = of_surface.as_ref().and_then(|surface| surface.at(centroid, seen.normal));
         match of_surface {
             Some(normal) => (normal, 1),
             None => (around.at(centroid, seen.normal), 0),
         }
     };
-    let normals: Vec<(Vec3, u64)> = seen.par_iter().enumerate().map(normal).collect();
+    let normals: Vec<(Vec3, u64)> = parallel::collect(seen.len(), 1, normal);
     details.on_surface = normals.iter().map(|(_, on)| on).sum();
     normals.into_iter().map(|(normal, _)| normal).collect()
 }

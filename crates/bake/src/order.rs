@@ -2,7 +2,7 @@
 //! an engine's caches warm.
 
 use glam::DVec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Asset, Chunk, Result,
     math::curve::along_curve,
@@ -61,7 +61,7 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
         return Ok(Outcome::Skipped("it was not asked for"));
     }
     let mesh = &asset.mesh;
-    let parts: Vec<Vec<u32>> = asset.chunks.par_iter().map(|chunk| faces_along_curve(mesh, chunk)).collect();
+    let parts: Vec<Vec<u32>> = parallel::map(&asset.chunks, |_, chunk| faces_along_curve(mesh, chunk));
     let order = parts.concat();
     let moved = order.iter().zip(0..).filter(|&(&from, to)| from != to).count();
     if moved == 0 {

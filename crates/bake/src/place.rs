@@ -13,14 +13,14 @@ use self::samples::Foreground;
 use self::up::{Confidence, Evidence, UpEstimate};
 use self::words::{KnownLength, UpChoice};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_scene::{
     Error, Placement, Provenance, Result, UpAxis, UpDirection,
     camera::Viewpoint,
-    math::median::median,
+    math::{finite::all_finite, median::median},
     mesh::Mesh,
+    parallel,
     ranges::{self, Called},
     report::{Outcome, StageDetails},
 };
@@ -178,12 +178,12 @@ pub fn place(
     (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();
-    mesh.positions.par_iter_mut().with_min_len(1 << 14).for_each(|p| *p = transform(*p));
+    parallel::for_each_mut(&mut mesh.positions, 1 << 14, |_, p| *p = transform(*p));
     let rotation = placement.rotation();
     mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
-    match mesh.positions.par_iter().position_any(|p| !p.is_finite()) {
-        Some(_) => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
-        None => Ok(Outcome::Changed(())),
+    match all_finite(bytemuck::cast_slice(&mesh.positions)) {
+        false => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
+        true => Ok(Outcome::Changed(())),
     }
 }
 

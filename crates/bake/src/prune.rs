@@ -4,7 +4,8 @@
 //! ±[`REACH`], as the hierarchy and engines' culling require.
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, Result, Scene, Soup,
     math::median::median,
@@ -243,8 +244,7 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
 
 /// The verdict on every face. `[N]`
 fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
-    let mut verdicts: Vec<Verdict> =
-        (0..count).into_par_iter().with_min_len(1 << 12).map(|i| classify_alone(&face(i), options)).collect();
+    let mut verdicts: Vec<Verdict> = parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
     drop_huge(&mut verdicts, &face, options);
     if drop_over_budget(&mut verdicts, &face, options) {
         drop_huge(&mut verdicts, &face, options);
@@ -318,19 +318,14 @@ fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), o
         let huge = |[a, b, c]: [DVec3; 3]| {
             (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared()) > limit2
         };
-        let found: usize = verdicts
-            .par_iter_mut()
-            .enumerate()
-            .with_min_len(1 << 12)
-            .map(|(i, verdict)| {
-                let drop = *verdict == Verdict::Keep && huge(face(i).corners.map(|v| v.as_dvec3()));
-                if drop {
-                    *verdict = Verdict::Huge;
-                }
-                usize::from(drop)
-            })
-            .sum();
-        if found == 0 {
+        let found = AtomicBool::new(false);
+        parallel::for_each_mut(verdicts, GRAIN, |i, verdict| {
+            if *verdict == Verdict::Keep && huge(face(i).corners.map(|v| v.as_dvec3())) {
+                *verdict = Verdict::Huge;
+                found.store(true, Ordering::Relaxed);
+            }
+        });
+        if !found.into_inner() {
             return;
         }
     }
@@ -338,12 +333,8 @@ fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), o
 
 /// Median distance of the kept faces' centroids from the median centroid.
 fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) -> f64 {
-    let centroids: Vec<DVec3> = (0..verdicts.len())
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .filter(|&i| verdicts[i] == Verdict::Keep)
-        .map(|i| centroid(&face(i).corners))
-        .collect();
+    let kept = |i: usize| (verdicts[i] == Verdict::Keep).then(|| centroid(&face(i).corners));
+    let centroids: Vec<DVec3> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     let median = |values| median(values, f64::total_cmp).unwrap_or(0.0);
     let axis = |k: usize| median(centroids.iter().map(|c| c[k]).collect());
     let center = DVec3::new(axis(0), axis(1), axis(2));
@@ -360,12 +351,8 @@ fn drop_over_budget(
     let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else {
         return false;
     };
-    let mut contributions: Vec<(f32, u32)> = (0..verdicts.len())
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .filter(|&i| verdicts[i] == Verdict::Keep)
-        .map(|i| (contribution(&face(i)) as f32, i as u32))
-        .collect();
+    let kept = |i: usize| (verdicts[i] == Verdict::Keep).then(|| (contribution(&face(i)) as f32, i as u32));
+    let mut contributions: Vec<(f32, u32)> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     if contributions.len() <= budget {
         return false;
     }

@@ -5,7 +5,7 @@
 
 use super::prune::is_degenerate;
 use glam::Vec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Result, Soup,
     report::{Outcome, StageDetails},
@@ -73,8 +73,8 @@ pub fn solid(soup: &mut Soup, options: &SolidOptions, details: &mut SolidDetails
     if !(options.contour > 0.0 && options.contour < 1.0) {
         return Err(Error::invalid("contour", options.contour, "a number above 0 and below 1"));
     }
-    let is_solid = |(o, s): (&f32, &f32)| *o >= 1.0 && *s <= SOLID_SIGMA;
-    if soup.opacity.par_iter().zip(&soup.sigma).with_min_len(1 << 14).all(is_solid) {
+    let is_soft = |i: usize| (!(soup.opacity[i] >= 1.0 && soup.sigma[i] <= SOLID_SIGMA)).then_some(());
+    if parallel::find_first(soup.len(), 1 << 14, is_soft).is_none() {
         return Ok(Outcome::Skipped("every triangle is solid already"));
     }
     let (results, areas) = solidify_all(soup, options);
@@ -110,27 +110,25 @@ struct Areas {
 fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas) {
     let mut results = vec![Shrunk::Solid; soup.len()];
     let log_contour = options.contour.ln();
-    let parts: Vec<Areas> = (
-        soup.vertices.par_chunks_mut(PART),
-        soup.opacity.par_chunks(PART),
-        soup.sigma.par_chunks(PART),
-        results.par_chunks_mut(PART),
-    )
-        .into_par_iter()
-        .map(|(vertices, opacity, sigma, results)| {
-            let mut sum = Areas::default();
-            for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
-                let factor = factor(o.into(), s.into(), options, log_contour);
-                let area = area(corners);
-                *result = solidify(corners, factor);
-                sum.before += area;
-                if *result == Shrunk::Solid {
-                    sum.after += area * factor.min(1.0).powi(2);
-                }
+    let rows = soup
+        .vertices
+        .chunks_mut(PART)
+        .zip(soup.opacity.chunks(PART))
+        .zip(soup.sigma.chunks(PART))
+        .zip(results.chunks_mut(PART));
+    let parts: Vec<Areas> = parallel::map(rows, |_, (((vertices, opacity), sigma), results)| {
+        let mut sum = Areas::default();
+        for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
+            let factor = factor(o.into(), s.into(), options, log_contour);
+            let area = area(corners);
+            *result = solidify(corners, factor);
+            sum.before += area;
+            if *result == Shrunk::Solid {
+                sum.after += area * factor.min(1.0).powi(2);
             }
-            sum
-        })
-        .collect();
+        }
+        sum
+    });
     let sum = |of: fn(&Areas) -> f64| parts.iter().map(of).sum();
     (results, Areas { before: sum(|part| part.before), after: sum(|part| part.after) })
 }

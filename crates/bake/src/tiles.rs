@@ -14,6 +14,7 @@
 
 use super::cells::Cells;
 use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Asset, Result, Tile,
     mesh::Mesh,
@@ -140,5 +141,5 @@ fn tile(levels: &[Level], level: usize, cell: u64) -> Tile {
 
 /// The middle of every face. `[F]`
 fn centroids(mesh: &Mesh) -> Vec<[f32; 3]> {
-    (0..mesh.face_count()).into_par_iter().map(|face| mesh.centroid(face).to_array()).collect()
+    parallel::collect(mesh.face_count(), GRAIN, |face| mesh.centroid(face).to_array())
 }

@@ -9,6 +9,7 @@ use super::decimate::Decimation;
 use super::views::{SAMPLES, Views};
 use super::visibility::{counted_share, visible_px};
 use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Result,
     camera::Camera,
@@ -217,12 +218,13 @@ fn spared_first<const N: usize>(ranked: &mut [u32], spared: &[bool], ends: [usiz
 
 /// Puts `faces` outside every picture first, the order unchanged otherwise; returns how many.
 fn outside_first(mesh: &Mesh, cameras: &[Camera], faces: &mut [u32]) -> usize {
-    let is_outside = |&face: &u32| {
+    let is_outside = |at: usize| {
+        let face = faces[at];
         let [a, b, c] = mesh.corners(face as usize);
         let points = [a, b, c, mesh.centroid(face as usize)];
         !cameras.iter().any(|camera| points.iter().any(|point| camera.frames(*point)))
     };
-    let outside: Vec<bool> = faces.par_iter().map(is_outside).collect();
+    let outside: Vec<bool> = parallel::collect(faces.len(), 1, is_outside);
     let of = |which: bool| {
         faces.iter().zip(&outside).filter(move |(_, out)| **out == which).map(|(face, _)| *face)
     };

@@ -1,6 +1,7 @@
 //! Shares vertices where position and colour agree bit for bit, when that makes the file smaller.
 
 use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Result,
     mesh::{Colors, Mesh},
@@ -98,12 +99,11 @@ fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
     }
     let corners = mesh.vertex_count();
     let shift = if corners > SAMPLED_ABOVE { 6 } else { 0 };
-    let mut sample: Vec<u64> = (0..corners)
-        .into_par_iter()
-        .with_min_len(1 << 14)
-        .map(|i| hash(&key(mesh, i)))
-        .filter(|h| h.checked_shr(64 - shift).unwrap_or(0) == 0)
-        .collect();
+    let sampled = |i: usize| {
+        let hash = hash(&key(mesh, i));
+        (hash.checked_shr(64 - shift).unwrap_or(0) == 0).then_some(hash)
+    };
+    let mut sample = parallel::filter_map(corners, 1 << 14, sampled);
     let seen = sample.len();
     sample.par_sort_unstable();
     sample.dedup();
@@ -116,7 +116,7 @@ fn pays(mesh: &Mesh, options: &WeldOptions, details: &mut WeldDetails) -> bool {
 fn unweld(mesh: &mut Mesh) {
     let indices = std::mem::take(&mut mesh.indices);
     let positions = &mesh.positions;
-    mesh.positions = indices.par_iter().with_min_len(1 << 13).map(|&v| positions[v as usize]).collect();
+    mesh.positions = parallel::collect(indices.len(), 1 << 13, |at| positions[indices[at] as usize]);
 }
 
 /// Makes equal corners of a mesh without indices one vertex; vertices come in the order of first use.

@@ -10,12 +10,12 @@ use super::step::{Step, tell};
 use super::stored::{self, StoredPhoto, StoredPhotos, WORK};
 use super::video::Ffmpeg;
 use glam::UVec2;
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::UNIX_EPOCH;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Limits, Result,
     image::RgbImage,
@@ -158,8 +158,8 @@ fn in_chunks<A: Sync, B: Send>(
     for chunk in list.chunks(CHUNK) {
         tell(observer, StageEvent::Noted(&format!("{what}: {} of {}", done.len(), list.len())))?;
         tell(observer, StageEvent::Progressed(done.len() as f64 / list.len() as f64))?;
-        let part: Result<Vec<B>> = chunk.par_iter().map(&work).collect();
-        done.extend(part?);
+        let part = parallel::map(chunk, |_, item| work(item));
+        done.extend(part.into_iter().collect::<Result<Vec<B>>>()?);
     }
     Ok(done)
 }

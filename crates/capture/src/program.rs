@@ -4,7 +4,7 @@ use super::options::CaptureOptions;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, parallel};
 
 /// Environment variable that names the program if the option `poses` does not.
 const VARIABLE: &str = "TRISPLAT_POSES";
@@ -103,7 +103,7 @@ impl Program {
         let version = first.split(['-', '(']).next().unwrap_or(first).trim().to_owned();
         let own = text.contains("global_mapper").then_some(Global::Own);
         let glomap = || said(Command::new("glomap").arg("-h")).map(|_| Global::Glomap);
-        let threads = rayon::current_num_threads();
+        let threads = parallel::threads();
         let (global, has_gpu) = (own.or_else(glomap), !text.contains("without CUDA"));
         Some(Self { kind: Kind::Colmap, path: path.to_owned(), version, has_gpu, global, threads })
     }
@@ -116,7 +116,7 @@ impl Program {
         let words: Vec<&str> = line.split_whitespace().collect();
         let version = format!("{} {}", words[0], words.get(1).unwrap_or(&""));
         let global = words.contains(&"global").then_some(Global::Own);
-        let threads = rayon::current_num_threads();
+        let threads = parallel::threads();
         Some(Self { kind: Kind::Pycolmap, path: path.to_owned(), version, has_gpu: false, global, threads })
     }
 

@@ -6,12 +6,12 @@ use super::poses::ModelDetails;
 use super::step::{Step, tell};
 use super::stored::StoredPhotos;
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use trisplat_dataset::{TrackedPhoto, Tracks};
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Limits, Result,
     image::RgbImage,
@@ -140,8 +140,8 @@ pub(super) fn judge(
             let tracked = by_name.get(name).map(|&i| (i, &tracks.photos[i]));
             look(&images.join(name), tracked)
         };
-        let part: Result<Vec<Looked>> = chunk.par_iter().map(|photo| look_at(&photo.name)).collect();
-        looked.extend(part?);
+        let part = parallel::map(chunk, |_, photo| look_at(&photo.name));
+        looked.extend(part.into_iter().collect::<Result<Vec<Looked>>>()?);
     }
     let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
     let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();

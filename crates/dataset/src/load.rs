@@ -12,10 +12,10 @@ use super::posed::{Dataset, Point, Reprojection, View};
 use super::undistort::Undistort;
 use super::{colmap, split, transforms};
 use glam::{DVec3, UVec2};
-use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::Path;
 use trisplat_formats::far_origin;
+use trisplat_scene::parallel;
 use trisplat_scene::{Error, Limits, Result, camera::Camera, image::RgbImage, math::median::median};
 
 impl Dataset {
@@ -150,7 +150,7 @@ fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
 /// Reads the header of every photo and makes it a view.
 fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
     let opened: Vec<Result<(View, Option<String>)>> =
-        found.photos.par_iter().map(|photo| open_view(photo, origin, options)).collect();
+        parallel::map(&found.photos, |_, photo| open_view(photo, origin, options));
     let total = opened.len();
     let mut views = Vec::with_capacity(total);
     let mut resized = Vec::new();

@@ -8,10 +8,10 @@ use super::lens::{Distortion, Lens};
 use super::phone::{self, PhotoTruth};
 use super::synthetic_scene::{Ray, SurfaceHit, trace, visible};
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec2};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Result, Rng,
     camera::Camera,
@@ -124,8 +124,12 @@ pub fn camera(options: &SyntheticOptions, index: u32) -> Camera {
 pub fn render(camera: &Camera) -> Image {
     let rays = RayCamera::new(camera);
     let [width, height] = camera.size.to_array();
-    let places = (0..width * height).into_par_iter().map(|i| (i % width, i / width));
-    let coarse: Vec<Average> = places.clone().map(|(x, y)| rays.average(x, y, 4)).collect();
+    let pixels = camera.size.element_product() as usize;
+    let place = |i: usize| (i as u32 % width, i as u32 / width);
+    let coarse: Vec<Average> = parallel::collect(pixels, 1, |i| {
+        let (x, y) = place(i);
+        rays.average(x, y, 4)
+    });
     let smooth_around = |x: u32, y: u32| {
         let own = &coarse[(y * width + x) as usize];
         let rows = y.saturating_sub(1)..(y + 2).min(height);
@@ -133,19 +137,21 @@ pub fn render(camera: &Camera) -> Image {
             rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
         around.all(|i| coarse[i as usize].smooth && coarse[i as usize].object == own.object)
     };
-    let pixel = |(x, y)| {
+    let pixel = |i: usize| {
+        let (x, y) = place(i);
         let own = &coarse[(y * width + x) as usize];
         let rgb = if smooth_around(x, y) { own.rgb } else { rays.average(x, y, 16).rgb };
         rgb.as_vec3().to_array()
     };
-    Image { size: camera.size, pixels: places.map(pixel).collect() }
+    Image { size: camera.size, pixels: parallel::collect(pixels, 1, pixel) }
 }
 
 /// A camera's view of only the objects: alpha is the share of 64 rays that hit one, and the colour is the
 /// mean of these rays.
 pub fn render_things(camera: &Camera) -> RgbImage {
     let (rays, width) = (RayCamera::new(camera), camera.size.x);
-    let pixel = |i: u32| {
+    let pixel = |i: usize| {
+        let i = i as u32;
         let at = |k: u32| DVec2::new(f64::from(k % 8) + 0.5, f64::from(k / 8) + 0.5) / 8.0;
         let corner = DVec2::new(f64::from(i % width), f64::from(i / width));
         let hits = (0..64).filter_map(|k| rays.trace(corner + at(k)).filter(|hit| hit.thing));
@@ -153,7 +159,7 @@ pub fn render_things(camera: &Camera) -> RgbImage {
         let rgb = (255.0 * sum / f64::from(count.max(1))).round().as_u8vec3().to_array();
         (rgb, (f64::from(count) * 255.0 / 64.0).round() as u8)
     };
-    let pixels: Vec<([u8; 3], u8)> = (0..camera.size.element_product()).into_par_iter().map(pixel).collect();
+    let pixels = parallel::collect(camera.size.element_product() as usize, 1, pixel);
     let (rgb, alpha) = pixels.into_iter().unzip();
     RgbImage { size: camera.size, rgb, alpha: Some(alpha) }
 }
@@ -249,10 +255,11 @@ fn model(options: &SyntheticOptions) -> (Model, Vec<PointRow>) {
         ImageRow { name: photo_name(index), camera: 1, rotation, translation, observations: Vec::new() }
     };
     let mut model = Model { images: (0..options.views).map(image).collect(), ..Model::default() };
-    let tracks: Vec<Track> = (0..options.points)
-        .into_par_iter()
-        .filter_map(|id| track(options, &lens, &model.images, id))
-        .collect();
+    let tracks: Vec<Track> =
+        parallel::map(0..options.points, |_, id| track(options, &lens, &model.images, id))
+            .into_iter()
+            .flatten()
+            .collect();
     let mut points = Vec::with_capacity(tracks.len());
     for Track { point, observations } in tracks {
         for (image, place) in observations {

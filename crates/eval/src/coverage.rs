@@ -4,9 +4,9 @@
 //! photo and the scene, drawn from there, has nothing clearly in front of it.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use trisplat_dataset::View;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::parallel;
 
 /// Least training photos for a covered pixel: with fewer, its depth is a guess.
 pub const LEAST_PHOTOS: u8 = 2;
@@ -68,17 +68,15 @@ fn covered_together(
 fn count(photo: &DepthPicture, camera: &Camera, depths: &[f32], counts: &mut [u8]) {
     let width = camera.size.x as usize;
     let to_world = camera.rotation.transpose();
-    counts.par_chunks_mut(width).zip(depths.par_chunks(width)).enumerate().for_each(
-        |(y, (counts, depths))| {
-            for (x, (count, depth)) in counts.iter_mut().zip(depths).enumerate() {
-                if *count < LEAST_PHOTOS && *depth > 0.0 {
-                    let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    let seen = ((pixel - camera.center) / camera.focal * *depth).extend(*depth);
-                    *count += u8::from(photo.sees(to_world * (seen - camera.translation)));
-                }
+    parallel::for_each(counts.chunks_mut(width).zip(depths.chunks(width)), |y, (counts, depths)| {
+        for (x, (count, depth)) in counts.iter_mut().zip(depths).enumerate() {
+            if *count < LEAST_PHOTOS && *depth > 0.0 {
+                let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let seen = ((pixel - camera.center) / camera.focal * *depth).extend(*depth);
+                *count += u8::from(photo.sees(to_world * (seen - camera.translation)));
             }
-        },
-    );
+        }
+    });
 }
 
 /// The depth picture of a training photo's camera.

@@ -1,7 +1,7 @@
 //! Rows formatted on all threads, written in order.
 
-use rayon::prelude::*;
 use std::io::{self, Write};
+use trisplat_scene::parallel;
 
 /// Rows per thread and block.
 const ROWS: usize = 1 << 13;
@@ -12,10 +12,10 @@ pub(super) fn write_blocks(
     count: usize,
     push: impl Fn(usize, &mut Vec<u8>) + Sync,
 ) -> io::Result<()> {
-    let lanes = rayon::current_num_threads().max(1);
+    let lanes = parallel::threads().max(1);
     let mut blocks = vec![Vec::new(); lanes];
     for round in (0..count).step_by(ROWS * lanes) {
-        blocks.par_iter_mut().enumerate().for_each(|(lane, block)| {
+        parallel::for_each(&mut blocks, |lane, block| {
             block.clear();
             let first = round + lane * ROWS;
             for row in first..(first + ROWS).min(count) {

@@ -1,10 +1,10 @@
 //! Textures of an input mesh: kept if pictures paint the whole mesh, else turned into a colour per face.
 
 use glam::Vec2;
-use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     FaceTexture, Texture,
     mesh::{Colors, Mesh},
@@ -43,8 +43,7 @@ pub fn paint(
     let all_readable = painted.iter().all(|painted| readable.contains_key(&painted.image));
     if plain && covered == mesh.face_count() && all_readable && readable.len() <= MOST_PAGES {
         let texture = pages(painted, &readable);
-        let mean = |face: usize| texture.mean(face);
-        mesh.colors = Colors::Face((0..mesh.face_count()).into_par_iter().map(mean).collect());
+        mesh.colors = Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
         mesh.texture = Some(texture);
         return None;
     }
@@ -52,7 +51,7 @@ pub fn paint(
         let [a, b, c] = mesh.corner_colors(face);
         [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
     };
-    let mut colors: Vec<[f32; 3]> = (0..mesh.face_count()).into_par_iter().map(mean).collect();
+    let mut colors: Vec<[f32; 3]> = parallel::collect(mesh.face_count(), GRAIN, mean);
     for painted in painted {
         let Some(Some(texture)) = textures.get(&painted.image) else { continue };
         // Repeated pictures start again at every whole number.

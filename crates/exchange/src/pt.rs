@@ -30,12 +30,12 @@ use super::source::Source;
 use bytemuck::Pod;
 use glam::Vec3;
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input,
     math::color::linear_from_srgb,
@@ -82,8 +82,8 @@ fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<Import
     let mut sigma: Vec<f32> = file.values("sigma", DType::F32, &[&[n, 1], &[n]])?;
     let mut opacity: Vec<f32> = file.values("opacity", DType::F32, &[&[n, 1], &[n]])?;
     // In f64 and rounded once, so that the result does not depend on the platform's expf.
-    sigma.par_iter_mut().for_each(|x| *x = (0.01 + f64::from(*x).exp()) as f32);
-    opacity.par_iter_mut().for_each(|x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
+    parallel::for_each_mut(&mut sigma, GRAIN, |_, x| *x = (0.01 + f64::from(*x).exp()) as f32);
+    parallel::for_each_mut(&mut opacity, GRAIN, |_, x| *x = (1.0 / (1.0 + (-f64::from(*x)).exp())) as f32);
     let (sh, sh_degree) = read_sh(file, n, options.sh_degree)?;
     let soup = Soup { vertices, opacity, sigma, sh, sh_degree, ..Soup::default() };
     let provenance =
@@ -140,7 +140,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
     }
     // `max` turns NaN into 0.
     let linear = |c: f32| linear_from_srgb(rgb_from_sh0(c).max(0.0));
-    let colors = dc.par_iter().map(|c| c.map(linear)).collect();
+    let colors = parallel::collect(dc.len(), GRAIN, |i| dc[i].map(linear));
     let mesh = Mesh {
         positions,
         colors: Colors::Vertex(colors),

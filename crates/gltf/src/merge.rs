@@ -10,8 +10,8 @@ use gltf_json::accessor::ComponentType;
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use gltf_json::validation::Checked;
-use rayon::prelude::*;
 use trisplat_exchange::far::{is_far, origin_of, sampled};
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Limits, Result,
     math::color::linear_from_srgb,
@@ -401,7 +401,9 @@ impl<'a> MergedMesh<'a> {
             }
             usize::from(bad)
         };
-        self.clamped += colors.par_iter_mut().with_min_len(1 << 14).map(clamp).sum::<usize>();
+        let parts = colors.chunks_mut(1 << 14);
+        self.clamped +=
+            parallel::map(parts, |_, part| part.iter_mut().map(clamp).sum::<usize>()).iter().sum::<usize>();
         self.colors.append(&mut colors);
     }
 

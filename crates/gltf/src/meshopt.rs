@@ -8,7 +8,7 @@ use super::extensions::{CompressedView, CompressionMode, Filter};
 use super::limits::MAX_UNPACK_RATIO;
 use super::options::GltfOptions;
 use super::part::{ScenePart, Stream, all_streams};
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// EXT_meshopt_compression knows vertex codec version 0 only; the crate's own default is 1.
 const VERTEX_CODEC: i32 = 0;
@@ -21,30 +21,26 @@ const VERTEX_CODEC: i32 = 0;
 /// Failures of the encoder, with the remedy.
 pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
     let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
-    streams
-        .into_par_iter()
-        .map(|(part, stream)| {
-            let encoded = match stream {
-                Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
-                    let bytes = encode::bytes(part, stream, options);
-                    encode_vertices(&bytes, part.stride(stream, options))
-                }
-                Stream::Indices => {
-                    let corners = 3 * part.faces.start..3 * part.faces.end;
-                    let local: Vec<u32> =
-                        part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
-                    ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
-                }
-            };
-            match encoded {
-                Ok(bytes) if !bytes.is_empty() => Ok(bytes),
-                Ok(_) => Err(refused(part, "no bytes came out")),
-                Err(e) => Err(refused(part, &e)),
+    let written = parallel::map(streams, |_, (part, stream)| {
+        let encoded = match stream {
+            Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
+                let bytes = encode::bytes(part, stream, options);
+                encode_vertices(&bytes, part.stride(stream, options))
             }
-        })
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect()
+            Stream::Indices => {
+                let corners = 3 * part.faces.start..3 * part.faces.end;
+                let local: Vec<u32> =
+                    part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
+                ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
+            }
+        };
+        match encoded {
+            Ok(bytes) if !bytes.is_empty() => Ok(bytes),
+            Ok(_) => Err(refused(part, "no bytes came out")),
+            Err(e) => Err(refused(part, &e)),
+        }
+    });
+    written.into_iter().collect()
 }
 
 fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {

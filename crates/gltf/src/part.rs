@@ -4,11 +4,11 @@ use super::grid::{PositionGrid, QuantizationLoss};
 use super::limits::MAX_SHORT_VERTICES;
 use super::options::{GltfOptions, PositionEncoding};
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Asset, Chunk, Error, Result,
     math::median::median,
@@ -189,13 +189,13 @@ pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
         };
     let vertex_uvs = Arc::new(vertex_uvs.unwrap_or_default());
     let vertex_normals = Arc::new(if lit && shared { mesh.vertex_normals() } else { Vec::new() });
-    let drawn = named.into_par_iter().map(|(kind, name, faces)| {
+    let drawn = |_, (kind, name, faces)| {
         let lit = lit && kind == PartKind::Scene;
         let part = part(name, mesh, faces, (lit, shared), options)?;
         Ok(ScenePart { kind, vertex_normals: vertex_normals.clone(), vertex_uvs: vertex_uvs.clone(), ..part })
-    });
+    };
     // Always returns the first of several errors, independent of threads.
-    let drawn: Vec<Result<ScenePart<'_>>> = drawn.collect();
+    let drawn: Vec<Result<ScenePart<'_>>> = parallel::map(named, drawn);
     drawn.into_iter().chain(collision(asset, options)).collect()
 }
 
@@ -334,16 +334,14 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
         false => PositionGrid::new(part.bounds.min, part.bounds.max),
     };
     const BLOCK: usize = 1 << 14;
-    let loss = part
-        .faces
-        .clone()
-        .into_par_iter()
-        .with_min_len(BLOCK)
-        .fold(QuantizationLoss::default, |loss, face| {
-            loss.and(grid.loss(std::iter::once(mesh.corners(face))))
+    let (first, count) = (part.faces.start, part.faces.len());
+    let losses = parallel::ranges(count, BLOCK, |range| {
+        range.fold(QuantizationLoss::default(), |loss, at| {
+            loss.and(grid.loss(std::iter::once(mesh.corners(first + at))))
         })
-        .reduce(QuantizationLoss::default, QuantizationLoss::and);
-    let areas = part.faces.clone().into_par_iter().with_min_len(BLOCK).map(|face| mesh.area(face)).collect();
+    });
+    let loss = losses.into_iter().fold(QuantizationLoss::default(), QuantizationLoss::and);
+    let areas = parallel::collect(count, BLOCK, |at| mesh.area(first + at));
     let detail = median(areas, f64::total_cmp).unwrap_or(0.0).sqrt();
     if loss.is_allowed(part.faces.len(), detail) {
         (part.grid, part.loss) = (Some(grid), loss);
@@ -368,16 +366,15 @@ fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
 
 fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
     const BLOCK: usize = 1 << 16;
-    let bounds = match vertices {
-        PartVertices::Run(run) => mesh.positions[run.clone()]
-            .par_chunks(BLOCK)
-            .map(|block| PartBounds::of(block.iter().copied()))
-            .reduce(|| PartBounds::EMPTY, PartBounds::and),
-        PartVertices::Picked(ids) => ids
-            .par_chunks(BLOCK)
-            .map(|block| PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize])))
-            .reduce(|| PartBounds::EMPTY, PartBounds::and),
+    let blocks = match vertices {
+        PartVertices::Run(run) => parallel::map(mesh.positions[run.clone()].chunks(BLOCK), |_, block| {
+            PartBounds::of(block.iter().copied())
+        }),
+        PartVertices::Picked(ids) => parallel::map(ids.chunks(BLOCK), |_, block| {
+            PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize]))
+        }),
     };
+    let bounds = blocks.into_iter().fold(PartBounds::EMPTY, PartBounds::and);
     // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
     // 0.0, and the file independent of the number of threads.
     PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }

@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use bytemuck::NoUninit;
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result};
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
@@ -39,8 +39,7 @@ pub fn filled<T: NoUninit + Send>(
     let unmappable = |e| Error::Gpu(format!("{what} of {size} bytes: {e}"));
     let mut view = buffer.slice(..).get_mapped_range_mut().map_err(unmappable)?;
     for first in (0..count).step_by(BATCH) {
-        let elements: Vec<T> =
-            (first..(first + BATCH).min(count)).into_par_iter().with_min_len(1 << 12).map(&element).collect();
+        let elements: Vec<T> = parallel::collect(BATCH.min(count - first), GRAIN, |at| element(first + at));
         let bytes: &[u8] = bytemuck::cast_slice(&elements);
         view.slice(first * width..first * width + bytes.len()).copy_from_slice(bytes);
     }

@@ -5,8 +5,8 @@
 pub use super::degenerate::degenerate;
 use super::studio::{Studio, Surface};
 use glam::{DVec2, DVec3, Mat3, UVec2, Vec2, Vec3, vec3};
-use rayon::prelude::*;
 use std::f64::consts::TAU;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Provenance, Rng, Soup, UpAxis, camera::Camera, sh0_from_rgb};
 
 /// Which soup to make.
@@ -64,12 +64,16 @@ pub fn raise_sh(soup: &mut Soup, degree: u8, seed: u64) {
         return;
     }
     let mut sh = vec![[0.0; 3]; soup.len() * new];
-    sh.par_chunks_mut(new).zip(soup.sh.par_chunks(old)).enumerate().for_each(|(i, (to, from))| {
-        to[..old].copy_from_slice(from);
-        for (k, coefficient) in to.iter_mut().enumerate().skip(old) {
-            let at = 3 * (i * new + k) as u64;
-            *coefficient = [0, 1, 2].map(|c| 0.06 / (k as f32).sqrt() * rng.normal(at + c));
-        }
+    let parts = sh.chunks_mut(new * GRAIN).zip(soup.sh.chunks(old * GRAIN));
+    parallel::for_each(parts, |part, (to, from)| {
+        let rows = to.chunks_mut(new).zip(from.chunks(old)).zip(part * GRAIN..);
+        rows.for_each(|((to, from), i)| {
+            to[..old].copy_from_slice(from);
+            for (k, coefficient) in to.iter_mut().enumerate().skip(old) {
+                let at = 3 * (i * new + k) as u64;
+                *coefficient = [0, 1, 2].map(|c| 0.06 / (k as f32).sqrt() * rng.normal(at + c));
+            }
+        });
     });
     (soup.sh, soup.sh_degree) = (sh, degree);
 }
@@ -109,8 +113,9 @@ fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
         sh_degree: 0,
         ..Soup::default()
     };
-    let slots = soup.vertices.par_iter_mut().zip(&mut soup.opacity).zip(&mut soup.sigma).zip(&mut soup.sh);
-    slots.enumerate().for_each(|(slot, (((vertices, opacity), sigma), sh))| {
+    let slots = soup.vertices.iter_mut().zip(&mut soup.opacity).zip(&mut soup.sigma).zip(&mut soup.sh);
+    let mut slots: Vec<_> = slots.collect();
+    parallel::for_each_mut(&mut slots, GRAIN, |slot, (((vertices, opacity), sigma), sh)| {
         let i = shuffled(slot, n);
         let random = TriangleRng { rng: Rng::new(seed, "sample", 0), first: i as u64 * RANDOM_NUMBERS };
         let owner = shares.partition_point(|&end| end <= i);

@@ -3,15 +3,13 @@
 use super::cover::{Brush, Coverage, SeenBlock};
 use super::manifest::{Block, BlockPhoto};
 use super::options::PlanOptions;
-use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
 use trisplat_dataset::View;
+use trisplat_scene::parallel;
 use trisplat_scene::{Error, Result};
 
 /// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
 const FEWEST_PHOTOS: usize = 3;
-/// Photos that one thread looks at before it gives up its memory.
-const TOGETHER: usize = 64;
 
 /// Gives each of `blocks` its photos among `views`; one that no photo shows has none.
 ///
@@ -25,11 +23,9 @@ pub(super) fn assign(
     let min_cover = options.min_cover as f32;
     // Those that show too little of a block are known too, for blocks that have no others.
     let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
-    let looks: Vec<Vec<SeenBlock>> = views
-        .par_iter()
-        .with_min_len(TOGETHER)
-        .map_init(Brush::default, |brush, view| coverage.look(brush, &view.camera, blocks, 0.1 * min_cover))
-        .collect();
+    let looks: Vec<Vec<SeenBlock>> = parallel::map_with(views, Brush::default, |brush, _, view| {
+        coverage.look(brush, &view.camera, blocks, 0.1 * min_cover)
+    });
     for (photo, looks) in looks.into_iter().enumerate() {
         looks.into_iter().for_each(|seen| shown[seen.block].push((photo, seen)));
     }
@@ -67,12 +63,13 @@ pub(super) fn visible(
 ) -> Result<Vec<bool>> {
     let mut visible = Vec::new();
     visible.resize_with(triangles, AtomicBool::default);
-    let look = |brush: &mut Brush, photo: &BlockPhoto| -> Result<()> {
+    let look = |brush: &mut Brush, _, photo: &BlockPhoto| -> Result<()> {
         let (corner, size) = photo.corner_and_size();
         let part = views[photo.photo as usize].cropped(corner, size)?;
         coverage.mark_visible(brush, &part.camera, &visible);
         Ok(())
     };
-    block.photos.par_iter().with_min_len(TOGETHER).try_for_each_init(Brush::default, look)?;
+    let looked = parallel::map_with(&block.photos, Brush::default, look);
+    looked.into_iter().collect::<Result<()>>()?;
     Ok(visible.into_iter().map(AtomicBool::into_inner).collect())
 }

@@ -4,9 +4,9 @@ use super::cells::Cells;
 use super::manifest::Block;
 use super::region::{Region, middle};
 use glam::{UVec2, Vec3};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{SceneNormalization, Soup, camera::Camera, sh0_from_rgb};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
@@ -199,13 +199,13 @@ fn reach(sums: &[f32], least: f32, mut order: impl Iterator<Item = usize>) -> Op
 
 /// The owner of each triangle: the block whose core holds its middle.
 pub(super) fn owners(middles: &[Vec3], cores: &[Region]) -> Vec<u32> {
-    let owner = |point: &Vec3| cores.iter().position(|core| core.contains(*point)).unwrap_or(0) as u32;
-    middles.par_iter().map(owner).collect()
+    let owner = |point: Vec3| cores.iter().position(|core| core.contains(point)).unwrap_or(0) as u32;
+    parallel::collect(middles.len(), GRAIN, |i| owner(middles[i]))
 }
 
 /// The middles of a soup's triangles.
 pub(super) fn middles(soup: &Soup) -> Vec<Vec3> {
-    soup.vertices.par_iter().map(middle).collect()
+    parallel::collect(soup.len(), GRAIN, |i| middle(&soup.vertices[i]))
 }
 
 #[cfg(test)]

@@ -10,9 +10,9 @@ use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Sourc
 use super::options::PlanOptions;
 use super::region::Region;
 use glam::{UVec2, Vec3};
-use rayon::prelude::*;
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, ImportedScene, Limits, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
 };
@@ -199,14 +199,14 @@ fn name_of(path: &Path) -> String {
 pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Result<Vec<PlannedPhoto>> {
     let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
     let views: Vec<&View> = dataset.train().collect();
-    let planned = |(view, photo): (&&View, &trisplat_train::PhotoIdentity)| {
+    let planned = |_, (view, photo): (&&View, &trisplat_train::PhotoIdentity)| {
         let mut hash = hash::of_file(&view.photo.path, &options.limits)?;
         if let Some(mask) = &view.photo.mask {
             hash += &hash::of_file(mask, &options.limits)?;
         }
         Ok(PlannedPhoto { name: view.name.clone(), hash, camera: hash::digits(photo.pose) })
     };
-    views.par_iter().zip(&identity.photos).map(planned).collect()
+    parallel::map(views.iter().zip(&identity.photos), planned).into_iter().collect()
 }
 
 fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed: u64) -> Block {

@@ -16,6 +16,7 @@ mod limits;
 pub mod math;
 pub mod mesh;
 mod normalization;
+pub mod parallel;
 pub mod placed;
 pub mod process;
 pub mod ranges;

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit};
 use crate::math::median::median;
+use crate::parallel::{self, GRAIN};
 use crate::texture::FaceTexture;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -202,8 +203,8 @@ impl Mesh {
             let corners = vertices.clone();
             vertices.par_sort_unstable();
             vertices.dedup();
-            let renamed = |v: &u32| vertices.partition_point(|other| other < v) as u32;
-            indices = corners.par_iter().map(renamed).collect();
+            let renamed = |v: u32| vertices.partition_point(|other| *other < v) as u32;
+            indices = parallel::collect(corners.len(), GRAIN, |at| renamed(corners[at]));
         }
         let colors = match &self.colors {
             Colors::Face(colors) => Colors::Face(gather(colors, faces)),
@@ -331,8 +332,7 @@ impl Mesh {
     /// Replaces the texture by each face's mean colour of it. Returns whether there was one.
     pub fn drop_texture(&mut self) -> bool {
         let Some(texture) = self.texture.take() else { return false };
-        let mean = |face: usize| texture.mean(face);
-        self.colors = Colors::Face((0..self.face_count()).into_par_iter().map(mean).collect());
+        self.colors = Colors::Face(parallel::collect(self.face_count(), 1, |face| texture.mean(face)));
         true
     }
 
@@ -406,7 +406,8 @@ impl Mesh {
                 return shape("mesh texture page", last, format!("below {}", texture.pages.len()));
             }
         }
-        match self.indices.par_iter().position_first(|&i| i as usize >= v) {
+        let is_bad = |i: usize| (self.indices[i] as usize >= v).then_some(i);
+        match parallel::find_first(self.indices.len(), 1 << 16, is_bad) {
             Some(i) => shape("mesh index", self.indices[i] as usize, format!("below {v} (face {})", i / 3)),
             None => Ok(()),
         }
@@ -447,7 +448,7 @@ impl Mesh {
 
 /// `values[order[i]]` for every i.
 fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
-    order.par_iter().with_min_len(1 << 13).map(|&i| values[i as usize]).collect()
+    parallel::collect(order.len(), 1 << 13, |at| values[order[at] as usize])
 }
 
 /// [`gather`] for three values per face.

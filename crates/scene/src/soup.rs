@@ -2,8 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::math::finite::{all_finite, all_in_unit, all_positive};
+use crate::parallel::{self, GRAIN};
 use glam::Vec3;
-use rayon::prelude::*;
 
 /// The SH degree 0 basis function, 1 / (2 sqrt(pi)), in eight digits: one unit in the last place below the
 /// kernels' constant in f32, and part of the bits of every baked colour.
@@ -127,12 +127,15 @@ impl Soup {
     pub fn picked(&self, order: &[usize]) -> Soup {
         let k = self.sh_count();
         let mut sh = vec![[0.0; 3]; k * order.len()];
-        let rows = sh.par_chunks_exact_mut(k).zip(order);
-        rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
+        parallel::for_each(sh.chunks_mut(k * GRAIN).zip(order.chunks(GRAIN)), |_, (rows, order)| {
+            let rows = rows.chunks_exact_mut(k).zip(order);
+            rows.for_each(|(row, &i)| row.copy_from_slice(&self.sh[k * i..k * (i + 1)]));
+        });
+        let n = order.len();
         Soup {
-            vertices: order.par_iter().map(|&i| self.vertices[i]).collect(),
-            opacity: order.par_iter().map(|&i| self.opacity[i]).collect(),
-            sigma: order.par_iter().map(|&i| self.sigma[i]).collect(),
+            vertices: parallel::collect(n, GRAIN, |at| self.vertices[order[at]]),
+            opacity: parallel::collect(n, GRAIN, |at| self.opacity[order[at]]),
+            sigma: parallel::collect(n, GRAIN, |at| self.sigma[order[at]]),
             sh,
             sh_degree: self.sh_degree,
             shell: if self.shell.is_empty() {

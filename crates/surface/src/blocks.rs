@@ -3,6 +3,7 @@
 use super::grid::Grid;
 use super::picture::DepthPicture;
 use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// Samples this near to a point of the surface, in cells, are needed: a cell that the surface runs through has corners up to one cell
 /// from it, and pixels lie up to one cell apart.
@@ -27,7 +28,7 @@ pub(super) fn blocks(pictures: &[DepthPicture], grid: &Grid) -> Vec<u64> {
         numbers.dedup();
         numbers
     };
-    let mut all: Vec<u64> = pictures.par_iter().flat_map_iter(of_picture).collect();
+    let mut all: Vec<u64> = parallel::map(pictures, |_, picture| of_picture(picture)).concat();
     all.par_sort_unstable();
     all.dedup();
     all

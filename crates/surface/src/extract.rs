@@ -13,7 +13,7 @@ use super::picture::{DepthPicture, Observer};
 use super::pictures::pictures;
 use super::simplify::simplify;
 use super::smooth::smooth;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{ImportedScene, Limits, Result, camera::Camera, mesh::Mesh, report::StageProgress};
 use trisplat_teacher::Viewpoints;
 
@@ -81,7 +81,6 @@ fn fused(pictures: &[DepthPicture], grid: Grid, options: &SurfaceOptions, limits
     let numbers = blocks(pictures, &grid);
     let mut blocks: Vec<Block> = limits.zeroed("the distance field", numbers.len())?;
     let observers: Vec<Observer<'_>> = pictures.iter().map(Observer::new).collect();
-    let fuse = |(block, number): (&mut Block, &u64)| *block = fusion.block(*number, &observers);
-    blocks.par_iter_mut().zip(&numbers).for_each(fuse);
+    parallel::for_each_mut(&mut blocks, 1, |i, block| *block = fusion.block(numbers[i], &observers));
     Ok(Field { numbers, blocks })
 }

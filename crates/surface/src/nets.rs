@@ -5,8 +5,9 @@ use super::field::Field;
 use super::grid::{Grid, SAMPLES, SIDE, block, within};
 use super::sheets::{CORNERS, EDGES, EdgeSet, edge, sheets};
 use glam::{IVec3, Vec3};
-use rayon::prelude::*;
+use std::ops::Range;
 use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::parallel;
 
 /// Crossings stay this far from the samples, as a share of the edge, so that no two vertices fall together.
 const INSET: f32 = 1e-3;
@@ -27,15 +28,15 @@ struct BlockVertices {
 
 /// The zero of `field` as a connected mesh with a colour per vertex; its fronts face what is free.
 pub(super) fn nets(field: &Field, grid: &Grid) -> Mesh {
-    let mut blocks: Vec<BlockVertices> =
-        (0..field.blocks.len()).into_par_iter().map(|i| block_vertices(field, grid, i)).collect();
+    let mut blocks = parallel::collect(field.blocks.len(), 1, |i| block_vertices(field, grid, i));
     let mut count = 0;
     for block in &mut blocks {
         block.first = count;
         count += block.cells.len() as u32;
     }
-    let indices: Vec<u32> =
-        (0..blocks.len()).into_par_iter().flat_map_iter(|i| block_faces(field, &blocks, i)).collect();
+    let faces =
+        |range: Range<usize>| range.flat_map(|i| block_faces(field, &blocks, i)).collect::<Vec<u32>>();
+    let indices = parallel::ranges(blocks.len(), 1, faces).concat();
     let positions = blocks.iter().flat_map(|block| block.positions.iter().copied()).collect();
     let colors = Colors::Vertex(blocks.iter().flat_map(|block| block.colors.iter().copied()).collect());
     Mesh { positions, colors, indices, ..Mesh::default() }

@@ -4,6 +4,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// The way towards the middle of the neighbours, and ...
 const SHRINK: f32 = 0.5;
@@ -18,12 +19,12 @@ pub(super) fn smooth(mesh: &mut Mesh, rounds: u32) {
     let neighbours = Neighbours::of(mesh);
     for share in (0..rounds).flat_map(|_| [SHRINK, GROW]) {
         let at = &mesh.positions;
-        let moved = (0..at.len()).into_par_iter().with_min_len(1 << 10).map(|v| {
+        let moved = parallel::collect(at.len(), 1 << 10, |v| {
             let others = neighbours.around(v);
             let middle = others.iter().map(|o| at[*o as usize]).sum::<Vec3>() / others.len().max(1) as f32;
             if others.is_empty() { at[v] } else { at[v].lerp(middle, share) }
         });
-        mesh.positions = moved.collect();
+        mesh.positions = moved;
     }
 }
 

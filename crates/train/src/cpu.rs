@@ -5,12 +5,12 @@ use super::frame_loss::{FrameLoss, Supersampling};
 use super::params::{Params, TrainState};
 use super::schedule::StepParams;
 use super::update::{Regularisers, update};
-use rayon::prelude::*;
 use std::borrow::Cow;
 use trisplat_raster::{
     kernel::normal::{Maps, MapsGrad, normal_grad},
     soft::{Frame, FrameGrad, SoftOptions, SoftRasterizer, SoupGrad, SoupRef},
 };
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Result, camera::Camera};
 
 /// A training scene in main memory.
@@ -159,11 +159,14 @@ pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 /// Opacity and σ of the raw parameters.
 fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
     let (params, anneal, frozen) = (&state.params, rates.anneal, rates.frozen_look());
-    let raw = || params.opacity.par_iter().zip(&params.sigma).enumerate().with_min_len(4096);
-    raw()
-        .map(|(i, (&o, &s))| if i < state.frozen { frozen.opacity(o, s) } else { anneal.opacity(o) })
-        .collect_into_vec(opacity);
-    raw()
-        .map(|(i, (_, &s))| if i < state.frozen { frozen.sigma(s) } else { anneal.sigma(s) })
-        .collect_into_vec(sigma);
+    opacity.clear();
+    parallel::extend(opacity, params.opacity.len(), GRAIN, |i| {
+        let (o, s) = (params.opacity[i], params.sigma[i]);
+        if i < state.frozen { frozen.opacity(o, s) } else { anneal.opacity(o) }
+    });
+    sigma.clear();
+    parallel::extend(sigma, params.sigma.len(), GRAIN, |i| {
+        let s = params.sigma[i];
+        if i < state.frozen { frozen.sigma(s) } else { anneal.sigma(s) }
+    });
 }

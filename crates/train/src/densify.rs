@@ -13,6 +13,7 @@ use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
 use trisplat_scene::Rng;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
 const MIN_VIEWS: u32 = 2;
@@ -193,11 +194,11 @@ fn sample_growth(
         SampleWeight::Alternating => 1.0 / softness(i),
         SampleWeight::Error => visibility.error[i] as f64,
     };
-    let mut keys: Vec<(f64, u32)> = (0..alive.len())
-        .into_par_iter()
-        .filter(|&i| i >= state.pinned && alive[i] && weight(i) > 0.0)
-        .map(|i| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
-        .collect();
+    let key = |i: usize| {
+        (i >= state.pinned && alive[i] && weight(i) > 0.0)
+            .then(|| (-(1.0 - rng.uniform_f64(i as u64)).ln() / weight(i), i as u32))
+    };
+    let mut keys: Vec<(f64, u32)> = parallel::filter_map(alive.len(), GRAIN, key);
     keys.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for &(_, i) in &keys {
         // The surroundings of a full core do not grow alone.

@@ -1,10 +1,10 @@
 //! The photometric loss of a frame, with any number of samples per pixel, encoded or in linear light.
 
-use rayon::prelude::*;
 use trisplat_raster::kernel::loss::{Photometric, Scratch, photometric_grad};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::encode;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::parallel;
 
 /// How the frame was drawn.
 #[derive(Debug, Clone, Copy)]
@@ -45,8 +45,8 @@ impl FrameLoss {
         self.slope.clear();
         if sampling.linear {
             self.slope.resize(self.picture.len(), [0.0; 3]);
-            let rows = self.picture.par_chunks_mut(ROW).zip(self.slope.par_chunks_mut(ROW));
-            rows.for_each(|(picture, slope)| {
+            let rows = self.picture.chunks_mut(ROW).zip(self.slope.chunks_mut(ROW));
+            parallel::for_each(rows, |_, (picture, slope)| {
                 dispatch(Encode { values: picture.as_flattened_mut(), slope: slope.as_flattened_mut() });
             });
         }
@@ -68,7 +68,7 @@ impl FrameLoss {
         let weights = photo.weight();
         let scale = 1.0 / (n * n) as f32;
         out.resize(self.picture.len() * n * n, 0.0);
-        out.par_chunks_mut(width.max(1) * n).enumerate().for_each(|(y, row)| {
+        parallel::for_each(out.chunks_mut(width.max(1) * n), |y, row| {
             let from = y / n * width;
             for (x, out) in row.iter_mut().enumerate() {
                 let i = from + x / n;
@@ -136,7 +136,8 @@ fn average(width: usize, n: usize, samples: &[[f32; 3]], out: &mut Vec<[f32; 3]>
     }
     let (scale, width) = (1.0 / (n * n) as f32, width.max(1));
     out.resize(samples.len() / (n * n), [0.0; 3]);
-    out.par_chunks_mut(width).zip(samples.par_chunks(width * n * n)).for_each(|(row, rows)| {
+    let rows = out.chunks_mut(width).zip(samples.chunks(width * n * n));
+    parallel::for_each(rows, |_, (row, rows)| {
         for (x, pixel) in row.iter_mut().enumerate() {
             *pixel = [0.0; 3];
             for line in rows.chunks(width * n) {
@@ -153,7 +154,7 @@ fn average(width: usize, n: usize, samples: &[[f32; 3]], out: &mut Vec<[f32; 3]>
 fn spread(width: usize, n: usize, d: &[[f32; 3]], out: &mut Vec<[f32; 3]>) {
     let (scale, width) = (1.0 / (n * n) as f32, width.max(1));
     out.resize(d.len() * n * n, [0.0; 3]);
-    out.par_chunks_mut(width * n).enumerate().for_each(|(y, row)| {
+    parallel::for_each(out.chunks_mut(width * n), |y, row| {
         let from = &d[y / n * width..][..width];
         for (x, sample) in row.iter_mut().enumerate() {
             *sample = from[x / n].map(|c| c * scale);

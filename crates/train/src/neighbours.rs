@@ -2,7 +2,7 @@
 //! a million units from the rest, as SfM clouds do.
 
 use glam::Vec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// Points in a leaf.
 const LEAF: usize = 8;
@@ -14,7 +14,7 @@ pub(crate) fn mean_distances(points: &[Vec3]) -> Vec<f32> {
     let mut axes = vec![0; points.len()];
     build(points, &mut order, &mut axes);
     let tree = KdTree { points, order: &order, axes: &axes };
-    points.par_iter().enumerate().map(|(i, &p)| tree.mean_distance(i as u32, p)).collect()
+    parallel::collect(points.len(), 1, |i| tree.mean_distance(i as u32, points[i]))
 }
 
 /// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same place.

@@ -3,9 +3,9 @@
 use super::params::{Params, TrainState};
 use super::schedule::StepParams;
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_raster::kernel::adam::{Rate, adam};
 use trisplat_raster::soft::SoupGrad;
+use trisplat_scene::parallel;
 
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
@@ -54,8 +54,7 @@ impl Regularisers {
 
 /// The sum of one number per triangle, in an order that does not depend on the number of threads.
 fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
-    let sums: Vec<f64> =
-        values.par_chunks(CHUNK).map(|chunk| chunk.iter().map(&number).sum::<f64>()).collect();
+    let sums = parallel::map(values.chunks(CHUNK), |_, chunk| chunk.iter().map(&number).sum::<f64>());
     sums.iter().sum()
 }
 
@@ -98,36 +97,36 @@ pub(crate) fn update(
         sh: Rate::new(rates.sh, rates.time),
         sh_rest: Rate::new(rates.sh_rest, rates.time),
     };
-    let d = (
-        gradient.vertices.par_chunks(CHUNK),
-        gradient.opacity.par_chunks(CHUNK),
-        gradient.sigma.par_chunks(CHUNK),
-        gradient.sh.par_chunks(CHUNK * k),
-    );
-    let counts: Vec<(u64, u64)> =
-        (chunks(&mut state.params, k), chunks(&mut state.first, k), chunks(&mut state.second, k), d)
-            .into_par_iter()
-            .enumerate()
-            .map(|(at, (x, m, v, d))| {
-                let d = GradChunk { vertices: d.0, opacity: d.1, sigma: d.2, sh: d.3 };
-                let first = at * CHUNK;
-                if rates.sparse {
-                    // All other rows are zero.
-                    let visible = gradient.visible_in(first..first + CHUNK).iter();
-                    return step.chunk(first, visible.map(|&i| i as usize - first), x, m, v, d);
-                }
-                step.chunk(first, 0..x.0.len(), x, m, v, d)
-            })
-            .collect();
+    let d = gradient
+        .vertices
+        .chunks(CHUNK)
+        .zip(gradient.opacity.chunks(CHUNK))
+        .zip(gradient.sigma.chunks(CHUNK))
+        .zip(gradient.sh.chunks(CHUNK * k))
+        .map(|(((vertices, opacity), sigma), sh)| GradChunk { vertices, opacity, sigma, sh });
+    let work = chunks(&mut state.params, k)
+        .zip(chunks(&mut state.first, k))
+        .zip(chunks(&mut state.second, k))
+        .zip(d);
+    let counts: Vec<(u64, u64)> = parallel::map(work, |at, (((x, m), v), d)| {
+        let first = at * CHUNK;
+        if rates.sparse {
+            // All other rows are zero.
+            let visible = gradient.visible_in(first..first + CHUNK).iter();
+            return step.chunk(first, visible.map(|&i| i as usize - first), x, m, v, d);
+        }
+        step.chunk(first, 0..x.0.len(), x, m, v, d)
+    });
     counts.iter().fold((0, 0), |sum, c| (sum.0 + c.0, sum.1 + c.1))
 }
 
 /// Corners, opacities, σ and SH of consecutive triangles.
 type ParamChunk<'a> = (&'a mut [[Vec3; 3]], &'a mut [f32], &'a mut [f32], &'a mut [[f32; 3]]);
 
-fn chunks(params: &mut Params, k: usize) -> impl IndexedParallelIterator<Item = ParamChunk<'_>> {
-    let (a, b) = (params.vertices.par_chunks_mut(CHUNK), params.opacity.par_chunks_mut(CHUNK));
-    (a, b, params.sigma.par_chunks_mut(CHUNK), params.sh.par_chunks_mut(CHUNK * k)).into_par_iter()
+fn chunks(params: &mut Params, k: usize) -> impl Iterator<Item = ParamChunk<'_>> {
+    let (vertices, opacity) = (params.vertices.chunks_mut(CHUNK), params.opacity.chunks_mut(CHUNK));
+    let (sigma, sh) = (params.sigma.chunks_mut(CHUNK), params.sh.chunks_mut(CHUNK * k));
+    vertices.zip(opacity).zip(sigma).zip(sh).map(|(((v, o), s), sh)| (v, o, s, sh))
 }
 
 /// The gradient of consecutive triangles.

@@ -11,7 +11,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Asset, Chunk,
     mesh::{Colors, Mesh},
@@ -103,7 +103,7 @@ impl Aabb {
 pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
     let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
-    chunks.par_iter().map(|chunk| (*chunk, Aabb::of(&asset.mesh, chunk))).collect()
+    parallel::map(chunks, |_, chunk| (*chunk, Aabb::of(&asset.mesh, chunk)))
 }
 
 #[cfg(test)]

@@ -7,11 +7,11 @@ use super::super::trial::{GROUPS, group_of};
 use super::super::views;
 use super::effect::{Effect, EffectSums};
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;
@@ -62,7 +62,7 @@ impl<'a> Comparison<'a> {
         };
         Self {
             whole,
-            colors: (0..whole.face_count()).into_par_iter().map(color).collect(),
+            colors: parallel::collect(whole.face_count(), GRAIN, color),
             halvings: 0,
             drawing: views::drawing(cameras, whole, SAMPLES),
             cameras: cameras.iter().map(|camera| camera.within(LONGEST_SIDE)).collect(),

@@ -1,9 +1,9 @@
 //! The normal equations, 3 x 3 per triangle, and the colours that solve them.
 
 use super::options::RefitColors;
-use rayon::prelude::*;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Larger residuals, sRGB-encoded, count linearly (Huber): reflections and passers-by.
 pub(super) const MOST_RESIDUAL: f32 = 0.15;
@@ -144,7 +144,7 @@ impl Fit {
     /// Empty sums. `flatness` is λ, px.
     pub(super) fn new(mesh: &Mesh, flatness: f32) -> Self {
         let encode = |f: usize| mesh.corner_colors(f).map(|corner| corner.map(srgb_from_linear));
-        let encoded: Vec<[[f32; 3]; 3]> = (0..mesh.face_count()).into_par_iter().map(encode).collect();
+        let encoded: Vec<[[f32; 3]; 3]> = parallel::collect(mesh.face_count(), GRAIN, encode);
         Self {
             sums: vec![Equations::default(); encoded.len()],
             flatness,
@@ -179,14 +179,14 @@ impl Fit {
     /// Starts again from better colours, with empty sums.
     pub(super) fn improve(&mut self, which: RefitColors) {
         let flatness = self.flatness;
-        let sought = self.encoded.par_iter_mut().zip(&mut self.linear);
-        self.sums.par_iter_mut().zip(sought).with_min_len(TASK_FACES).for_each(
-            |(sums, (encoded, linear))| {
+        let parts = self.encoded.chunks_mut(TASK_FACES).zip(self.linear.chunks_mut(TASK_FACES));
+        parallel::for_each(parts.zip(self.sums.chunks_mut(TASK_FACES)), |_, ((encoded, linear), sums)| {
+            for ((encoded, linear), sums) in encoded.iter_mut().zip(linear).zip(sums) {
                 *encoded = sums.colors(which, encoded, flatness);
                 *linear = encoded.map(|corner| corner.map(linear_from_srgb));
                 *sums = Equations::default();
-            },
-        );
+            }
+        });
     }
 
     /// The equations of the faces from `first` on. `[face]`
@@ -227,13 +227,16 @@ impl Fit {
 
     /// Better colours for the mesh of [`Fit::new`].
     pub(super) fn colors(&self, which: RefitColors) -> Colors {
-        let solved = |(sums, encoded): (&Equations, &[[f32; 3]; 3])| {
-            sums.colors(which, encoded, self.flatness).map(|corner| corner.map(linear_from_srgb))
+        let solved = |face: usize| {
+            let colors = self.sums[face].colors(which, &self.encoded[face], self.flatness);
+            colors.map(|corner| corner.map(linear_from_srgb))
         };
-        let all = self.sums.par_iter().zip(&self.encoded).with_min_len(TASK_FACES).map(solved);
+        let count = self.sums.len();
         match which {
-            RefitColors::Corner => Colors::Vertex(all.collect::<Vec<_>>().into_flattened()),
-            _ => Colors::Face(all.map(|corners| corners[0]).collect()),
+            RefitColors::Corner => {
+                Colors::Vertex(parallel::collect(count, TASK_FACES, solved).into_flattened())
+            }
+            _ => Colors::Face(parallel::collect(count, TASK_FACES, |face| solved(face)[0])),
         }
     }
 }

@@ -1,13 +1,13 @@
 //! The equations of one photo for every triangle that it sees.
 
 use super::equations::{Equations, Fit, MOST_RESIDUAL};
-use rayon::prelude::*;
 use trisplat_raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::srgb8::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of threads.
 const BANDS: usize = 8;
@@ -58,7 +58,7 @@ impl Gatherer {
         let rows = observation.photo.size.y;
         let row = |band: usize| (u64::from(rows) * band as u64 / BANDS as u64) as u32;
         let seen: &Fit = fit;
-        self.bands.par_iter_mut().enumerate().for_each(|(i, band)| {
+        parallel::for_each(&mut self.bands, |i, band| {
             band.sums.clear();
             band.corners.clear();
             (band.error, band.pixels) = ([0.0; 3], 0.0);

@@ -15,8 +15,9 @@
 
 use super::layout::Layout;
 use super::options::TextureOptions;
-use glam::{DVec3, UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2};
 use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result, math::srgb8::srgb8_from_linear, mesh::Mesh};
 
 /// Most texels along an edge.
@@ -148,8 +149,7 @@ impl Atlas {
     ///
     /// Errors: more triangles than a texture of the largest size has texels.
     pub(super) fn new(mesh: &Mesh, edges: &[[f32; 3]], options: &TextureOptions) -> Result<Self> {
-        let colors: Vec<u32> =
-            (0..mesh.face_count()).into_par_iter().map(|face| color_key(mesh, face)).collect();
+        let colors = parallel::collect(mesh.face_count(), GRAIN, |face| color_key(mesh, face));
         let mut texels_per_pixel = options.texels_per_pixel;
         loop {
             let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
@@ -291,7 +291,7 @@ impl Layout for Atlas {
 
 /// All faces, sorted by their middles along the axis on which these reach farthest. `[F]`
 fn along_the_longest_axis(mesh: &Mesh) -> Vec<u32> {
-    let middles: Vec<Vec3> = (0..mesh.face_count()).into_par_iter().map(|face| mesh.centroid(face)).collect();
+    let middles = parallel::collect(mesh.face_count(), GRAIN, |face| mesh.centroid(face));
     // A backdrop reaches farther than the scene: deviations count, not extremes.
     let mean = middles.iter().map(|m| m.as_dvec3()).sum::<DVec3>() / middles.len().max(1) as f64;
     let spread: DVec3 = middles.iter().map(|m| (m.as_dvec3() - mean).abs()).sum();

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use trisplat_raster::solid::{NO_FACE, Visibility};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Photos that a face chooses from.
 const CANDIDATES: usize = 6;
@@ -57,9 +58,9 @@ impl Candidates {
     /// Adds a photo.
     pub(super) fn add(&mut self, view: usize, photo: &RgbImage, visibility: &Visibility) {
         let here = &self.here;
-        (0..photo.size.y).into_par_iter().for_each(|y| add_row(here, photo, visibility, y));
-        let all = self.of_face.par_iter_mut().zip(&mut self.sums).zip(&mut self.here).with_min_len(1 << 12);
-        all.for_each(|((candidates, sums), here)| {
+        parallel::for_each(0..photo.size.y, |_, y| add_row(here, photo, visibility, y));
+        let mut all: Vec<_> = self.of_face.iter_mut().zip(&mut self.sums).zip(&mut self.here).collect();
+        parallel::for_each_mut(&mut all, GRAIN, |_, ((candidates, sums), here)| {
             let [pixels, gradient, rgb @ ..] = here.each_mut().map(|sum| std::mem::take(sum.get_mut()));
             if pixels == 0 {
                 return;
@@ -224,9 +225,8 @@ fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], 
         sum
     };
     for _ in 0..ROUNDS {
-        let next = (0..of_face.len()).into_par_iter().with_min_len(1 << 10).flat_map_iter(|face| {
-            let all = belief(&told, face);
-            let told = &told;
+        let of_pairs = |face: usize| {
+            let (all, told) = (belief(&told, face), &told);
             pairs(face).map(move |pair| {
                 let back = &told[beside.back[pair] as usize];
                 let without: [f32; CANDIDATES] = std::array::from_fn(|l| all[l] - back[l]);
@@ -240,12 +240,14 @@ fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], 
                     same.map_or(SEAM, |l| (without[l] - least).min(SEAM))
                 })
             })
-        });
-        told = next.collect();
+        };
+        let next =
+            parallel::ranges(of_face.len(), 1 << 10, |faces| faces.flat_map(of_pairs).collect::<Vec<_>>());
+        told = next.concat();
     }
     let best = |face: usize| {
         let sum = belief(&told, face);
         (1..CANDIDATES).fold(0, |best, l| if sum[l] < sum[best] { l } else { best }) as u32
     };
-    (0..of_face.len()).into_par_iter().map(best).collect()
+    parallel::collect(of_face.len(), GRAIN, best)
 }

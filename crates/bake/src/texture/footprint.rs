@@ -2,10 +2,10 @@
 
 use crate::views::Views;
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less than a pixel there hardly need texels.
 const LONGEST: u32 = 1280;
@@ -22,7 +22,7 @@ pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
         seen.fill(false);
         let visible = solid.visibility(mesh, &camera.within(LONGEST), &drawing);
         visible.face.iter().filter(|face| **face != NO_FACE).for_each(|face| seen[*face as usize] = true);
-        lengths.par_iter_mut().enumerate().with_min_len(1 << 12).for_each(|(face, lengths)| {
+        parallel::for_each_mut(&mut lengths, GRAIN, |face, lengths| {
             if seen[face] {
                 let here = edges(mesh.corners(face), camera, drawing.near);
                 (0..3).for_each(|i| lengths[i] += here[i]);

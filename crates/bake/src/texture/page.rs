@@ -1,8 +1,8 @@
 //! The picture that texels become: what no triangle shows is filled, so that samples and mip levels beside triangles have their colours.
 
 use glam::UVec2;
-use rayon::prelude::*;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::parallel;
 
 /// Texels around those of triangles that get their colour.
 const DILATION: usize = 4;
@@ -26,17 +26,20 @@ impl Page {
         }
         let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
         (0..DILATION).for_each(|_| self.dilate());
-        let texels = self.values.par_iter().zip(&self.owned).with_min_len(1 << 14);
-        let code = |(value, owned): (&[f32; 3], &bool)| {
-            (if *owned { value } else { &mean }).map(|c: f32| (c + 0.5) as u8)
+        let code = |texel: usize| {
+            (if self.owned[texel] { self.values[texel] } else { mean }).map(|c: f32| (c + 0.5) as u8)
         };
-        RgbImage { size: self.size, rgb: texels.map(code).collect(), alpha: None }
+        let rgb = parallel::collect(self.values.len(), 1 << 14, code);
+        RgbImage { size: self.size, rgb, alpha: None }
     }
 
     /// Gives texels beside those that have a colour the mean of theirs.
     fn dilate(&mut self) {
         let (width, height) = (self.size.x as usize, self.size.y as usize);
         let grown = |at: usize| {
+            if self.owned[at] {
+                return None;
+            }
             let (x, y) = (at % width, at / width);
             let beside = [
                 (x > 0).then(|| at - 1),
@@ -51,8 +54,7 @@ impl Page {
             }
             (sum[3] > 0.0).then(|| (at, [0, 1, 2].map(|c| sum[c] / sum[3])))
         };
-        let free = (0..self.owned.len()).into_par_iter().with_min_len(1 << 14);
-        let grown: Vec<(usize, [f32; 3])> = free.filter(|at| !self.owned[*at]).filter_map(grown).collect();
+        let grown: Vec<(usize, [f32; 3])> = parallel::filter_map(self.owned.len(), 1 << 14, grown);
         for (at, value) in grown {
             (self.owned[at], self.values[at]) = (true, value);
         }

@@ -18,9 +18,9 @@ use super::layout::Layout;
 use super::page::Page;
 use crate::views::Views;
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicI32, Ordering};
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer, Visibility};
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Result, camera::Camera, image::RgbImage, math::color::srgb_from_linear, mesh::Mesh, report::StageProgress,
 };
@@ -101,7 +101,7 @@ impl Texels {
             };
             let observation =
                 Observation { texels: self, layout, mesh, camera, photo: &photo, visibility, best };
-            (0..photo.size.y).into_par_iter().for_each(|y| observation.add_row(y));
+            parallel::for_each(0..photo.size.y, |_, y| observation.add_row(y));
         }
         Ok(())
     }
@@ -116,11 +116,11 @@ impl Texels {
 
     /// The texels that explain the photos added.
     fn solved(&self, flatness: f32) -> Vec<[f32; 3]> {
-        let solved = |(texel, first): (usize, &[f32; 3])| {
-            let step = self.step(texel, flatness);
+        let solved = |texel: usize| {
+            let (first, step) = (self.values[texel], self.step(texel, flatness));
             [0, 1, 2].map(|c| (first[c] + step[c]).clamp(0.0, 255.0))
         };
-        self.values.par_iter().enumerate().with_min_len(1 << 14).map(solved).collect()
+        parallel::collect(self.values.len(), 1 << 14, solved)
     }
 
     /// The picture of the texture that explains the photos added; `flatness` is λ, px.
@@ -135,7 +135,7 @@ impl Texels {
     }
 
     fn forget(&mut self) {
-        self.sums.par_iter_mut().with_min_len(1 << 14).for_each(|sums| *sums = Default::default());
+        parallel::for_each_mut(&mut self.sums, 1 << 14, |_, sums| *sums = Default::default());
     }
 
     /// Adds the detail of each face's best photo to what texels are: what its pixels, which were added, show more than them, without what
@@ -155,7 +155,7 @@ impl Texels {
             });
             sums
         };
-        let of_faces: Vec<[[f32; 4]; 3]> = (0..layout.face_count()).into_par_iter().map(of_face).collect();
+        let of_faces: Vec<[[f32; 4]; 3]> = parallel::collect(layout.face_count(), 1, of_face);
         let mut slots = vec![[0.0f32; 4]; slot_of.iter().max().map_or(0, |last| *last as usize + 1)];
         for (slot, sums) in slot_of.iter().zip(of_faces.as_flattened()) {
             (0..4).for_each(|c| slots[*slot as usize][c] += sums[c]);

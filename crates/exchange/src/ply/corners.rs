@@ -6,8 +6,8 @@ use super::table::Table;
 use crate::faces::{Faces, not_a_triangle};
 use crate::far::{origin_of, sampled};
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::path::Path;
+use trisplat_scene::parallel;
 use trisplat_scene::{Limits, Result};
 
 /// The origin to subtract from every position: zero, except for double positions far from the origin.
@@ -32,7 +32,7 @@ pub(super) fn read_positions(vertices: &Table, origin: DVec3, out: &mut [Vec3]) 
     let float = |i: usize| axes[i].scalar == Scalar::F32 && axes[i].offset == 4 * i;
     let in_place = cfg!(target_endian = "little") && vertices.stride() == 12 && (0..3).all(float);
     let per_block = vertices.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [Vec3])| {
+    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [Vec3]| {
         if in_place {
             return vertices.fill(block * per_block, bytemuck::cast_slice_mut(out));
         }
@@ -45,7 +45,7 @@ pub(super) fn read_positions(vertices: &Table, origin: DVec3, out: &mut [Vec3]) 
         }
         Ok(())
     };
-    first_error(out.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())
+    first_error(parallel::map_with(out.chunks_mut(per_block), Vec::new, read))
 }
 
 /// The place of a face's corner numbers in its row.
@@ -155,7 +155,7 @@ fn read_triangles(faces: &Table, vertices: usize, path: &Path, limits: &Limits) 
     let corners = Corners::of(faces)?;
     let mut indices = limits.zeroed::<u32>(path.display(), faces.rows() * 3)?;
     let per_block = faces.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [u32])| {
+    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [u32]| {
         let first = block * per_block;
         let rows = faces.block(first, out.len() / 3, buffer)?;
         for (i, (row, out)) in rows.chunks_exact(faces.stride()).zip(out.chunks_exact_mut(3)).enumerate() {
@@ -163,7 +163,7 @@ fn read_triangles(faces: &Table, vertices: usize, path: &Path, limits: &Limits) 
         }
         Ok(())
     };
-    first_error(indices.par_chunks_mut(3 * per_block).enumerate().map_init(Vec::new, read).collect())?;
+    first_error(parallel::map_with(indices.chunks_mut(3 * per_block), Vec::new, read))?;
     Ok(indices)
 }
 

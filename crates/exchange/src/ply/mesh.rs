@@ -10,9 +10,9 @@ use crate::blocks::write_blocks;
 use crate::channel::Clamped;
 use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Asset, Error, Limits, Result,
     math::color::{linear_from_srgb, linear_of_srgb8},
@@ -48,7 +48,7 @@ pub(super) fn read(
             mesh.indices = triangles.into_indices(mesh.positions.len());
             if !alpha.is_empty() {
                 let least = |face| least(mesh.face(face).map(|v| alpha[v as usize]));
-                mesh.opacity = (0..mesh.face_count()).into_par_iter().map(least).collect();
+                mesh.opacity = parallel::collect(mesh.face_count(), GRAIN, least);
             }
         }
         (None, Some(of_faces)) => {
@@ -105,15 +105,12 @@ impl Channels {
     ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
         let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows()], vec![0.0; table.rows()]);
         let per_block = table.rows_per_block();
+        let parts = colors.chunks_mut(per_block).zip(alpha.chunks_mut(per_block));
         let blocks: Vec<Result<Clamped>> =
-            (colors.par_chunks_mut(per_block), alpha.par_chunks_mut(per_block))
-                .into_par_iter()
-                .enumerate()
-                .map_init(Vec::new, |buffer, (block, (colors, alpha))| {
-                    let rows = table.block(block * per_block, colors.len(), buffer)?;
-                    Ok(self.decode(rows, table.stride(), colors, alpha))
-                })
-                .collect();
+            parallel::map_with(parts, Vec::new, |buffer, block, (colors, alpha)| {
+                let rows = table.block(block * per_block, colors.len(), buffer)?;
+                Ok(self.decode(rows, table.stride(), colors, alpha))
+            });
         let mut clamped = Clamped::default();
         for block in blocks {
             clamped.merge(block?);

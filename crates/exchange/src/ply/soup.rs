@@ -11,9 +11,9 @@ use crate::ReadOptions;
 use crate::blocks::write_blocks;
 use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::io::{self, Write};
 use std::path::Path;
+use trisplat_scene::parallel;
 use trisplat_scene::{Error, Limits, Provenance, Result, Soup, camera::Camera, rgb_from_sh0};
 
 /// The property of a face that is 1 for the shell; files without a shell lack it.
@@ -63,14 +63,14 @@ fn read_shell(faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<bool>> 
     let Some(column) = faces.find(SHELL) else { return Ok(Vec::new()) };
     let mut shell = limits.zeroed::<u8>(path.display(), faces.rows())?;
     let per_block = faces.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [u8])| {
+    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [u8]| {
         let rows = faces.block(block * per_block, out.len(), buffer)?;
         rows.chunks_exact(faces.stride())
             .zip(out)
             .for_each(|(row, out)| *out = u8::from(column.f32(row) != 0.0));
         Ok(())
     };
-    first_error(shell.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect())?;
+    first_error(parallel::map_with(shell.chunks_mut(per_block), Vec::new, read))?;
     Ok(if shell.contains(&1) { shell.into_iter().map(|flag| flag == 1).collect() } else { Vec::new() })
 }
 
@@ -87,7 +87,7 @@ fn gather(
     let corners = Corners::of(faces)?;
     let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), faces.rows())?;
     let per_block = faces.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, (block, out): (usize, &mut [[Vec3; 3]])| {
+    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [[Vec3; 3]]| {
         let first = block * per_block;
         let rows = faces.block(first, out.len(), buffer)?;
         for (i, (row, out)) in rows.chunks_exact(faces.stride()).zip(out).enumerate() {
@@ -96,8 +96,7 @@ fn gather(
         }
         Ok(())
     };
-    let blocks: Vec<_> = own.par_chunks_mut(per_block).enumerate().map_init(Vec::new, read).collect();
-    blocks.into_iter().collect::<Result<()>>()?;
+    first_error(parallel::map_with(own.chunks_mut(per_block), Vec::new, read))?;
     Ok(own)
 }
 
@@ -140,22 +139,20 @@ impl Columns {
     /// Fills everything except the vertices; true when the corners are 0, 1, 2, 3, …
     fn read(&self, faces: &Table, soup: &mut Soup) -> Result<bool> {
         let (per_block, k) = (faces.rows_per_block(), self.sh.len());
-        let blocks: Vec<Result<bool>> = (
-            soup.opacity.par_chunks_mut(per_block),
-            soup.sigma.par_chunks_mut(per_block),
-            soup.sh.par_chunks_mut(per_block * k),
-        )
-            .into_par_iter()
-            .enumerate()
-            .map_init(Vec::new, |buffer, (block, (opacity, sigma, sh))| {
+        let parts = soup
+            .opacity
+            .chunks_mut(per_block)
+            .zip(soup.sigma.chunks_mut(per_block))
+            .zip(soup.sh.chunks_mut(per_block * k));
+        let blocks: Vec<Result<bool>> =
+            parallel::map_with(parts, Vec::new, |buffer, block, ((opacity, sigma), sh)| {
                 let rows = faces.block(block * per_block, opacity.len(), buffer)?;
                 let unshared = self.corners.are_unshared(faces, rows, block * per_block)?;
                 copy_column(self.opacity, rows, faces.stride(), opacity);
                 copy_column(self.sigma, rows, faces.stride(), sigma);
                 self.copy_sh(rows, faces.stride(), sh);
                 Ok(unshared)
-            })
-            .collect();
+            });
         blocks.into_iter().try_fold(true, |all, block| Ok(all & block?))
     }
 

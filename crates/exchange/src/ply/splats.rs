@@ -8,7 +8,7 @@ use super::tables;
 use crate::splats::build::{unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{Error, Result, ScreenFilter, Splats};
 
 /// Whether these vertices are Gaussians.
@@ -90,7 +90,7 @@ impl Columns {
     /// Fills in everything except the positions.
     fn read(&self, vertices: &Table, splats: &mut Splats) -> Result<()> {
         let (per_block, k) = (vertices.rows_per_block(), self.sh.len());
-        let read = |buffer: &mut Vec<u8>, (block, (scales, rotations, opacity, sh)): (usize, Block)| {
+        let read = |buffer: &mut Vec<u8>, block: usize, (((scales, rotations), opacity), sh): Block| {
             let rows = vertices.block(block * per_block, opacity.len(), buffer)?;
             for (i, row) in rows.chunks_exact(vertices.stride()).enumerate() {
                 (scales[i], rotations[i], opacity[i]) = self.shape(row);
@@ -100,13 +100,13 @@ impl Columns {
             }
             Ok(())
         };
-        let blocks = (
-            splats.scales.par_chunks_mut(per_block),
-            splats.rotations.par_chunks_mut(per_block),
-            splats.opacity.par_chunks_mut(per_block),
-            splats.sh.par_chunks_mut(per_block * k),
-        );
-        first_error(blocks.into_par_iter().enumerate().map_init(Vec::new, read).collect())
+        let blocks = splats
+            .scales
+            .chunks_mut(per_block)
+            .zip(splats.rotations.chunks_mut(per_block))
+            .zip(splats.opacity.chunks_mut(per_block))
+            .zip(splats.sh.chunks_mut(per_block * k));
+        first_error(parallel::map_with(blocks, Vec::new, read))
     }
 
     /// Physical scales, rotation and opacity of one Gaussian; in f64 and rounded once.
@@ -126,4 +126,4 @@ impl Columns {
 }
 
 /// Scales, rotations, opacities and coefficients of the Gaussians of a block.
-type Block<'a> = (&'a mut [Vec3], &'a mut [Quat], &'a mut [f32], &'a mut [[f32; 3]]);
+type Block<'a> = (((&'a mut [Vec3], &'a mut [Quat]), &'a mut [f32]), &'a mut [[f32; 3]]);

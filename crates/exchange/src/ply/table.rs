@@ -9,9 +9,9 @@ use super::header::{Element, Encoding, PropertyType, Scalar};
 use super::transcode::{self, Polygons, Wanted};
 use crate::faces::{check_corners, not_a_triangle};
 use crate::source::Source;
-use rayon::prelude::*;
 use std::fs::File;
 use std::path::Path;
+use trisplat_scene::parallel;
 use trisplat_scene::{Error, Result};
 
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
@@ -143,7 +143,7 @@ impl<'a> Table<'a> {
     fn first_polygon(&self) -> Result<Option<(usize, i64)>> {
         let Some((count, _)) = self.layout.corners else { return Ok(None) };
         let step = self.rows_per_block();
-        let found = (0..self.rows.div_ceil(step)).into_par_iter().find_map_first(|block| {
+        let found = parallel::find_first(self.rows.div_ceil(step), 1, |block| {
             let (first, mut buffer) = (block * step, Vec::new());
             let rows = match self.block(first, step.min(self.rows - first), &mut buffer) {
                 Ok(rows) => rows,

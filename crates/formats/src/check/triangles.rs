@@ -1,8 +1,8 @@
 //! Triangles that an engine draws badly or not at all, in any format.
 
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_exchange::findings::{Findings, Severity};
+use trisplat_scene::parallel;
 use trisplat_scene::{
     Soup,
     mesh::{Colors, Mesh},
@@ -57,7 +57,7 @@ fn check_corners(count: usize, corners: impl Fn(usize) -> [Vec3; 3] + Sync, find
 }
 
 fn list(count: usize, is_bad: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
-    (0..count).into_par_iter().with_min_len(1 << 14).filter(|&i| is_bad(i)).collect()
+    parallel::filter_map(count, 1 << 14, |i| is_bad(i).then_some(i))
 }
 
 fn report(bad: &[usize], findings: &mut Findings, severity: Severity, what: &str) {

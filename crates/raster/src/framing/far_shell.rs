@@ -5,8 +5,8 @@
 //! directions. Walls of a room fail the first or the second, a distant landscape the third or the fourth.
 
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_scene::math::median::median;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Number of triangles for finding the gap.
 const SAMPLE: usize = 50_000;
@@ -43,8 +43,7 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
     let mut distances: Vec<f32> = sampled.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f32::total_cmp);
     let from = begin(&distances)?;
-    let is_far: Vec<bool> =
-        (0..count).into_par_iter().map(|face| middle(face).distance(center) >= from).collect();
+    let is_far: Vec<bool> = parallel::collect(count, GRAIN, |face| middle(face).distance(center) >= from);
     let far: Vec<[Vec3; 3]> =
         (0..count).filter(|face| is_far[*face]).map(|face| corners(face).map(|p| p - center)).collect();
     (faces_middle(&far) && covers(&far)).then_some(is_far)
@@ -80,9 +79,8 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
 /// Whether the triangles cover most directions from the origin.
 fn covers(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
-    let covered =
-        directions.par_iter().filter(|direction| far.iter().any(|t| behind(**direction, t))).count();
-    covered as f32 >= LEAST_COVERED * directions.len() as f32
+    let covered = parallel::collect(directions.len(), 1, |i| far.iter().any(|t| behind(directions[i], t)));
+    covered.iter().filter(|covered| **covered).count() as f32 >= LEAST_COVERED * directions.len() as f32
 }
 
 /// Whether a ray from the origin meets a triangle.

@@ -6,9 +6,9 @@ use super::tile_rows::Rows;
 use crate::kernel::composite;
 use crate::soft::{Frame, TILE};
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::parallel;
 
 /// Lines of a tile.
 const LINES: usize = TILE as usize;
@@ -47,18 +47,18 @@ pub(super) fn frame(
         ..Frame::default()
     };
     let band = size.x as usize * LINES;
-    let bands = frame.rgb.par_chunks_mut(band).zip(frame.transmittance.par_chunks_mut(band));
+    let bands = frame.rgb.chunks_mut(band).zip(frame.transmittance.chunks_mut(band));
     let weigh = weights.is_some();
-    let draw_row = |(row, (rgb, transmittance)): (usize, (&mut [[f32; 3]], &mut [f32]))| {
+    let draw_row = |row: usize, (rgb, transmittance): (&mut [[f32; 3]], &mut [f32])| {
         let of_row = rows.tiles(row);
         let height = rgb.len() / size.x as usize;
-        let draw = |tile: usize| {
+        let draw = |tile: usize, ()| {
             let corner = UVec2::new(tile as u32, row as u32) * TILE;
             let width = (size.x - corner.x).min(TILE) as usize;
             let entries = of_row.of(tile);
             dispatch(DrawTile { ellipses, entries, corner: corner.as_vec2(), width, height, weigh })
         };
-        let tiles: Vec<TilePixels> = (0..rows.count.x as usize).into_par_iter().map(draw).collect();
+        let tiles: Vec<TilePixels> = parallel::map((0..rows.count.x).map(|_| ()), draw);
         for (line, (rgb, transmittance)) in
             rgb.chunks_mut(size.x as usize).zip(transmittance.chunks_mut(size.x as usize)).enumerate()
         {
@@ -76,7 +76,7 @@ pub(super) fn frame(
         };
         tiles.iter().enumerate().flat_map(of_tile).collect()
     };
-    let sums: Vec<Vec<(u32, f32)>> = bands.enumerate().map(draw_row).collect();
+    let sums: Vec<Vec<(u32, f32)>> = parallel::map(bands, draw_row);
     if let Some(weights) = weights {
         // In the order of tiles, for the same bits with any number of threads.
         sums.into_iter().flatten().for_each(|(gaussian, sum)| weights[gaussian as usize] += sum);

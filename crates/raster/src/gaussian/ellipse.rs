@@ -5,7 +5,7 @@ use crate::kernel::sh;
 use crate::soft::MARGIN;
 use crate::soft::sort::{DepthKey, by_depth};
 use glam::{Mat3, Vec2, Vec3};
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{Splats, camera::Camera, math::vec::V3};
 
 /// Gaussians that one task projects.
@@ -54,13 +54,10 @@ struct Projector<'a> {
 pub(super) fn all(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Vec<Ellipse> {
     let guard = camera.size.as_vec2() / camera.focal * (0.5 * VIEW_GUARD);
     let projector = Projector { splats, camera, near: options.near, guard };
-    let tasks: Vec<Vec<Ellipse>> = (0..splats.len().div_ceil(PER_TASK))
-        .into_par_iter()
-        .map(|task| {
-            let some = task * PER_TASK..((task + 1) * PER_TASK).min(splats.len());
-            some.filter_map(|i| projector.project(i)).collect()
-        })
-        .collect();
+    let tasks: Vec<Vec<Ellipse>> = parallel::map((0..splats.len()).step_by(PER_TASK), |_, first| {
+        let some = first..(first + PER_TASK).min(splats.len());
+        some.filter_map(|i| projector.project(i)).collect()
+    });
     tasks.concat()
 }
 

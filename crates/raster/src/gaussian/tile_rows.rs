@@ -3,7 +3,7 @@
 use super::ellipse::Ellipse;
 use crate::soft::{MARGIN, TILE, tile_count};
 use glam::UVec2;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// Ellipses that one task bins.
 const PER_TASK: usize = 8192;
@@ -43,7 +43,7 @@ pub(super) fn bin(ellipses: &[Ellipse], order: &[u32], size: UVec2) -> Rows {
         }
         rows
     };
-    Rows { parts: order.par_chunks(PER_TASK).map(part).collect(), count }
+    Rows { parts: parallel::map(order.chunks(PER_TASK), |_, ranks| part(ranks)), count }
 }
 
 /// Adds an ellipse to the rows that it touches.

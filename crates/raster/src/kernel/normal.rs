@@ -7,7 +7,7 @@
 //! ```
 //! Pixels on the border, or next to one whose coverage is below [`MIN_COVERAGE`], have no N and no loss.
 
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{math::real::Real, math::vec::V3};
 
 /// The least coverage A of a pixel with a depth.
@@ -52,36 +52,31 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
 ) -> f64 {
     let count = maps.depth.len();
     let scale = R::of(weight / count.max(1) as f64);
-    let pixels: Vec<(R, [R; 3], Slopes<R>)> =
-        (0..count).into_par_iter().with_min_len(4096).map(|i| maps.pixel(i, scale)).collect();
+    let pixels: Vec<(R, [R; 3], Slopes<R>)> = parallel::collect(count, GRAIN, |i| maps.pixel(i, scale));
     let slopes = |i: usize, k: usize| pixels[i].2[k];
     let (w, zero) = (maps.width, V3::new(R::of(0.0), R::of(0.0), R::of(0.0)));
-    let rows: Vec<(R, R)> = (0..count)
-        .into_par_iter()
-        .with_min_len(4096)
-        .map(|i| {
-            let coverage = R::of(1.0) - maps.transmittance[i];
-            if !R::of(MIN_COVERAGE).lt(coverage) {
-                return (R::of(0.0), R::of(0.0));
-            }
-            // A pixel is the right neighbour of the previous pixel and the left neighbour of the next.
-            let mut d_point = zero;
-            if i >= 1 {
-                d_point = d_point + slopes(i - 1, 0);
-            }
-            if i + 1 < count {
-                d_point = d_point - slopes(i + 1, 0);
-            }
-            if i >= w {
-                d_point = d_point + slopes(i - w, 1);
-            }
-            if i + w < count {
-                d_point = d_point - slopes(i + w, 1);
-            }
-            let d_depth = d_point.dot(maps.ray(i)) / coverage;
-            (d_depth, d_depth * maps.depth[i] / coverage)
-        })
-        .collect();
+    let rows: Vec<(R, R)> = parallel::collect(count, GRAIN, |i| {
+        let coverage = R::of(1.0) - maps.transmittance[i];
+        if !R::of(MIN_COVERAGE).lt(coverage) {
+            return (R::of(0.0), R::of(0.0));
+        }
+        // A pixel is the right neighbour of the previous pixel and the left neighbour of the next.
+        let mut d_point = zero;
+        if i >= 1 {
+            d_point = d_point + slopes(i - 1, 0);
+        }
+        if i + 1 < count {
+            d_point = d_point - slopes(i + 1, 0);
+        }
+        if i >= w {
+            d_point = d_point + slopes(i - w, 1);
+        }
+        if i + w < count {
+            d_point = d_point - slopes(i + w, 1);
+        }
+        let d_depth = d_point.dot(maps.ray(i)) / coverage;
+        (d_depth, d_depth * maps.depth[i] / coverage)
+    });
     out.d_depth = rows.iter().map(|r| r.0).collect();
     out.d_transmittance = rows.iter().map(|r| r.1).collect();
     out.d_normal = pixels.iter().map(|p| p.1).collect();

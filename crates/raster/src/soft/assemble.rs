@@ -5,7 +5,7 @@ use super::options::SoftOptions;
 use super::tile_grid::TILE;
 use super::tile_pixels::{TileChannel, TileGeometry, TilePixels};
 use super::tiles::Tiles;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// Copies the tiles into the frame.
 pub(super) fn assemble(frame: &mut Frame, pixels: &[TilePixels], tiles: &Tiles, options: &SoftOptions) {
@@ -42,7 +42,7 @@ fn fill<T: Send>(
     at: impl Fn(&TilePixels, usize, usize) -> T + Sync,
 ) {
     let width = tiles.size.x as usize;
-    image.par_chunks_mut(width * TILE as usize).enumerate().for_each(|(band, rows)| {
+    parallel::for_each(image.chunks_mut(width * TILE as usize), |band, rows| {
         for (y, row) in rows.chunks_mut(width).enumerate() {
             for (x, out) in row.iter_mut().enumerate() {
                 let tile = &pixels[band * tiles.count.x as usize + x / TILE as usize];

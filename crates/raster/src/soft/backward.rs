@@ -12,9 +12,9 @@ use super::tiles::{TileEntry, Tiles, split_by_tile};
 use crate::kernel::composite;
 use crate::kernel::window;
 use glam::UVec2;
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use trisplat_scene::math::real::Mask;
+use trisplat_scene::parallel;
 
 /// Fills `slots` with the gradients of every (splat, tile) pair.
 pub(super) fn draw_grad(
@@ -33,7 +33,7 @@ pub(super) fn draw_grad(
     let starts = if options.geometry { &tiles.starts[..] } else { &[] };
     let mut geometry = split_by_tile(geometry, starts).into_iter();
     let work: Vec<_> = base.into_iter().map(|s| (s, geometry.next().unwrap_or_default())).collect();
-    work.into_par_iter().enumerate().for_each(|(tile, (slots, geometry_slots))| {
+    parallel::for_each(work, |tile, (slots, geometry_slots)| {
         let entries = tiles.entries_of(tile);
         let (corner, size) = (tiles.corner(tile), tiles.size);
         let pixels = &pixels[tile];

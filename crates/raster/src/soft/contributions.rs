@@ -7,8 +7,8 @@ use super::tile_grid::{self, BLOCKS, TILE};
 use super::tiles::{TileEntry, Tiles};
 use crate::kernel::composite;
 use glam::UVec2;
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::parallel;
 
 /// Layers drawn on each pixel of a tile, block by block.
 type LayerCounts = [[u32; LANES]; BLOCKS];
@@ -16,13 +16,10 @@ type LayerCounts = [[u32; LANES]; BLOCKS];
 /// Layers drawn on each pixel, by drawing the tiles again after the forward pass. `[height * width]`
 pub(super) fn contributions(splats: &Splats, tiles: &Tiles, options: &SoftOptions) -> Vec<u32> {
     let size = tiles.size;
-    let counted: Vec<LayerCounts> = (0..tiles.len())
-        .into_par_iter()
-        .map(|tile| {
-            let entries = tiles.entries_of(tile);
-            dispatch(CountTile { splats, entries, corner: tiles.corner(tile), size, options })
-        })
-        .collect();
+    let counted: Vec<LayerCounts> = parallel::map(0..tiles.len(), |_, tile| {
+        let entries = tiles.entries_of(tile);
+        dispatch(CountTile { splats, entries, corner: tiles.corner(tile), size, options })
+    });
     let pixel = |i: u32| {
         let (x, y) = (i % size.x, i / size.x);
         let tile = (y / TILE) * tiles.count.x + x / TILE;

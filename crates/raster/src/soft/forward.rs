@@ -10,9 +10,9 @@ use super::tile_pixels::{BLANK, TileGeometry, TilePixels};
 use super::tiles::{TileEntry, Tiles, split_by_tile};
 use crate::kernel::composite;
 use glam::UVec2;
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use trisplat_scene::math::real::Mask;
+use trisplat_scene::parallel;
 
 /// The part of the splats that is drawn at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub(super) fn draw(
     let weights = split_by_tile(weights, if options.importance { &tiles.starts } else { &[] });
     let mut weights = weights.into_iter();
     let work: Vec<_> = entries.into_iter().map(|e| (e, weights.next().unwrap_or_default())).collect();
-    pixels.par_iter_mut().zip(work).enumerate().for_each(|(tile, (pixels, (entries, weights)))| {
+    parallel::for_each(pixels.iter_mut().zip(work), |tile, (pixels, (entries, weights))| {
         let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
         dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options });
     });
@@ -54,7 +54,7 @@ pub(super) fn draw(
 
 /// Blends the background behind all slabs.
 pub(super) fn background(pixels: &mut [TilePixels], options: &SoftOptions) {
-    pixels.par_iter_mut().for_each(|pixels| dispatch(DrawBackground { pixels, options }));
+    parallel::for_each_mut(pixels, 1, |_, pixels| dispatch(DrawBackground { pixels, options }));
 }
 
 /// The background of one tile.

@@ -12,9 +12,9 @@ use crate::kernel::clip;
 use crate::kernel::sh;
 use crate::kernel::splat::CameraTriangle;
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::{decode, srgb_from_linear};
+use trisplat_scene::parallel;
 
 /// The rows of one chunk of triangles.
 struct GradRows<'a> {
@@ -59,18 +59,16 @@ pub(super) fn gather(
     let stale = SoupGrad { visible: std::mem::take(&mut out.visible), ..SoupGrad::default() };
     let rows = out
         .vertices
-        .par_chunks_mut(CHUNK)
-        .zip(out.opacity.par_chunks_mut(CHUNK))
-        .zip(out.sigma.par_chunks_mut(CHUNK))
-        .zip(out.sh.par_chunks_mut(CHUNK * k).zip(out.error.par_chunks_mut(CHUNK)))
-        .enumerate();
-    let found: Vec<(Vec<u32>, usize)> = rows
-        .map(|(c, (((vertices, opacity), sigma), (sh, error)))| {
+        .chunks_mut(CHUNK)
+        .zip(out.opacity.chunks_mut(CHUNK))
+        .zip(out.sigma.chunks_mut(CHUNK))
+        .zip(out.sh.chunks_mut(CHUNK * k).zip(out.error.chunks_mut(CHUNK)));
+    let found: Vec<(Vec<u32>, usize)> =
+        parallel::map(rows, |c, (((vertices, opacity), sigma), (sh, error))| {
             let mut rows = GradRows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
             stale.visible_in(c * CHUNK..(c + 1) * CHUNK).iter().for_each(|&t| rows.zero(t as usize));
             rows.fill(pairs, soup, &camera, options, &pairs.chunks[c].projected)
-        })
-        .collect();
+        });
     out.visible = stale.visible;
     out.visible.clear();
     out.dropped = 0;

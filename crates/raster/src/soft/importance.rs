@@ -4,7 +4,7 @@ use super::slots::WeightSlot;
 use super::splat_sums::prefetch_ahead;
 use super::splats::{CHUNK, Projection};
 use super::tiles::Tiles;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 
 /// Statistics of every triangle since the last reset. // each `[N]`
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -53,30 +53,29 @@ impl Importance {
             return;
         }
         let Self { max_weight, sum_weight, views, pixels, max_radius_px, .. } = self;
-        max_weight
-            .par_chunks_mut(CHUNK)
-            .zip(sum_weight.par_chunks_mut(CHUNK))
-            .zip(views.par_chunks_mut(CHUNK).zip(pixels.par_chunks_mut(CHUNK)))
-            .zip(max_radius_px.par_chunks_mut(CHUNK))
-            .zip(&projection.chunks)
-            .enumerate()
-            .for_each(|(c, ((((max, sum), (views, pixels)), radius), chunk))| {
-                let mut at = 0;
-                for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
-                    let i = pieces[0].record.triangle as usize - c * CHUNK;
-                    let mut all = WeightSlot::default();
-                    for projected in pieces {
-                        prefetch_ahead(tiles, &chunk.projected, at, weights);
-                        at += 1;
-                        all.add(&of_splat(tiles, weights, projected.rank));
-                        radius[i] = radius[i].max(projected.radius_px);
-                    }
-                    max[i] = max[i].max(all.max);
-                    sum[i] += all.sum;
-                    pixels[i] += all.pixels;
-                    views[i] += u32::from(all.pixels > 1);
+        let rows = max_weight
+            .chunks_mut(CHUNK)
+            .zip(sum_weight.chunks_mut(CHUNK))
+            .zip(views.chunks_mut(CHUNK).zip(pixels.chunks_mut(CHUNK)))
+            .zip(max_radius_px.chunks_mut(CHUNK))
+            .zip(&projection.chunks);
+        parallel::for_each(rows, |c, ((((max, sum), (views, pixels)), radius), chunk)| {
+            let mut at = 0;
+            for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
+                let i = pieces[0].record.triangle as usize - c * CHUNK;
+                let mut all = WeightSlot::default();
+                for projected in pieces {
+                    prefetch_ahead(tiles, &chunk.projected, at, weights);
+                    at += 1;
+                    all.add(&of_splat(tiles, weights, projected.rank));
+                    radius[i] = radius[i].max(projected.radius_px);
                 }
-            });
+                max[i] = max[i].max(all.max);
+                sum[i] += all.sum;
+                pixels[i] += all.pixels;
+                views[i] += u32::from(all.pixels > 1);
+            }
+        });
     }
 }
 

@@ -8,12 +8,12 @@ use super::soup_ref::SoupRef;
 use super::splats::{CHUNK, Projection, SplatChunk};
 use crate::kernel::clip;
 use crate::kernel::sh;
-use rayon::prelude::*;
 use std::ops::Range;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
 use trisplat_scene::math::vec::V3;
+use trisplat_scene::parallel::{self, GRAIN};
 
 impl Projection {
     /// Projects the triangles of a soup, chunk by chunk.
@@ -21,7 +21,7 @@ impl Projection {
         let camera = KernelCamera::new(camera);
         self.triangles = soup.len();
         self.chunks.resize_with(soup.len().div_ceil(CHUNK), SplatChunk::default);
-        self.chunks.par_iter_mut().enumerate().for_each(|(c, chunk)| {
+        parallel::for_each(&mut self.chunks, |c, chunk| {
             let triangles = c * CHUNK..((c + 1) * CHUNK).min(soup.len());
             dispatch(ProjectChunk { chunk, triangles, soup, camera: &camera, options });
         });
@@ -45,10 +45,13 @@ impl Projection {
         let projected = |key: &DepthKey| {
             &chunks[key.index as usize / (2 * CHUNK)].projected[key.index as usize % (2 * CHUNK)]
         };
-        let splats = &mut self.splats;
-        self.keys.par_iter().map(|k| projected(k).record).collect_into_vec(&mut splats.records);
-        self.keys.par_iter().map(|k| projected(k).bounds).collect_into_vec(&mut splats.bounds);
-        self.keys.par_iter().map(|k| projected(k).plane).collect_into_vec(&mut splats.planes);
+        let (keys, splats) = (&self.keys, &mut self.splats);
+        splats.records.clear();
+        parallel::extend(&mut splats.records, keys.len(), GRAIN, |i| projected(&keys[i]).record);
+        splats.bounds.clear();
+        parallel::extend(&mut splats.bounds, keys.len(), GRAIN, |i| projected(&keys[i]).bounds);
+        splats.planes.clear();
+        parallel::extend(&mut splats.planes, keys.len(), GRAIN, |i| projected(&keys[i]).plane);
     }
 }
 

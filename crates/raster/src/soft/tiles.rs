@@ -5,10 +5,10 @@ use super::options::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
 use super::tile_grid::{BLOCK_X, BLOCK_Y, MARGIN, TILE, tile_count, tiles_between};
 use glam::UVec2;
-use rayon::prelude::*;
 use std::ops::Range;
 use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
 use trisplat_scene::math::real::Mask;
+use trisplat_scene::parallel;
 
 /// Splats that one task bins.
 const SPLATS_PER_RANGE: usize = 2048;
@@ -90,7 +90,7 @@ impl Tiles {
         let (count, size) = (self.count, size.as_vec2().to_array());
         // Where the splat is drawn, every edge is at least this far above the floor.
         let slack = if matches!(window, Window::Coverage { .. }) { 0.5 } else { 0.0 };
-        self.ranges.par_iter_mut().enumerate().for_each(|(r, range)| {
+        parallel::for_each(&mut self.ranges, |r, range| {
             range.pairs.clear();
             range.ends.clear();
             let from = some.start + r * SPLATS_PER_RANGE;

@@ -8,9 +8,9 @@ use super::clipped;
 use super::hidden::TileDepths;
 use super::projector::{GUARD, Projector, snap_group};
 use glam::Vec3;
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// Faces that are projected together.
 const GROUP: usize = LANES;
@@ -20,7 +20,7 @@ const LEAST_BATCH: usize = 4096;
 /// Splits the faces into batches; [`bin`] fills their bins. The picture does not depend on the number of batches.
 pub(super) fn start(batches: &mut Vec<Batch>, mesh: &Mesh) {
     let faces = mesh.face_count();
-    let count = (4 * rayon::current_num_threads()).min(faces.div_ceil(LEAST_BATCH));
+    let count = (4 * parallel::threads()).min(faces.div_ceil(LEAST_BATCH));
     let each = faces.div_ceil(count.max(1)).next_multiple_of(GROUP);
     batches.resize_with(count, Batch::default);
     for (i, batch) in batches.iter_mut().enumerate() {
@@ -39,7 +39,7 @@ pub(super) fn bin(
 ) -> bool {
     let tiles = tile_count(projector.size);
     let pairs = pairs / batches.len().max(1);
-    batches.par_iter_mut().for_each(|batch| {
+    parallel::for_each(batches.iter_mut(), |_, batch| {
         batch.empty((tiles.x * tiles.y) as usize);
         dispatch(BinFaces { mesh, projector, batch, across: tiles.x as i32, hidden, pairs });
     });

@@ -3,8 +3,8 @@
 use super::bins::{TILE_HEIGHT, TILE_WIDTH, tile_count};
 use super::keys::{STRIDE, SampleKeys, inverse_depth_of};
 use glam::UVec2;
-use rayon::prelude::*;
 use std::ops::RangeInclusive;
+use trisplat_scene::parallel;
 
 /// The least 1/z of a tile's samples: 0 if one is empty. `size` are the samples of the tile within the
 /// picture.
@@ -33,11 +33,11 @@ impl TileDepths {
     /// planes]`
     pub(super) fn new(keys: &[SampleKeys], planes: usize, size: UVec2) -> Self {
         let across = tile_count(size).x;
-        let of_tile = |(tile, planes): (usize, &[SampleKeys])| {
+        let of_tile = |tile: usize, planes: &[SampleKeys]| {
             let size = tile_size(size, tile as u32 % across, tile as u32 / across);
             planes.iter().map(|keys| farthest(keys, size)).fold(f32::INFINITY, f32::min)
         };
-        let tiles: Vec<f32> = keys.par_chunks(planes).enumerate().map(of_tile).collect();
+        let tiles: Vec<f32> = parallel::map(keys.chunks(planes), of_tile);
         let least = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
         let rows = tiles.chunks(across as usize).map(least).collect();
         Self { tiles, rows }

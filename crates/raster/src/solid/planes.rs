@@ -11,7 +11,7 @@ use super::projector::Projector;
 use super::rounds::rounds;
 use super::spans::draw_large;
 use glam::UVec2;
-use rayon::prelude::*;
+use trisplat_scene::parallel;
 use trisplat_scene::{
     math::lanes::{Lanes, Work, dispatch},
     mesh::Mesh,
@@ -73,9 +73,10 @@ pub(super) fn planes(
         dispatch(FillPlanes { keys, batches, plane_of, tile, column, row });
     };
     let faces = rounds(batches, mesh, projector, (pairs, planes), fill);
-    (0..tiles.x * tiles.y).into_par_iter().for_each_init(
+    parallel::for_each_with(
+        0..tiles.x * tiles.y,
         || vec![EMPTY; planes],
-        |keys, tile| {
+        |keys, _, tile| {
             let (column, row) = (tile % tiles.x, tile / tiles.x);
             let keys = faces.keys(keys, tile as usize, fill);
             let corner = UVec2::new(column * TILE_WIDTH as u32, row * TILE_HEIGHT as u32);

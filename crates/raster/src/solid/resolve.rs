@@ -10,11 +10,11 @@ use super::shade::{Code, ShadeTile, shade};
 use super::timing::PartTimes;
 use super::visibility::{NO_FACE, Visibility};
 use glam::UVec2;
-use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// The rows of a picture split into tiles of `columns` by `rows`, tile by tile. `[tiles][rows]`
 fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -> Vec<Vec<&mut [T]>> {
@@ -50,9 +50,10 @@ pub(super) fn picture<C: Code>(
     let samples = projector.samples as usize;
     let tiles = split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
     let background = options.background.map(linear_from_srgb);
-    tiles.into_par_iter().enumerate().for_each_init(
+    parallel::for_each_with(
+        tiles,
         || Box::new(EMPTY),
-        |keys, (tile, mut rows)| {
+        |keys, tile, mut rows| {
             let (column, row) = (tile as u32 % across, tile as u32 / across);
             let start = Instant::now();
             let keys = tile_keys(faces, keys, tile, projector.size);
@@ -74,9 +75,10 @@ pub(super) fn export(faces: &Faces<'_>, projector: &Projector, out: &mut Visibil
     let width = projector.size.x as usize;
     let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
     let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
-    seen.into_par_iter().zip(depths).enumerate().for_each_init(
+    parallel::for_each_with(
+        seen.into_iter().zip(depths),
         || Box::new(EMPTY),
-        |keys, (tile, (seen, depths))| {
+        |keys, tile, (seen, depths)| {
             let start = Instant::now();
             let keys = tile_keys(faces, keys, tile, projector.size);
             let filled = PartTimes::lap(&parts.fill, start);

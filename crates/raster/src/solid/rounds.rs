@@ -10,8 +10,8 @@ use super::bins::{Batch, tile_count};
 use super::hidden::TileDepths;
 use super::keys::{EMPTY, SampleKeys};
 use super::projector::Projector;
-use rayon::prelude::*;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
 pub(super) const PAIRS_PER_ROUND: usize = 1 << 24;
@@ -40,7 +40,7 @@ pub(super) fn rounds<'a>(
     let tiles = tile_count(projector.size);
     let mut keys = vec![EMPTY; (tiles.x * tiles.y) as usize * planes];
     loop {
-        keys.par_chunks_mut(planes).enumerate().for_each(|(tile, keys)| fill(keys, batches, tile));
+        parallel::for_each(keys.chunks_mut(planes), |tile, keys| fill(keys, batches, tile));
         if all {
             return Faces::Filled(keys);
         }

@@ -1,8 +1,7 @@
 //! Range checks of long lists of numbers, in parallel.
 
-use rayon::prelude::*;
-
 const CHUNK: usize = 1 << 16;
+use crate::parallel;
 const EXPONENT: u32 = 0x7f80_0000;
 
 /// True when no value is NaN or infinite.
@@ -21,8 +20,8 @@ pub fn all_positive(values: &[f32]) -> bool {
     all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (*x > 0.0) & (*x <= f32::MAX)))
 }
 
-fn all_chunks(values: &[f32], valid: impl Fn(&[f32]) -> bool + Sync + Send) -> bool {
-    values.par_chunks(CHUNK).all(valid)
+fn all_chunks(values: &[f32], valid: impl Fn(&[f32]) -> bool + Sync) -> bool {
+    parallel::map(values.chunks(CHUNK), |_, chunk| valid(chunk)).into_iter().all(|valid| valid)
 }
 
 #[cfg(test)]

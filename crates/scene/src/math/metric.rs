@@ -5,8 +5,8 @@
 //! pixel, 0 to 255, excludes masked pixels; `None` weights all equally.
 
 use crate::math::ssim::{Factors, TAPS, factors, window};
+use crate::parallel;
 use glam::UVec2;
-use rayon::prelude::*;
 
 /// Below this mean squared error two pictures count as equal: 120 dB.
 const LEAST_SQUARED_ERROR: f64 = 1e-12;
@@ -29,8 +29,7 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
     assert_eq!(a.len(), b.len(), "pictures of different sizes");
     let window = window();
-    let rows: Vec<Vec<f64>> =
-        (0..size.y as usize).into_par_iter().map(|y| ssim_row(width, a, b, y, &window)).collect();
+    let rows: Vec<Vec<f64>> = parallel::map(0..size.y as usize, |_, y| ssim_row(width, a, b, y, &window));
     weighted_mean(rows.into_iter().flatten(), weights)
 }
 

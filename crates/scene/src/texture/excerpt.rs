@@ -7,6 +7,7 @@ use super::faces::FaceTexture;
 use super::picture::Texture;
 use crate::image::RgbImage;
 use crate::math::sets::Sets;
+use crate::parallel::{self, GRAIN};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -64,12 +65,12 @@ impl FaceTexture {
         if u64::from(size.element_product()) as f64 > WORTH * before as f64 {
             return self.clone();
         }
-        let moved = |(face, uvs): (usize, &[Vec2; 3])| {
+        let moved = |face: usize| {
             let (from, to) = (&grown[of_face[face] as usize], places[of_face[face] as usize]);
             let texels = pages[usize::from(from.page)].size.as_vec2();
-            uvs.map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
+            self.uvs[face].map(|uv| (uv * texels - from.low.as_vec2() + to.as_vec2()) / size.as_vec2())
         };
-        let uvs = self.uvs.par_iter().enumerate().map(moved).collect();
+        let uvs = parallel::collect(self.uvs.len(), GRAIN, moved);
         FaceTexture::new(uvs, Arc::new(Texture::new(copied(&pages, &grown, &places, size))))
     }
 
@@ -84,7 +85,7 @@ impl FaceTexture {
             let high = within(texels[0].max(texels[1]).max(texels[2])).ceil().as_uvec2() + 1;
             Rectangle { page: page as u16, low, high }
         };
-        let own: Vec<Rectangle> = (0..self.uvs.len()).into_par_iter().map(of_face).collect();
+        let own: Vec<Rectangle> = parallel::collect(self.uvs.len(), GRAIN, of_face);
         let whole = charts(&self.connected(), &own);
         let mut order: Vec<u32> = (0..own.len() as u32).collect();
         order.par_sort_unstable_by_key(|face| {
@@ -101,11 +102,12 @@ impl FaceTexture {
 
     /// The first of the faces that each is connected with by corners in the same place. `[F]`
     fn connected(&self) -> Vec<u32> {
-        let place = |(corner, uv): (usize, &Vec2)| {
-            let face = corner / 3;
+        let uvs = self.uvs.as_flattened();
+        let place = |corner: usize| {
+            let (face, uv) = (corner / 3, uvs[corner]);
             (self.page(face), uv.x.to_bits(), uv.y.to_bits(), face as u32)
         };
-        let mut corners: Vec<_> = self.uvs.as_flattened().par_iter().enumerate().map(place).collect();
+        let mut corners = parallel::collect(uvs.len(), GRAIN, place);
         corners.par_sort_unstable();
         let mut sets = Sets::new(self.uvs.len());
         for pair in corners.windows(2) {

@@ -1,8 +1,8 @@
 //! Where the faces of a mesh are on its pictures.
 
 use super::picture::Texture;
+use crate::parallel;
 use glam::Vec2;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The pictures of a mesh, its pages, and the places of its faces on them.
@@ -37,12 +37,11 @@ impl FaceTexture {
 
     /// The texture of the faces `faces[i]`, without pages that none of them is on.
     pub fn of_faces(&self, faces: &[u32]) -> Self {
-        let chosen = faces.par_iter().with_min_len(1 << 13);
-        let uvs = chosen.clone().map(|face| self.uvs[*face as usize]).collect();
+        let uvs = parallel::collect(faces.len(), 1 << 13, |at| self.uvs[faces[at] as usize]);
         if self.page_of.is_empty() {
             return Self { uvs, pages: self.pages.clone(), page_of: Vec::new() };
         }
-        let page_of = chosen.map(|face| self.page_of[*face as usize]).collect();
+        let page_of = parallel::collect(faces.len(), 1 << 13, |at| self.page_of[faces[at] as usize]);
         Self { uvs, pages: self.pages.clone(), page_of }.without_unused_pages()
     }
 

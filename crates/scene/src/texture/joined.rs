@@ -3,8 +3,8 @@
 use super::faces::FaceTexture;
 use super::picture::Texture;
 use crate::image::RgbImage;
+use crate::parallel;
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Largest side of a joined picture, texels.
@@ -31,15 +31,17 @@ impl FaceTexture {
             (from, from.size.as_vec2() / size.as_vec2(), Vec2::new(0.0, *top as f32 / size.y as f32))
         });
         let pages: Vec<(&RgbImage, Vec2, Vec2)> = scaled.collect();
-        let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
+        let row = |_, y: u32| {
             let page = tops.partition_point(|top| *top <= y) - 1;
             let from = pages[page].0;
             let y = (y - tops[page]).min(from.size.y - 1);
             let row = &from.rgb[(y * from.size.x) as usize..][..from.size.x as usize];
             // The border of a picture continues beside and below it.
-            row.iter().chain(std::iter::repeat(&row[row.len() - 1])).take(size.x as usize).copied()
-        });
-        let page = Texture::new(RgbImage { size, rgb: rgb.collect(), alpha: None });
+            let rest = std::iter::repeat(&row[row.len() - 1]);
+            row.iter().chain(rest).take(size.x as usize).copied().collect::<Vec<_>>()
+        };
+        let rgb = parallel::map(0..size.y, row).concat();
+        let page = Texture::new(RgbImage { size, rgb, alpha: None });
         let moved = |(face, uvs): (usize, &[Vec2; 3])| {
             let (_, scale, top) = pages[self.page(face)];
             uvs.map(|uv| uv * scale + top)

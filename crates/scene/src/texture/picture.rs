@@ -5,8 +5,8 @@ use crate::image::RgbImage;
 use crate::limits::Limits;
 use crate::math::color::linear_of_srgb8;
 use crate::math::srgb8::srgb8_from_linear;
+use crate::parallel;
 use glam::{UVec2, Vec2};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -111,17 +111,18 @@ fn halved(finer: &RgbImage) -> RgbImage {
     let size = (finer.size / 2).max(UVec2::ONE);
     let linear = linear_of_srgb8();
     let texel = |x: u32, y: u32| finer.rgb[(y.min(finer.size.y - 1) * finer.size.x + x) as usize];
-    let rows = (0..size.y).into_par_iter().flat_map_iter(|y| {
-        (0..size.x).map(move |x| {
+    let row = |_, y: u32| -> Vec<[u8; 3]> {
+        let of = |x: u32| {
             let right = (2 * x + 1).min(finer.size.x - 1);
             let four = [(2 * x, 2 * y), (right, 2 * y), (2 * x, 2 * y + 1), (right, 2 * y + 1)];
             let four = four.map(|(x, y)| texel(x, y));
             [0, 1, 2].map(|c| {
                 srgb8_from_linear(four.iter().map(|t| linear[usize::from(t[c])]).sum::<f32>() * 0.25)
             })
-        })
-    });
-    RgbImage { size, rgb: rows.collect(), alpha: None }
+        };
+        (0..size.x).map(of).collect()
+    };
+    RgbImage { size, rgb: parallel::map(0..size.y, row).concat(), alpha: None }
 }
 
 #[cfg(test)]

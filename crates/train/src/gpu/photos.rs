@@ -1,10 +1,10 @@
 //! Photos that stay on the card while there is memory for them.
 
 use crate::backend::{PhotoId, StepPhoto};
-use rayon::prelude::*;
 use std::collections::HashMap;
 use trisplat_gpu::Gpu;
 use trisplat_gpu::buffer::filled;
+use trisplat_scene::parallel::{self, GRAIN};
 use wgpu::{Buffer, BufferUsages, CommandEncoder};
 
 /// A photo of a step: a pixel's colour and weight in 8 bits each, lowest first.
@@ -97,7 +97,7 @@ impl Photos {
 }
 
 fn packed(photo: &StepPhoto<'_>) -> Vec<u32> {
-    (0..photo.pixels.rgb.len()).into_par_iter().with_min_len(4096).map(packed_pixel(photo)).collect()
+    parallel::collect(photo.pixels.rgb.len(), GRAIN, packed_pixel(photo))
 }
 
 fn packed_pixel<'a>(photo: &StepPhoto<'a>) -> impl Fn(usize) -> u32 + Sync + use<'a> {

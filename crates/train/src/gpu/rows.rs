@@ -7,8 +7,8 @@
 
 use crate::params::Params;
 use glam::Vec3;
-use rayon::prelude::*;
 use std::ops::Range;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Rows before the SH.
 const GEOMETRY_ROWS: usize = 11;
@@ -23,7 +23,7 @@ pub(super) fn from_params(params: &Params, chunk: Range<usize>) -> Vec<f32> {
     let (n, k) = (chunk.len(), params.sh_count());
     let (vertices, sh) = (&params.vertices[chunk.clone()], &params.sh[chunk.start * k..chunk.end * k]);
     let mut rows = vec![0.0; row_count(k) * n];
-    rows.par_chunks_mut(n.max(1)).enumerate().for_each(|(j, row)| match j {
+    parallel::for_each(rows.chunks_mut(n.max(1)), |j, row| match j {
         0..9 => row.iter_mut().zip(vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
         9 => row.copy_from_slice(&params.opacity[chunk.clone()]),
         10 => row.copy_from_slice(&params.sigma[chunk.clone()]),
@@ -44,10 +44,10 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
         let (i, first) = (m / k, GEOMETRY_ROWS + 3 * (m % k));
         [at(first, i), at(first + 1, i), at(first + 2, i)]
     };
-    params.vertices.par_extend((0..n).into_par_iter().map(|i| [corner(i, 0), corner(i, 1), corner(i, 2)]));
+    parallel::extend(&mut params.vertices, n, GRAIN, |i| [corner(i, 0), corner(i, 1), corner(i, 2)]);
     params.opacity.extend_from_slice(&rows[9 * n..10 * n]);
     params.sigma.extend_from_slice(&rows[10 * n..11 * n]);
-    params.sh.par_extend((0..n * k).into_par_iter().map(coefficient));
+    parallel::extend(&mut params.sh, n * k, GRAIN, coefficient);
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Finds the triangle under the mouse.
 
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Asset, Soup, camera::Camera, math::color::srgb_from_linear};
 
 /// A triangle under the mouse.
@@ -53,10 +53,10 @@ fn origin(soup: &Soup, corners: [Vec3; 3]) -> Option<Origin> {
         // Triangles with the same incenter are distinguished by their normals.
         (other - center).length() * (2.0 - normal.dot(across).abs())
     };
-    let nearest = (0..soup.len())
-        .into_par_iter()
-        .map(|i| (mismatch(i), i))
-        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))?;
+    let mismatches = parallel::collect(soup.len(), GRAIN, mismatch);
+    // Of equal ones the first.
+    let nearest =
+        (0..).zip(mismatches).map(|(i, mismatch)| (mismatch, i)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let (distance, triangle) = nearest;
     let size = corners[0].distance(corners[1]).max(corners[0].distance(corners[2]));
     let found = distance <= 1e-3 * f64::from(size) + 1e-5 * center.length();

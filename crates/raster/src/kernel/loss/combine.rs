@@ -2,9 +2,9 @@
 
 use super::rows::{LossNumber, blur_column, lane_sum, weight_by};
 use super::ssim::GRADS;
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
 use trisplat_scene::math::ssim::TAPS;
+use trisplat_scene::parallel;
 
 /// Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their
 /// difference. Returns the weighted sums of |x - y| and (x - y)².
@@ -19,19 +19,16 @@ pub(super) fn combine_rows<R: LossNumber>(
     grads: &[R],
     d_x: &mut [R],
 ) -> (f64, f64) {
-    let sums: Vec<(f64, f64)> = d_x
-        .par_chunks_mut(row)
-        .enumerate()
-        .map_init(
-            || vec![R::default(); (GRADS + 3) * row],
-            |memory, (at, out)| {
-                let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
-                let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
-                let (blurred, parts) = memory.split_at_mut(GRADS * row);
-                dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
-            },
-        )
-        .collect();
+    let sums: Vec<(f64, f64)> = parallel::map_with(
+        d_x.chunks_mut(row),
+        || vec![R::default(); (GRADS + 3) * row],
+        |memory, at, out| {
+            let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
+            let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
+            let (blurred, parts) = memory.split_at_mut(GRADS * row);
+            dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
+        },
+    );
     sums.iter().fold((0.0, 0.0), |total, s| (total.0 + s.0, total.1 + s.1))
 }
 

@@ -1,9 +1,9 @@
 //! The structural part of the loss: blurred moments, SSIM and its derivatives.
 
 use super::rows::{LossNumber, PAD, blur_column, blur_row, lane_sum, weight_by};
-use rayon::prelude::*;
 use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
 use trisplat_scene::math::ssim::{Factors, TAPS, factors};
+use trisplat_scene::parallel;
 
 /// Blurred maps of the forward pass: x, y, x², y², xy.
 pub(super) const MAPS: usize = 5;
@@ -12,9 +12,10 @@ pub(super) const GRADS: usize = 3;
 
 /// Pass 1: x, y, x², y², xy blurred along x.
 pub(super) fn blur_maps<R: LossNumber>(taps: &[R; TAPS], row: usize, x: &[R], y: &[R], maps: &mut [R]) {
-    maps.par_chunks_mut(MAPS * row).enumerate().for_each_init(
+    parallel::for_each_with(
+        maps.chunks_mut(MAPS * row),
         || vec![R::default(); row + 2 * PAD],
-        |padded, (at, out)| {
+        |padded, at, out| {
             let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
             dispatch(MapsRow { taps, x, y, padded, out });
         },
@@ -61,18 +62,15 @@ pub(super) fn ssim_rows<R: LossNumber>(
     scale: R,
     grads: &mut [R],
 ) -> f64 {
-    let sums: Vec<f64> = grads
-        .par_chunks_mut(GRADS * row)
-        .enumerate()
-        .map_init(
-            || (vec![R::default(); (MAPS + 1) * row], vec![R::default(); GRADS * (row + 2 * PAD)]),
-            |(blurred, padded), (at, out)| {
-                let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
-                let (blurred, values) = blurred.split_at_mut(MAPS * row);
-                dispatch(SsimRow { taps, maps, at, weight, scale, blurred, values, padded, out })
-            },
-        )
-        .collect();
+    let sums = parallel::map_with(
+        grads.chunks_mut(GRADS * row),
+        || (vec![R::default(); (MAPS + 1) * row], vec![R::default(); GRADS * (row + 2 * PAD)]),
+        |(blurred, padded), at, out| {
+            let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
+            let (blurred, values) = blurred.split_at_mut(MAPS * row);
+            dispatch(SsimRow { taps, maps, at, weight, scale, blurred, values, padded, out })
+        },
+    );
     sums.iter().sum()
 }
 
