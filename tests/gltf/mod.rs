@@ -1,6 +1,5 @@
 //! GLB and glTF as written: read back by the `gltf` crate and by a parser of these tests.
 
-mod ktx2;
 mod parse;
 mod scenes;
 

@@ -69,7 +69,8 @@ pub(crate) fn encode(_: &Texture, _: Blocks) -> std::result::Result<Vec<u8>, Str
 }
 
 #[cfg(not(feature = "ktx2"))]
-pub(crate) fn decode(place: &Path, _: &[u8], _: &Limits) -> Result<Texture> {
-    let reason = format!("its picture is KTX2, which this program does not decode; {REMEDY}");
+pub(crate) fn decode(place: &Path, bytes: &[u8], _: &Limits) -> Result<Texture> {
+    let blocks = Header::read(bytes).map_or("of other blocks", |header| header.blocks.name());
+    let reason = format!("its picture is KTX2 ({blocks}), which this program does not decode; {REMEDY}");
     Err(trisplat_scene::Error::unsupported(place, reason))
 }

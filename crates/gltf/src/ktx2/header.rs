@@ -35,9 +35,13 @@ impl Header {
         if !is_ktx2(bytes) {
             return Err("is not KTX2".to_owned());
         }
+        let cut = || "is a KTX2 file that is cut short".to_owned();
+        if bytes.len() < HEADER_BYTES {
+            return Err(cut());
+        }
         let word = |at: usize| -> Result<u32, String> {
             let found = bytes.get(at..at + 4).and_then(|four| four.try_into().ok());
-            found.map(u32::from_le_bytes).ok_or_else(|| "is a KTX2 file that is cut short".to_owned())
+            found.map(u32::from_le_bytes).ok_or_else(cut)
         };
         let [format, width, height, depth] = [word(12)?, word(20)?, word(24)?, word(28)?];
         let [layers, faces, levels] = [word(32)?, word(36)?, word(40)?];
