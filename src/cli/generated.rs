@@ -60,6 +60,7 @@ pub(super) fn version() -> String {
     let features = [
         ("bench", cfg!(feature = "bench")),
         ("gpu", cfg!(feature = "gpu")),
+        ("ktx2", cfg!(feature = "ktx2")),
         ("view", cfg!(feature = "view")),
     ];
     let on: Vec<&str> = features.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();

@@ -2,6 +2,7 @@
 
 mod beside;
 mod encode;
+mod ktx2;
 mod of_levels;
 mod stale;
 
@@ -72,7 +73,11 @@ impl OutputOptions {
     /// The glTF options of the target; notes for the user go into `details`.
     pub fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
-        details.notes = Some(encoding.notes);
+        let mut notes = encoding.notes;
+        if self.texture_format.is_ktx2() {
+            notes.extend(self.target.ktx2().ok().map(|note| format!("{}: {note}", self.target.name())));
+        }
+        details.notes = Some(notes);
         GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding.options }
     }
 
@@ -428,7 +433,14 @@ impl SetWriter<'_> {
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
+<<<<<<< HEAD
             self.picture(path, texture.joined().pages[0].picture())?;
+=======
+            let mut file = self.started.take(path)?;
+            let bytes = self.options.texture_format.bytes(&texture.joined().pages[0])?;
+            file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+            self.written.push(file);
+>>>>>>> ktx
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;

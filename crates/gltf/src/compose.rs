@@ -3,7 +3,9 @@
 use super::container::stream_offsets;
 use super::content::{Content, Picture};
 use super::exact;
-use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
+use super::extensions::{
+    BASISU, CompressedView, CompressionMode, FallbackBuffer, KtxSource, MESHOPT, QUANTIZATION, UNLIT,
+};
 use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
@@ -37,7 +39,8 @@ pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>>
 fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let Content { options, parts, .. } = content;
     let quantised = parts.iter().any(|part| part.grid.is_some());
-    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
+    let is_ktx2 = !content.pictures.is_empty() && options.texture.is_ktx2();
+    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT), (is_ktx2, BASISU)];
     let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
     let required: Vec<String> = required.collect();
     let (mut buffer_views, buffers) = buffers(content, bin_name)?;
@@ -46,7 +49,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     buffer_views.extend(content.pictures.iter().map(picture_view));
     let pages = 0..content.pictures.len();
     let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
-    let textures = pages.clone().map(texture).collect();
+    let textures = pages.clone().map(|page| texture(page, is_ktx2)).collect::<Result<_>>()?;
     let samplers = pages.take(1).map(|_| sampler()).collect();
     let painted = painted(parts);
     let materials: Vec<Material> = painted.iter().map(|of| material(content, *of)).collect();
@@ -198,14 +201,16 @@ fn sampler() -> Sampler {
     }
 }
 
-fn texture(page: usize) -> Texture {
-    Texture {
+/// The texture of a page; a KTX2 picture is the extension's, and the texture itself has none.
+fn texture(page: usize, is_ktx2: bool) -> Result<Texture> {
+    let others = is_ktx2.then(|| object(BASISU, &KtxSource { source: page })).transpose()?;
+    Ok(Texture {
         name: Some(page_name(page)),
         sampler: Some(index(0)),
-        source: index(page),
-        extensions: None,
+        source: if is_ktx2 { Index::new(u32::MAX) } else { index(page) },
+        extensions: others.map(|others| extensions::texture::Texture { others }),
         extras: None,
-    }
+    })
 }
 
 /// Name of the texture of a page and of its picture.
@@ -382,7 +387,7 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
     };
     let mut buffers = vec![Buffer { uri: bin_name.map(uri::from_file_name), ..buffer(content.bin_bytes) }];
     if options.meshopt {
-        let others = meshopt(&FallbackBuffer { fallback: true })?;
+        let others = object(MESHOPT, &FallbackBuffer { fallback: true })?;
         let extensions = Some(extensions::buffer::Buffer { others });
         buffers.push(Buffer { extensions, ..buffer(decoded_bytes) });
     }
@@ -403,7 +408,7 @@ fn compressed_view(
         }
         Stream::Indices => CompressionMode::Triangles,
     };
-    let others = meshopt(&CompressedView {
+    let others = object(MESHOPT, &CompressedView {
         buffer: 0,
         byte_offset: content.starts[i],
         byte_length: streams[i].len() as u64,
@@ -415,6 +420,7 @@ fn compressed_view(
     Ok(Some(extensions::buffer::View { others }))
 }
 
-fn meshopt(object: &impl Serialize) -> Result<Map<String, Value>> {
-    Ok(std::iter::once((MESHOPT.to_owned(), serde_json::to_value(object)?)).collect())
+/// The objects of an extension.
+fn object(name: &str, object: &impl Serialize) -> Result<Map<String, Value>> {
+    Ok(std::iter::once((name.to_owned(), serde_json::to_value(object)?)).collect())
 }

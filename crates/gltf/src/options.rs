@@ -2,7 +2,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Result, image::RgbImage};
+use super::ktx2::{self, Blocks};
+use trisplat_scene::{Error, Result, Texture};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///
@@ -89,13 +90,18 @@ impl PositionEncoding {
 /// How the picture of a texture is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum TextureFormat {
     /// JPEG of quality 90
     #[default]
     Jpeg,
     /// PNG, exact and several times as large
     Png,
+    /// KTX2 of ETC1S blocks with mip levels: as many bytes as JPEG, and an eighth of the memory on the card. Glb, gltf and 3D Tiles
+    /// only, whose readers must know KHR_texture_basisu; a program built with the feature `ktx2` writes it
+    Ktx2,
+    /// KTX2 of UASTC blocks: nearly exact, a byte per texel in the file and on the card
+    Ktx2Uastc,
 }
 
 /// Quality of a JPEG texture, of 100.
@@ -107,6 +113,7 @@ impl TextureFormat {
         match self {
             Self::Jpeg => "image/jpeg",
             Self::Png => "image/png",
+            Self::Ktx2 | Self::Ktx2Uastc => "image/ktx2",
         }
     }
 
@@ -115,14 +122,54 @@ impl TextureFormat {
         match self {
             Self::Jpeg => "jpg",
             Self::Png => "png",
+            Self::Ktx2 | Self::Ktx2Uastc => "ktx2",
         }
     }
 
-    /// The bytes of its file.
-    pub fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
+    /// Whether only readers of KHR_texture_basisu can show it.
+    pub fn is_ktx2(self) -> bool {
+        matches!(self, Self::Ktx2 | Self::Ktx2Uastc)
+    }
+
+    /// Its name among the options.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
-            Self::Png => picture.to_png(),
+            Self::Jpeg => "jpeg",
+            Self::Png => "png",
+            Self::Ktx2 => "ktx2",
+            Self::Ktx2Uastc => "ktx2-uastc",
+        }
+    }
+
+    /// Whether this program writes it.
+    ///
+    /// Errors: KTX2 in a program without the feature `ktx2`.
+    pub fn check_built(self) -> Result<()> {
+        if self.is_ktx2() && !ktx2::IS_BUILT {
+            return Err(self.refused(&format!("this program writes no KTX2; {}", ktx2::REMEDY)));
+        }
+        Ok(())
+    }
+
+    /// The error of a use that this format cannot serve, for this reason.
+    pub fn refused(self, why: &str) -> Error {
+        Error::invalid("texture_format", self.name(), format!("jpeg or png: {why}"))
+    }
+
+    /// What the sides of a picture must be multiples of.
+    pub(crate) fn block(self) -> u32 {
+        if self.is_ktx2() { ktx2::BLOCK } else { 1 }
+    }
+
+    /// The bytes of its file. The sides of a picture for KTX2 are multiples of 4.
+    ///
+    /// Errors: what the encoder refuses; KTX2 without the feature `ktx2`.
+    pub fn bytes(self, texture: &Texture) -> Result<Vec<u8>> {
+        match self {
+            Self::Jpeg => texture.picture().to_jpeg(JPEG_QUALITY),
+            Self::Png => texture.picture().to_png(),
+            Self::Ktx2 => ktx2::encode(texture, Blocks::Etc1s).map_err(|why| self.refused(&why)),
+            Self::Ktx2Uastc => ktx2::encode(texture, Blocks::Uastc).map_err(|why| self.refused(&why)),
         }
     }
 }

@@ -3,6 +3,7 @@
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
+use super::ktx2;
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use std::collections::BTreeMap;
@@ -27,9 +28,10 @@ impl PaintedPrimitives {
         corner: impl Fn(usize) -> usize,
         plain: bool,
     ) -> Result<Option<String>> {
-        let image = document.textures.get(info.index).and_then(|texture| texture.source);
+        // A PNG or JPEG beside a KTX2 is at least as exact, and needs no decoder of that.
+        let image = document.textures.get(info.index).and_then(|texture| texture.source.or(texture.ktx2()));
         let (Some(image), Some(coordinates)) = (image, coordinates) else {
-            return Ok(Some(format!("texture {} has no PNG or JPEG picture, or no TEXCOORD_0", info.index)));
+            return Ok(Some(format!("texture {} has no PNG, JPEG or KTX2 picture, or no TEXCOORD_0", info.index)));
         };
         if info.tex_coord != 0 || !info.extensions.is_empty() {
             return Ok(Some(format!("texture {} is transformed, or laid by other coordinates", info.index)));
@@ -95,7 +97,10 @@ fn read(
         Error::malformed(&path, &place, format!("does not exist: the file has {has}"))
     })?;
     let bytes = picture_bytes(accessors, entry, &place)?;
-    let texture = Texture::decoded(&path, &bytes, limits)?;
+    let texture = match ktx2::is_ktx2(&bytes) {
+        true => ktx2::decode(&path, &bytes, limits)?,
+        false => Texture::decoded(&path, &bytes, limits)?,
+    };
     // With its mip levels.
     accessors.buffers.spend(2 * texture.picture().bytes())?;
     Ok(Arc::new(texture))

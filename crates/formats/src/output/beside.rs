@@ -28,13 +28,16 @@ impl Output {
     /// The files of a scene and all files beside it; `format` decides if the name of `path` does not.
     /// Standard output can take only one file.
     ///
-    /// Errors: a name without a known ending; an output that cannot have files beside it.
+    /// Errors: a name without a known ending; an output that cannot have files beside it; pictures of a kind that its readers do not
+    /// know.
     pub fn of_scene(
         path: &Path,
         format: Option<OutputFormat>,
         options: &OutputOptions,
         beside: &Beside,
     ) -> Result<Self> {
+        let known = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        options.check_texture_format(known)?;
         let mut output =
             Self::plan(path, format, options, beside.bvh)?.with_levels(beside.levels, options)?;
         if beside.backdrop {

@@ -81,7 +81,7 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
     let texture = scene.mesh.texture.as_ref();
-    let bytes = texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
+    let bytes = texture.map(|texture| format.bytes(&texture.joined().pages[0])).transpose()?;
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;

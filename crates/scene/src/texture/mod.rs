@@ -3,6 +3,7 @@
 mod excerpt;
 mod faces;
 mod joined;
+mod padded;
 mod picture;
 
 pub use faces::FaceTexture;

@@ -54,6 +54,11 @@ impl Texture {
         Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
     }
 
+    /// The same, of a file that holds it so.
+    pub fn stored_as(self, stored: StoredPicture) -> Self {
+        Self { stored: Some(stored), ..self }
+    }
+
     /// How the file that it was read from holds it; `None` of a new one.
     pub fn stored(&self) -> Option<&StoredPicture> {
         self.stored.as_ref()
@@ -67,6 +72,11 @@ impl Texture {
     /// The picture, or a mip level of it: the same with half of the texels along each side, `halvings` times.
     pub fn level(&self, halvings: usize) -> &RgbImage {
         &self.levels[halvings.min(self.levels.len() - 1)]
+    }
+
+    /// The picture and all its mip levels, the finest first.
+    pub fn levels(&self) -> &[RgbImage] {
+        &self.levels
     }
 
     /// Width and height, texels.
