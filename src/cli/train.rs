@@ -398,7 +398,7 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
 }
 
 fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
-    let svg = train_curve::svg(&trained.curve);
+    let svg = train_curve::svg(file.path(), &trained.curve)?;
     file.write_all(svg.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
     file.commit()
 }
