@@ -402,7 +402,7 @@ impl SetWriter<'_> {
             None => warnings = self.one(asset, output, details)?,
         }
         if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
-            self.picture(path, sky)?;
+            self.bytes(path, &self.options.texture_format.plain_bytes(sky)?)?;
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
@@ -433,14 +433,7 @@ impl SetWriter<'_> {
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
-<<<<<<< HEAD
-            self.picture(path, texture.joined().pages[0].picture())?;
-=======
-            let mut file = self.started.take(path)?;
-            let bytes = self.options.texture_format.bytes(&texture.joined().pages[0])?;
-            file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
-            self.written.push(file);
->>>>>>> ktx
+            self.bytes(path, &self.options.texture_format.bytes(&texture.joined().pages[0])?)?;
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;
@@ -451,10 +444,6 @@ impl SetWriter<'_> {
             self.written.push(file);
         }
         Ok(warnings)
-    }
-
-    fn picture(&mut self, path: &Path, picture: &RgbImage) -> Result<()> {
-        self.bytes(path, &self.options.texture_format.bytes(picture)?)
     }
 
     fn text(&mut self, path: &Path, text: &str) -> Result<()> {

@@ -52,7 +52,11 @@ fn a_program_without_it_says_how_to_get_it() {
 #[cfg(feature = "ktx2")]
 mod built {
     use super::*;
-    use trisplat_formats::{ReadOptions, check::{Severity, check}, info::info};
+    use trisplat_formats::{
+        ReadOptions,
+        check::{Severity, check},
+        info::info,
+    };
     use trisplat_scene::{Scene, math::metric};
 
     const BOTH: [TextureFormat; 2] = [TextureFormat::Ktx2, TextureFormat::Ktx2Uastc];
@@ -96,7 +100,8 @@ mod built {
                 println!("{name}, {size}: {psnr:.1} dB, {} bytes", bytes.len());
                 assert!(psnr > least_db, "{name}, {size}: {psnr}");
                 let checked = check(&path, &ReadOptions::default()).unwrap();
-                let wrong: Vec<_> = checked.findings.iter().filter(|f| f.severity >= Severity::Warning).collect();
+                let wrong: Vec<_> =
+                    checked.findings.iter().filter(|f| f.severity >= Severity::Warning).collect();
                 assert!(wrong.is_empty(), "{wrong:?}");
                 let (info, _) = info(&path, &ReadOptions::default()).unwrap();
                 assert_eq!(info.texture.unwrap().stored.unwrap().format, name);
@@ -164,7 +169,10 @@ mod built {
             bad[start + 20] = 31;
             std::fs::write(&path, &bad).unwrap();
             let found = check(&path, &ReadOptions::default()).unwrap();
-            assert!(found.findings.iter().any(|finding| finding.what.contains("multiples of 4")), "{found:?}");
+            assert!(
+                found.findings.iter().any(|finding| finding.what.contains("multiples of 4")),
+                "{found:?}"
+            );
         }
     }
 }

@@ -1,8 +1,8 @@
 //! How colours and positions are stored, and the other options of a glTF file.
 
+use super::ktx2::{self, Blocks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use super::ktx2::{self, Blocks};
 use trisplat_scene::{Error, Result, Texture};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
@@ -161,13 +161,27 @@ impl TextureFormat {
         if self.is_ktx2() { ktx2::BLOCK } else { 1 }
     }
 
+    /// The format of a picture that is no texture, such as a sky: JPEG in place of KTX2, which only readers of glTF know.
+    pub fn plain(self) -> Self {
+        if self.is_ktx2() { Self::Jpeg } else { self }
+    }
+
+    /// The bytes of the file of a picture that is no texture, in the [`plain`](Self::plain) format.
+    ///
+    /// Errors: what the encoder refuses.
+    pub fn plain_bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
+        match self.plain() {
+            Self::Png => picture.to_png(),
+            _ => picture.to_jpeg(JPEG_QUALITY),
+        }
+    }
+
     /// The bytes of its file. The sides of a picture for KTX2 are multiples of 4.
     ///
     /// Errors: what the encoder refuses; KTX2 without the feature `ktx2`.
     pub fn bytes(self, texture: &Texture) -> Result<Vec<u8>> {
         match self {
-            Self::Jpeg => texture.picture().to_jpeg(JPEG_QUALITY),
-            Self::Png => texture.picture().to_png(),
+            Self::Jpeg | Self::Png => self.plain_bytes(texture.picture()),
             Self::Ktx2 => ktx2::encode(texture, Blocks::Etc1s).map_err(|why| self.refused(&why)),
             Self::Ktx2Uastc => ktx2::encode(texture, Blocks::Uastc).map_err(|why| self.refused(&why)),
         }

@@ -46,7 +46,7 @@ impl Output {
         // A page holds it.
         if beside.sky && output.format != OutputFormat::Html {
             output.sky = Some(output.beside(
-                &format!("sky.{}", options.texture_format.ending()),
+                &format!("sky.{}", options.texture_format.plain().ending()),
                 "`backdrop` sky writes a picture",
             )?);
         }

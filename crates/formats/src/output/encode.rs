@@ -56,9 +56,10 @@ impl Output {
                         "html: the page shows colours as they are; `lit` is for files that engines read";
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
-                let format = options.texture_format;
-                let encoded =
-                    |sky| Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? });
+                let format = options.texture_format.plain();
+                let encoded = |sky| {
+                    Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.plain_bytes(sky)? })
+                };
                 let sky = asset.sky.as_ref().map(encoded).transpose()?;
                 html::write(main, path, &title.to_string_lossy(), asset, sky.as_ref(), &encoding)?
             }

@@ -24,7 +24,7 @@ pub(super) fn basis(texture: &Texture, blocks: Blocks) -> Result<Vec<u8>, String
     let threads = match blocks {
         // Its codebooks depend on how many there are.
         Blocks::Etc1s => 1,
-        Blocks::Uastc => rayon::current_num_threads() as u32,
+        Blocks::Uastc => trisplat_scene::parallel::threads() as u32,
     };
     run(&params, threads)
 }
