@@ -18,7 +18,6 @@ use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},
-    image::RgbImage,
     ranges::{self, Called},
     report::{Outcome, OutputReport, Report, StageDetails, StageObserver},
 };

@@ -3,7 +3,7 @@
 use super::ktx2::{self, Blocks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Error, Result, Texture};
+use trisplat_scene::{Error, Result, Texture, image::RgbImage};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///
