@@ -408,15 +408,18 @@ fn compressed_view(
         }
         Stream::Indices => CompressionMode::Triangles,
     };
-    let others = object(MESHOPT, &CompressedView {
-        buffer: 0,
-        byte_offset: content.starts[i],
-        byte_length: streams[i].len() as u64,
-        byte_stride: part.stride(stream, content.options),
-        count: part.count(stream) as u64,
-        mode: mode.name().to_owned(),
-        filter: None,
-    })?;
+    let others = object(
+        MESHOPT,
+        &CompressedView {
+            buffer: 0,
+            byte_offset: content.starts[i],
+            byte_length: streams[i].len() as u64,
+            byte_stride: part.stride(stream, content.options),
+            count: part.count(stream) as u64,
+            mode: mode.name().to_owned(),
+            filter: None,
+        },
+    )?;
     Ok(Some(extensions::buffer::View { others }))
 }
 

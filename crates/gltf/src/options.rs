@@ -1,8 +1,8 @@
 //! How colours and positions are stored, and the other options of a glTF file.
 
+use super::ktx2::{self, Blocks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use super::ktx2::{self, Blocks};
 use trisplat_scene::{Error, Result, Texture};
 
 /// How a vertex stores its colour: always four channels, alpha 1.

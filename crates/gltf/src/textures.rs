@@ -31,7 +31,10 @@ impl PaintedPrimitives {
         // A PNG or JPEG beside a KTX2 is at least as exact, and needs no decoder of that.
         let image = document.textures.get(info.index).and_then(|texture| texture.source.or(texture.ktx2()));
         let (Some(image), Some(coordinates)) = (image, coordinates) else {
-            return Ok(Some(format!("texture {} has no PNG, JPEG or KTX2 picture, or no TEXCOORD_0", info.index)));
+            return Ok(Some(format!(
+                "texture {} has no PNG, JPEG or KTX2 picture, or no TEXCOORD_0",
+                info.index
+            )));
         };
         if info.tex_coord != 0 || !info.extensions.is_empty() {
             return Ok(Some(format!("texture {} is transformed, or laid by other coordinates", info.index)));

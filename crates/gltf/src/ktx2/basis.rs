@@ -75,7 +75,8 @@ struct Bytes<'a>(&'a [u8]);
 impl<'a> Bytes<'a> {
     fn slice(self, at: usize, count: usize) -> Result<&'a [u8], String> {
         let end = at.checked_add(count);
-        end.and_then(|end| self.0.get(at..end)).ok_or_else(|| format!("the .basis file ends before byte {at}"))
+        end.and_then(|end| self.0.get(at..end))
+            .ok_or_else(|| format!("the .basis file ends before byte {at}"))
     }
 
     /// A number of `count` bytes.
