@@ -1,9 +1,8 @@
 //! Textures as KTX2. `tests/external/textured.rs` asks other programs.
 
 use glam::{UVec2, Vec2, Vec3};
-use std::path::Path;
 use std::sync::Arc;
-use trisplat_formats::{self as formats, OutputOptions, OutputTarget, gltf::TextureFormat};
+use trisplat_formats::{self as formats, OutputOptions, gltf::TextureFormat};
 use trisplat_scene::{
     Asset, FaceTexture, Texture,
     image::RgbImage,
@@ -56,6 +55,8 @@ fn a_program_without_it_says_how_to_get_it() {
 #[cfg(feature = "ktx2")]
 mod built {
     use super::*;
+    use std::path::Path;
+    use trisplat_formats::OutputTarget;
     use trisplat_formats::{
         ReadOptions,
         check::{Severity, check},
