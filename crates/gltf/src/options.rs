@@ -97,10 +97,10 @@ pub enum TextureFormat {
     Jpeg,
     /// PNG, exact and several times as large
     Png,
-    /// KTX2 of ETC1S blocks with mip levels: as many bytes as JPEG, and an eighth of the memory on the card. Glb, gltf and 3D Tiles
+    /// KTX2 of ETC1S blocks with mip levels: fewer bytes than JPEG, and an eighth of the memory on the card. Glb, gltf and 3D Tiles
     /// only, whose readers must know KHR_texture_basisu; a program built with the feature `ktx2` writes it
     Ktx2,
-    /// KTX2 of UASTC blocks: nearly exact, a byte per texel in the file and on the card
+    /// KTX2 of UASTC blocks: nearly exact, a byte per texel on the card, larger files
     Ktx2Uastc,
 }
 

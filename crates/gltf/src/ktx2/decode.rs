@@ -13,6 +13,12 @@ pub(super) fn texture(place: &Path, bytes: &[u8], limits: &Limits) -> Result<Tex
     let broken = |reason: String| Error::malformed(place, "picture", reason);
     let header = Header::read(bytes).map_err(broken)?;
     limits.picture(place.display(), header.size)?;
+    // The decoder allocates what the file says.
+    if !header.is_unpacked_as_expected() {
+        return Err(broken(
+            "is KTX2 whose finest level has another size than it says; write it again".to_owned(),
+        ));
+    }
     let texels = guarded(place, || {
         let failed = |error| broken(format!("is KTX2 that cannot be decoded ({error:?}); write it again"));
         let file = Transcoder::new(bytes).map_err(failed)?;

@@ -7,6 +7,8 @@ use glam::UVec2;
 pub(super) const IDENTIFIER: [u8; 12] = *b"\xABKTX 20\xBB\r\n\x1A\n";
 /// Bytes of the header with the index of its parts.
 pub(super) const HEADER_BYTES: usize = 80;
+/// Where the index gives the bytes of the finest level after unpacking.
+const UNPACKED_AT: usize = HEADER_BYTES + 16;
 /// Colour models of the data format descriptor.
 pub(super) const MODEL_ETC1S: u8 = 163;
 pub(super) const MODEL_UASTC: u8 = 166;
@@ -25,6 +27,8 @@ pub(crate) struct Header {
     pub(crate) levels: u32,
     pub(crate) blocks: Blocks,
     transfer: u8,
+    /// Bytes of the finest level's blocks after unpacking, which decoders allocate; 0 of ETC1S.
+    unpacked: u64,
     /// Layers, faces and depth make it another thing than one picture.
     is_one_picture: bool,
 }
@@ -52,13 +56,21 @@ impl Header {
             MODEL_UASTC if format == 0 => Blocks::Uastc,
             _ => return Err("is KTX2 of other blocks than ETC1S and UASTC".to_owned()),
         };
+        let unpacked = u64::from(word(UNPACKED_AT)?) | u64::from(word(UNPACKED_AT + 4)?) << 32;
         Ok(Self {
+            unpacked,
             size: UVec2::new(width, height),
             levels,
             blocks,
             transfer: model[2],
             is_one_picture: depth == 0 && layers <= 1 && faces == 1,
         })
+    }
+
+    /// Whether the finest level says to have as many bytes as it has blocks.
+    pub(crate) fn is_unpacked_as_expected(&self) -> bool {
+        let blocks = u64::from(self.size.x.div_ceil(BLOCK)) * u64::from(self.size.y.div_ceil(BLOCK));
+        self.unpacked == if self.blocks == Blocks::Uastc { 16 * blocks } else { 0 }
     }
 
     /// What KHR_texture_basisu forbids of a colour texture.
@@ -75,6 +87,12 @@ impl Header {
         if self.transfer != TRANSFER_SRGB {
             faults.push("is not marked as sRGB, which colours are".to_owned());
         }
+        if !self.is_unpacked_as_expected() {
+            faults.push(format!(
+                "says that its finest level has {} bytes, which is not what it has",
+                self.unpacked
+            ));
+        }
         if !self.is_one_picture {
             faults.push("has layers, faces or depth; expected one picture".to_owned());
         }
@@ -89,9 +107,9 @@ mod tests {
     /// The header of a file with these mip levels.
     fn header(size: [u32; 2], levels: u32, model: [u8; 4]) -> Vec<u8> {
         let mut bytes = IDENTIFIER.to_vec();
-        let words = [0, 1, size[0], size[1], 0, 0, 1, levels, 0, HEADER_BYTES as u32, 44];
+        let words = [0, 1, size[0], size[1], 0, 0, 1, levels, 0, 104, 44];
         bytes.extend(words.iter().flat_map(|word: &u32| word.to_le_bytes()));
-        bytes.resize(HEADER_BYTES + 12, 0);
+        bytes.resize(104 + 12, 0);
         bytes.extend(model);
         bytes
     }
@@ -103,10 +121,10 @@ mod tests {
         assert_eq!((read.size, read.levels, read.blocks), (UVec2::new(64, 32), 7, Blocks::Etc1s));
         assert!(read.faults().is_empty());
         let bad = Header::read(&header([30, 32], 3, [MODEL_UASTC, 1, 1, 0])).unwrap().faults();
-        for (fault, wants) in bad.iter().zip(["multiples of 4", "all 6", "sRGB"]) {
+        for (fault, wants) in bad.iter().zip(["multiples of 4", "all 6", "sRGB", "finest level"]) {
             assert!(fault.contains(wants), "{fault}");
         }
-        assert_eq!(bad.len(), 3);
+        assert_eq!(bad.len(), 4);
         for at in 0..good.len() {
             assert!(Header::read(&good[..at]).is_err(), "{at}");
         }
