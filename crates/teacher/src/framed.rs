@@ -76,15 +76,17 @@ fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera
 
 /// From where to where `sums` hold all but `least` on each side.
 fn range(sums: &[f32], least: f32) -> [f32; 2] {
-    let ahead = |sums: &mut dyn Iterator<Item = &f32>| {
-        let mut left = least;
-        sums.take_while(|sum| {
-            left -= **sum;
-            left >= 0.0
-        })
-        .count() as f32
-    };
-    [ahead(&mut sums.iter()), sums.len() as f32 - ahead(&mut sums.iter().rev())]
+    [ahead(sums.iter(), least), sums.len() as f32 - ahead(sums.iter().rev(), least)]
+}
+
+/// How many of `sums` come to at most `least` together.
+fn ahead<'a>(sums: impl Iterator<Item = &'a f32>, least: f32) -> f32 {
+    let mut left = least;
+    let within = sums.take_while(|sum| {
+        left -= **sum;
+        left >= 0.0
+    });
+    within.count() as f32
 }
 
 #[cfg(test)]
