@@ -97,7 +97,7 @@ mod tests {
     /// A long rod of Gaussians, most of them at one end, and one that floats far away.
     fn rod() -> Splats {
         let n = 2001;
-        let along = |i: usize| if i % 2 == 0 { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 };
+        let along = |i: usize| if i.is_multiple_of(2) { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 };
         let place = |i: usize| if i == 1000 { Vec3::splat(50.0) } else { Vec3::new(5.0, along(i), -3.0) };
         Splats {
             positions: (0..n).map(place).collect(),
