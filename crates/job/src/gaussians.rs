@@ -17,7 +17,10 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
-/// Rate of the corners at first, as a share of the usual size of the first triangles, which lie about right, and at most that with photos.
+/// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
+const CALM: f64 = 0.5;
+/// Rate of the corners of an object at first, as a share of the usual size of the first triangles, and at most that with photos: a thin object
+/// is small beside the distance to its cameras.
 const STRIDE: f64 = 0.1;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
@@ -100,7 +103,10 @@ pub(super) fn solid(
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
-    options.rates.vertices = options.rates.vertices.min(STRIDE * usual_size(&first, &cameras));
+    options.rates.vertices = match surroundings {
+        true => options.rates.vertices * CALM,
+        false => options.rates.vertices.min(STRIDE * usual_size(&first, &cameras)),
+    };
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();

@@ -7,11 +7,11 @@
 use super::framed;
 use super::photographed;
 use super::survey::{Survey, ViewCoverage, camera};
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera};
 
-/// Pictures of a scene.
-const PICTURES: usize = 60;
+/// Pictures of a soft scene, and cameras around one that are tried.
+pub(super) const PICTURES: usize = 60;
 /// Their width and height, px.
 const SIDE: u32 = 360;
 /// Field of view of cameras around the scene, degrees.
@@ -72,17 +72,18 @@ impl Search {
         Some(Self { survey: Survey::new(soup), unit, up: up.as_vec3(), any_side })
     }
 
-    /// The same for Gaussians in whose place the scene has triangles: around an object at most `count`, with pictures of `longer_px`.
+    /// The same for Gaussians in whose place the scene has triangles: at most `count`, with pictures of `longer_px`, unless they are surroundings,
+    /// whose pictures are as large as the Gaussians are sharp.
     pub(super) fn of_splats(mut self, splats: &Splats, count: usize, longer_px: u32) -> Option<Chosen> {
         let Unit { middle, length, reach } = self.unit;
         let (up, from) = (self.up, around(reach, self.up, true));
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !photographed::surround(splats, &around, middle, reach * length) {
-            let chosen = self.viewpoints()?;
-            if chosen.inside {
-                return Some(chosen);
-            }
-            let cameras = framed::around(splats, up, count, longer_px);
+            let chosen = self.viewpoints(count)?;
+            let cameras = match chosen.inside {
+                true => chosen.cameras.iter().map(|c| c.resized(UVec2::splat(longer_px))).collect(),
+                false => framed::around(splats, up, count, longer_px),
+            };
             return Some(Chosen { cameras, ..chosen }).filter(|chosen| !chosen.cameras.is_empty());
         }
         let places = photographed::places(splats, length, self.up);
@@ -95,8 +96,8 @@ impl Search {
         (!cameras.is_empty()).then_some(Chosen { inside: true, cameras })
     }
 
-    /// Where to look from; `None` when the scene shows nothing from anywhere.
-    pub(super) fn viewpoints(self) -> Option<Chosen> {
+    /// Where to look from, at most `count` places; `None` when the scene shows nothing from anywhere.
+    pub(super) fn viewpoints(self, count: usize) -> Option<Chosen> {
         let Self { mut survey, unit, up, any_side } = self;
         let around = good_views(&mut survey, around(unit.reach, up, any_side), |sight| {
             sight.covered >= LEAST_SHOWN && sight.crowded <= MOST_CROWDED
@@ -116,7 +117,7 @@ impl Search {
         }
         let surrounded = inside.len() >= LEAST_INSIDE && union(&inside) > MORE_INSIDE * union(&around);
         let views = if surrounded { inside } else { around };
-        let cameras: Vec<Camera> = most_telling(views, PICTURES).iter().map(|c| unit.to_scene(c)).collect();
+        let cameras: Vec<Camera> = most_telling(views, count).iter().map(|c| unit.to_scene(c)).collect();
         (!cameras.is_empty()).then_some(Chosen { inside: surrounded, cameras })
     }
 }
@@ -291,7 +292,8 @@ mod tests {
     #[test]
     fn a_thing_is_seen_from_around() {
         let thing = soup((0..2000).map(|i| direction(i, 2000) * Vec3::new(1.0, 2.0, 0.5) + 7.0), 0.2);
-        let Some(chosen) = Search::new(&thing.into(), false).and_then(Search::viewpoints) else {
+        let Some(chosen) = Search::new(&thing.into(), false).and_then(|search| search.viewpoints(PICTURES))
+        else {
             panic!("a thing can be looked at")
         };
         assert!(!chosen.inside && chosen.cameras.len() == PICTURES);
@@ -304,7 +306,7 @@ mod tests {
     #[test]
     fn nothing_can_be_seen_of_points() {
         let points = Soup { vertices: vec![[Vec3::ONE; 3]; 5], ..soup((0..5).map(|_| Vec3::ZERO), 1.0) };
-        assert!(Search::new(&points.into(), false).and_then(Search::viewpoints).is_none());
+        assert!(Search::new(&points.into(), false).and_then(|search| search.viewpoints(PICTURES)).is_none());
         assert!(Search::new(&Soup::default().into(), false).is_none());
     }
 }

@@ -76,15 +76,17 @@ fn filled(wide: &Camera, transmittance: &[f32], longer_px: u32) -> Option<Camera
 
 /// From where to where `sums` hold all but `least` on each side.
 fn range(sums: &[f32], least: f32) -> [f32; 2] {
-    let ahead = |sums: &mut dyn Iterator<Item = &f32>| {
-        let mut left = least;
-        sums.take_while(|sum| {
-            left -= **sum;
-            left >= 0.0
-        })
-        .count() as f32
-    };
-    [ahead(&mut sums.iter()), sums.len() as f32 - ahead(&mut sums.iter().rev())]
+    [ahead(sums.iter(), least), sums.len() as f32 - ahead(sums.iter().rev(), least)]
+}
+
+/// How many of `sums` come to at most `least` together.
+fn ahead<'a>(sums: impl Iterator<Item = &'a f32>, least: f32) -> f32 {
+    let mut left = least;
+    let within = sums.take_while(|sum| {
+        left -= **sum;
+        left >= 0.0
+    });
+    within.count() as f32
 }
 
 #[cfg(test)]
@@ -95,7 +97,7 @@ mod tests {
     /// A long rod of Gaussians, most of them at one end, and one that floats far away.
     fn rod() -> Splats {
         let n = 2001;
-        let along = |i: usize| if i % 2 == 0 { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 };
+        let along = |i: usize| if i.is_multiple_of(2) { i as f32 / 2000.0 * 4.0 } else { i as f32 / 2000.0 };
         let place = |i: usize| if i == 1000 { Vec3::splat(50.0) } else { Vec3::new(5.0, along(i), -3.0) };
         Splats {
             positions: (0..n).map(place).collect(),

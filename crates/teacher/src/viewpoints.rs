@@ -1,6 +1,6 @@
 //! The viewpoints for drawing a scene.
 
-use super::chosen::{Chosen, Search};
+use super::chosen::{Chosen, PICTURES, Search};
 use super::stored;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ impl Viewpoints {
     /// chosen ones. `None` without stored cameras and without visible triangles.
     pub fn of(scene: &ImportedScene, max_bytes: u64) -> Option<Self> {
         match scene.cameras.is_empty() {
-            true => Some(Self::of_chosen(Search::new(scene, false)?.viewpoints()?)),
+            true => Some(Self::of_chosen(Search::new(scene, false)?.viewpoints(PICTURES)?)),
             false => {
                 let cameras = stored::viewpoints(&scene.cameras, max_bytes);
                 Some(Self { kind: ViewpointKind::Stored, cameras })
