@@ -130,8 +130,14 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
     let mut trained = grey(&scene());
     trained.append(dome).unwrap();
     let (asset, _) = baked(trained, None, |_| ());
-    let (step, error, worst) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
-    assert!(step < 6 && error < 4.0 && worst < 20, "steps of {step}, {error} codes off, {worst} at most");
+    let (step, error, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
+    assert!(step < 6 && error < 8.0, "steps of {step}, {error} codes off");
+    // Of facets that differ by up to 230 codes no edge is left.
+    let mut trained = grey(&scene());
+    trained.append(sphere(true)).unwrap();
+    let (asset, _) = baked(trained, None, |_| ());
+    let (step, _, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.1, 0.9], |d| d);
+    assert!(step < 12, "steps of {step} codes");
 }
 
 #[test]
