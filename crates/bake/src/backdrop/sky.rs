@@ -5,9 +5,9 @@
 
 use super::fill::fill;
 use super::known::Known;
+use super::limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use super::panorama::{panorama, turned};
 use super::surface::surface;
-use super::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use crate::views::Views;
 use glam::{UVec2, Vec3};
 use trisplat_scene::{
