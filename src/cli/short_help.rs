@@ -11,7 +11,7 @@ const SHOWN: &[(&str, &str)] = &[
     ),
     (
         "bake",
-        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop backdrop up scale_by config sets",
+        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop up scale_by config sets",
     ),
     ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
     (

@@ -97,11 +97,11 @@ fn photos_decide_the_panorama_which_is_smooth_where_none_looks() {
     assert!(asset.mesh.positions.iter().all(|v| v.length() < 10.0), "the scene alone");
     let sky = asset.sky.as_ref().expect("a panorama");
     assert_eq!(sky.size.x, 2 * sky.size.y);
-    let (step, error, worst) = step_and_error(sky, SEEN, |d| d);
-    assert!(step < 12 && error < 8.0 && worst < 40, "steps of {step}, {error} codes off, {worst} at most");
+    let (step, error, _) = step_and_error(sky, SEEN, |d| d);
+    assert!(step < 12 && error < 8.0, "steps of {step}, {error} codes off");
     // The gems differ by up to 230 codes from one to the next.
-    let (step, error, _) = step_and_error(sky, [0.0, 1.0], |d| d);
-    assert!(step < 20 && error < 30.0, "steps of {step}, {error} codes off");
+    let (step, _, _) = step_and_error(sky, [0.0, 1.0], |d| d);
+    assert!(step < 12, "steps of {step} codes");
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn the_panorama_turns_with_the_scene() {
         options.place.up = "z".parse().unwrap();
         options.place.rotate = 40.0;
     });
-    let placement = asset.provenance.placement.expect("a placement");
+    let placement = asset.provenance.placement;
     let back = placement.rotation().transpose().as_mat3();
     // All rows: those that photos see are columns now.
     let (_, error, _) = step_and_error(asset.sky.as_ref().unwrap(), [0.0, 1.0], |d| back * d);
@@ -130,8 +130,14 @@ fn a_shell_without_photos_keeps_its_colours_and_loses_its_edges() {
     let mut trained = grey(&scene());
     trained.append(dome).unwrap();
     let (asset, _) = baked(trained, None, |_| ());
-    let (step, error, worst) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
-    assert!(step < 6 && error < 4.0 && worst < 20, "steps of {step}, {error} codes off, {worst} at most");
+    let (step, error, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.0, 1.0], |d| d);
+    assert!(step < 6 && error < 8.0, "steps of {step}, {error} codes off");
+    // Of facets that differ by up to 230 codes no edge is left.
+    let mut trained = grey(&scene());
+    trained.append(sphere(true)).unwrap();
+    let (asset, _) = baked(trained, None, |_| ());
+    let (step, _, _) = step_and_error(asset.sky.as_ref().expect("a panorama"), [0.1, 0.9], |d| d);
+    assert!(step < 12, "steps of {step} codes");
 }
 
 #[test]

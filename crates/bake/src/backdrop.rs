@@ -10,6 +10,7 @@
 
 mod fill;
 mod known;
+mod limits;
 mod panorama;
 mod sky;
 mod surface;
@@ -18,6 +19,7 @@ pub(super) use sky::{Sky, take_sky};
 
 use super::views::Views;
 use glam::Vec3;
+use limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::{
     Result,
@@ -31,13 +33,6 @@ use trisplat_scene::{
 const VIEWS: usize = 16;
 /// Holes below this share of the photos are not closed.
 const LEAST_HOLES: f64 = 0.001;
-/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
-/// background.
-const LEAST_COVERED: f64 = 0.8;
-/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
-const RADIUS_FACTOR: f32 = 1.2;
-/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
-const MOST_SUBDIVISIONS: u32 = 4;
 /// The sphere has at most one triangle per this many of the scene, and at least 8 · 4².
 const SCENE_PER_BACKDROP: usize = 20;
 

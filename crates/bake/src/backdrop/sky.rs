@@ -5,9 +5,9 @@
 
 use super::fill::fill;
 use super::known::Known;
+use super::limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use super::panorama::{panorama, turned};
 use super::surface::surface;
-use super::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use crate::views::Views;
 use glam::{UVec2, Vec3};
 use trisplat_scene::{
@@ -21,10 +21,8 @@ const OF_SPHERE: u32 = 4;
 const TEXELS_PER_PIXEL: f64 = 0.5;
 /// Fewest and most rows of the picture.
 const ROWS: [u32; 2] = [256, 1024];
-/// Weight of a shell's own colours where no picture looks, against the pull of a neighbour: little, so that its edges do not show ...
-const SHELL_WEIGHT: f32 = 0.005;
-/// ... and where there are no pictures.
-const ONLY_SHELL_WEIGHT: f32 = 0.3;
+/// How far a shell's own colours are blurred where no picture looks, in heights of the picture: so far that its facets do not show.
+const BLUR: f32 = 0.1;
 
 /// The panorama of a bake that is asked for one, in the frame of the cameras.
 #[derive(Default)]
@@ -62,7 +60,7 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
     let rows = rows(views);
     let mut known = Known::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
     if let Some(shell) = shell {
-        known.add(&panorama(shell, center, rows), SHELL_WEIGHT);
+        known.add(&panorama(shell, center, rows), shell_weight(rows));
     }
     Ok(filled(known))
 }
@@ -78,8 +76,13 @@ fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
         false => mean(&mut cameras.iter().map(Camera::position)),
     };
     let mut known = Known::nothing(ROWS[0] as usize);
-    known.add(&panorama(shell, center, ROWS[0]), ONLY_SHELL_WEIGHT);
+    known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
     filled(known)
+}
+
+/// The weight of a shell's own colours, against the pull of a neighbouring texel.
+fn shell_weight(rows: u32) -> f32 {
+    (BLUR * rows as f32).powi(-2)
 }
 
 fn filled(known: Known) -> RgbImage {

@@ -22,6 +22,8 @@ const SUPPORT_BELOW: f32 = 0.3;
 const LEAST_SUPPORT: f32 = 0.1;
 /// Cells by which connected parts are found, per radius.
 const CELLS: f32 = 14.0;
+/// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
+const JOINED: f32 = 0.3;
 /// The object is the part with most area within this many radii of the middle.
 const CORE: f32 = 0.6;
 /// Parts with less than this share of the object's area are crumbs.
@@ -38,6 +40,16 @@ struct Piece {
     corners: [Vec3; 3],
     middle: Vec3,
     area: f32,
+}
+
+impl Piece {
+    /// Places that it connects: its middle and, unless it is long, its corners.
+    fn places(&self) -> impl Iterator<Item = Vec3> + use<> {
+        let [a, b, c] = self.corners;
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let corners = if longest < JOINED { 3 } else { 0 };
+        std::iter::once(self.middle).chain(self.corners.into_iter().take(corners))
+    }
 }
 
 /// Which triangles of `scene` are the subject; `None` when nothing stands out. `up` is that of its file, if it names one.
@@ -129,16 +141,21 @@ fn support(pieces: &[Piece]) -> Option<f32> {
 
 /// The connected part around the middle, and others that are large.
 fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
-    let cell = |piece: &Piece| (piece.middle * CELLS).floor().as_ivec3();
+    let cell = |at: Vec3| (at * CELLS).floor().as_ivec3();
     let mut numbers: HashMap<IVec3, u32> = HashMap::new();
     let mut cells: Vec<IVec3> = Vec::new();
-    for piece in standing {
-        numbers.entry(cell(piece)).or_insert_with(|| {
-            cells.push(cell(piece));
+    for at in standing.iter().flat_map(Piece::places) {
+        numbers.entry(cell(at)).or_insert_with(|| {
+            cells.push(cell(at));
             cells.len() as u32 - 1
         });
     }
     let mut sets = Sets::new(cells.len());
+    for piece in standing {
+        for at in piece.places() {
+            sets.join(numbers[&cell(piece.middle)], numbers[&cell(at)]);
+        }
+    }
     for (number, at) in cells.iter().enumerate() {
         for beside in 0..27 {
             let step = IVec3::new(beside % 3, beside / 3 % 3, beside / 9) - 1;
@@ -149,7 +166,8 @@ fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
     }
     // Area of each part, and how much of it is around the middle.
     let mut areas = vec![(0.0f32, 0.0f32); cells.len()];
-    let part: Vec<usize> = standing.iter().map(|piece| sets.first(numbers[&cell(piece)]) as usize).collect();
+    let part: Vec<usize> =
+        standing.iter().map(|piece| sets.first(numbers[&cell(piece.middle)]) as usize).collect();
     for (piece, part) in standing.iter().zip(&part) {
         areas[*part].0 += piece.area;
         areas[*part].1 += if piece.middle.length() < CORE { piece.area } else { 0.0 };
