@@ -1,5 +1,4 @@
-//! What is generated from the flags: manual pages (`trisplat man FOLDER`), completions (`trisplat completions SHELL`), and what
-//! `--version` says.
+//! What is generated from the flags: manual pages (`trisplat man FOLDER`) and completions (`trisplat completions SHELL`).
 
 use super::files::Stdout;
 use clap_mangen::Man;
@@ -51,20 +50,4 @@ pub fn completions(args: &CompletionsArgs, program: &mut clap::Command) -> Resul
     let mut script = Vec::new();
     clap_complete::generate(args.shell, program, "trisplat", &mut script);
     Stdout.write_all(&script).map_err(|e| Error::io("-", e))
-}
-
-/// Version, commit of a release, and features: "0.1.0 (1a2b3c4d; bench, view)".
-///
-/// Builds of releases and containers set `TRISPLAT_COMMIT`: asking git here would compile the program again after every commit.
-pub(super) fn version() -> String {
-    let features = [
-        ("bench", cfg!(feature = "bench")),
-        ("gpu", cfg!(feature = "gpu")),
-        ("ktx2", cfg!(feature = "ktx2")),
-        ("view", cfg!(feature = "view")),
-    ];
-    let on: Vec<&str> = features.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
-    let features = if on.is_empty() { "default features".to_owned() } else { on.join(", ") };
-    let commit = option_env!("TRISPLAT_COMMIT").unwrap_or("built from source");
-    format!("{} ({commit}; {features})", env!("CARGO_PKG_VERSION"))
 }

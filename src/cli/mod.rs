@@ -58,6 +58,7 @@ pub mod train_progress;
 #[cfg(feature = "view")]
 mod train_view;
 pub mod validate;
+mod version;
 #[cfg(feature = "view")]
 pub mod view;
 

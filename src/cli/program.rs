@@ -8,7 +8,7 @@ use super::missing;
 use super::{
     Global, bake, bake_args, capture, eval, files::Stdout, flags, generated, info, make, merge, mesh,
     messages, numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help,
-    signals, suggestions, train, train_args, validate,
+    signals, suggestions, train, train_args, validate, version::version,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -20,7 +20,7 @@ use trisplat_scene::{Error, Limits, Result};
 
 /// Turns posed photographs into triangle scenes a game engine draws as they are.
 #[derive(Debug, Parser)]
-#[command(name = "trisplat", version = &*generated::version().leak(), max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "trisplat", version = &*version().leak(), max_term_width = 100, arg_required_else_help = true)]
 pub struct Cli {
     /// What is common to all commands.
     #[command(flatten)]

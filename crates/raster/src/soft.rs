@@ -22,6 +22,7 @@ mod skipped;
 mod slabs;
 mod slots;
 pub(crate) mod sort;
+mod soup_grad;
 mod soup_ref;
 mod splat_sums;
 mod splats;
@@ -33,7 +34,8 @@ pub use frame::{Frame, FrameGrad};
 pub use importance::Importance;
 pub use options::{SoftOptions, Sort, Window};
 pub use skipped::SoftWork;
-pub use soup_ref::{SoupGrad, SoupRef};
+pub use soup_grad::SoupGrad;
+pub use soup_ref::SoupRef;
 pub use tile_grid::{MARGIN, TILE, tile_count};
 
 use forward::Slab;
