@@ -9,6 +9,7 @@
 
 #[cfg(feature = "ktx2")]
 mod basis;
+mod blocks;
 #[cfg(feature = "ktx2")]
 mod container;
 #[cfg(feature = "ktx2")]
@@ -17,36 +18,16 @@ mod decode;
 mod encode;
 mod header;
 
+pub(crate) use blocks::{BLOCK, Blocks};
 pub(crate) use header::{Header, is_ktx2};
 
 use std::path::Path;
 use trisplat_scene::{Limits, Result, Texture};
 
-/// What every side of a picture must be a multiple of.
-pub(crate) const BLOCK: u32 = 4;
 /// Whether this build encodes and decodes.
 pub(crate) const IS_BUILT: bool = cfg!(feature = "ktx2");
 /// How to get a program that does.
 pub(crate) const REMEDY: &str = "build it with `--features ktx2`";
-
-/// The blocks of a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Blocks {
-    /// 4x4 texels of two colours from a codebook, entropy-coded.
-    Etc1s,
-    /// 4x4 texels in 16 bytes.
-    Uastc,
-}
-
-impl Blocks {
-    /// Their name in the format.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Etc1s => "ETC1S",
-            Self::Uastc => "UASTC",
-        }
-    }
-}
 
 /// The file of a texture whose sides are multiples of [`BLOCK`], with all its mip levels; the error is the reason why there is none.
 #[cfg(feature = "ktx2")]

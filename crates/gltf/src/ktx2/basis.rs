@@ -7,7 +7,7 @@
 //! slice    23 bytes: 5 width (2)   7 height (2)   13 place (4)   17 bytes (4)
 //! ```
 
-use super::Blocks;
+use super::blocks::Blocks;
 use glam::UVec2;
 
 const SIGNATURE: u64 = u16::from_le_bytes(*b"sB") as u64;

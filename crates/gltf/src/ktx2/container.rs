@@ -1,8 +1,8 @@
 //! Writes a KTX2 file: header, index of mip levels, data format descriptor, key-value pairs, codebooks, blocks.
 
 use super::basis::{Basis, Slice};
+use super::blocks::{BLOCK, Blocks};
 use super::header::{HEADER_BYTES, IDENTIFIER, MODEL_ETC1S, MODEL_UASTC, TRANSFER_SRGB};
-use super::{BLOCK, Blocks};
 use glam::UVec2;
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use std::borrow::Cow;

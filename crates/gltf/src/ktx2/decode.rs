@@ -1,6 +1,6 @@
 //! A KTX2 file becomes a picture, by the decoder `basisu`.
 
-use super::Header;
+use super::header::Header;
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use glam::UVec2;
 use std::path::Path;

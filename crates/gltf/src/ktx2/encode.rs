@@ -1,6 +1,6 @@
 //! Mip levels become a `.basis` file, by the encoder of Basis Universal.
 
-use super::Blocks;
+use super::blocks::Blocks;
 use basis_universal::BasisTextureFormat;
 use basis_universal::encoding::{ColorSpace, Compressor, CompressorParams};
 use trisplat_scene::Texture;

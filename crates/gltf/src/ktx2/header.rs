@@ -1,6 +1,6 @@
 //! The first bytes of a KTX2 file, and what KHR_texture_basisu asks of them.
 
-use super::{BLOCK, Blocks};
+use super::blocks::{BLOCK, Blocks};
 use glam::UVec2;
 
 /// The first bytes of every file.
