@@ -132,10 +132,10 @@ fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
             }
             None => floating(&random),
         };
-        *vertices = made.corners.map(DVec3::as_vec3);
-        *opacity = made.opacity.clamp(0.0, 1.0) as f32;
-        *sigma = made.sigma as f32;
-        *sh = made.rgb.as_vec3().to_array().map(sh0_from_rgb);
+        **vertices = made.corners.map(DVec3::as_vec3);
+        **opacity = made.opacity.clamp(0.0, 1.0) as f32;
+        **sigma = made.sigma as f32;
+        **sh = made.rgb.as_vec3().to_array().map(sh0_from_rgb);
     });
     soup
 }
