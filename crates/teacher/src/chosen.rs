@@ -6,7 +6,7 @@
 
 use super::framed;
 use super::photographed;
-use super::survey::{Survey, ViewCoverage, camera};
+use super::survey::{Survey, ViewCoverage, camera, direction};
 use glam::{UVec2, Vec3};
 use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera};
 
@@ -211,15 +211,6 @@ fn free_eyes(middles: &[Vec3]) -> Vec<Vec3> {
         (0..count).map(move |i| direction(i, count) * radius)
     });
     eyes.filter(free).collect()
-}
-
-/// One of `count` directions that are spread evenly over the sphere.
-pub(super) fn direction(i: usize, count: usize) -> Vec3 {
-    const GOLDEN_ANGLE: f32 = 2.399_963;
-    let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
-    let (sin, cos) = (i as f32 * GOLDEN_ANGLE).sin_cos();
-    let radius = (1.0 - y * y).sqrt();
-    Vec3::new(radius * cos, y, radius * sin)
 }
 
 /// A camera and its visible triangles.

@@ -3,8 +3,7 @@
 //! A long object looked at from around the middle of its Gaussians is a few pixels wide: edges and strings then blur over their
 //! surroundings, and no triangle can be finer. So every picture is cut to what is seen, and is as large as allowed.
 
-use super::chosen::direction;
-use super::survey::camera;
+use super::survey::{camera, direction};
 use glam::{UVec2, Vec2, Vec3};
 use trisplat_raster::gaussian::{self, GaussianOptions};
 use trisplat_scene::{Splats, camera::Camera};

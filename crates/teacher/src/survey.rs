@@ -108,3 +108,12 @@ pub(super) fn camera(eye: Vec3, target: Vec3, up: Vec3, fov_degrees: f32, side: 
     };
     lens.looking(eye, target, up)
 }
+
+/// One of `count` directions that are spread evenly over the sphere.
+pub(super) fn direction(i: usize, count: usize) -> Vec3 {
+    const GOLDEN_ANGLE: f32 = 2.399_963;
+    let y = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+    let (sin, cos) = (i as f32 * GOLDEN_ANGLE).sin_cos();
+    let radius = (1.0 - y * y).sqrt();
+    Vec3::new(radius * cos, y, radius * sin)
+}
