@@ -212,7 +212,7 @@ mod tests {
             };
             assert_eq!(on_any_threads(doubled), (0..count).map(|i| 3 * i).collect::<Vec<_>>());
             let sum = || ranges(count, 10, |range| range.sum::<usize>()).iter().sum::<usize>();
-            assert_eq!(on_any_threads(sum), (0..count).sum());
+            assert_eq!(on_any_threads(sum), (0..count).sum::<usize>());
         }
     }
 
