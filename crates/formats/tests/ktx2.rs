@@ -102,7 +102,6 @@ mod built {
                     (0..3200).map(at).collect()
                 };
                 let psnr = metric::psnr(&sampled(wants), &sampled(&back), None);
-                println!("{name}, {size}: {psnr:.1} dB, {} bytes", bytes.len());
                 assert!(psnr > least_db, "{name}, {size}: {psnr}");
                 let checked = check(&path, &ReadOptions::default()).unwrap();
                 let wrong: Vec<_> =
