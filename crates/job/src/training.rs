@@ -155,7 +155,7 @@ impl TrainJob {
 
     /// Plans, prepares and runs the training, to the end or until `observer` stops it.
     ///
-    /// Errors: those of [`TrainJob::prepare`] and of [`TrainRun::start_at`]; photos that cannot be decoded.
+    /// Errors: those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded.
     /// [`Error::Stopped`] if it was stopped before its own first step; its checkpoint is one for `resume` all the same.
     pub fn run(self, observer: Observer<'_>) -> Result<TrainDone> {
         let (dataset, mut ready) = self.prepare(observer)?;
@@ -198,7 +198,7 @@ impl TrainJob {
     }
 
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
-    /// photos does not, and about its training time. [`TrainJob::prepare`] calls this unless it was called before.
+    /// photos does not, and about its training time. [`TrainJob::run`] calls this unless it was called before.
     ///
     /// Errors: options that the budget chooses, undecodable photos, a stopped training, a checkpoint of another run.
     pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
