@@ -21,7 +21,7 @@ const SHARE_BETWEEN: f64 = 0.5;
 const CALM: f64 = 0.5;
 /// Rate of the corners of an object at first, as a share of the usual size of the first triangles, and at most that with photos: a thin object
 /// is small beside the distance to its cameras.
-const STRIDE: f64 = 0.1;
+const STRIDE: f64 = 0.2;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -29,32 +29,61 @@ const ROUNDS_BETWEEN: usize = 3;
 /// What goes into the triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Effort {
+    /// Most pictures.
+    pictures: usize,
+    surroundings: Work,
+    /// An object has fewer surfaces, and its cut-out pictures cost less.
+    object: Work,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Work {
     steps: u64,
     /// Most triangles, unless they are given.
     triangles: u64,
-    /// Pictures, and their longer side, px.
-    pictures: usize,
+    /// Longer side of the pictures, px.
     longer_px: u32,
 }
 
 impl Effort {
-    pub(super) const FAST: Self = Self { steps: 1000, triangles: 20_000, pictures: 40, longer_px: 320 };
-    const DEFAULT: Self = Self { steps: 3000, triangles: 80_000, pictures: 140, longer_px: 640 };
-    const HARDENED: Self = Self { steps: 0, triangles: 100_000, pictures: 200, longer_px: 800 };
+    pub(super) const FAST: Self = Self::alike(60, Work { steps: 2000, triangles: 20_000, longer_px: 400 });
+    const DEFAULT: Self = Self {
+        pictures: 140,
+        surroundings: Work { steps: 3000, triangles: 80_000, longer_px: 640 },
+        // Smaller pictures: splats are drawn with a blur of a pixel, and finer triangles show less of it than the splats from far away.
+        object: Work { steps: 5000, triangles: 40_000, longer_px: 560 },
+    };
+
+    const fn alike(pictures: usize, work: Work) -> Self {
+        Self { pictures, surroundings: work, object: work }
+    }
 
     /// Of a bake with this preset, hardened or not.
     pub(super) fn of(preset: BakePreset, harden: Option<&HardenOptions>) -> Self {
         match (harden, preset) {
-            (Some(harden), _) => Self { steps: harden.steps_from_gaussians(), ..Self::HARDENED },
+            (Some(harden), _) => {
+                let steps = harden.steps_from_gaussians();
+                Self::alike(200, Work { steps, triangles: 100_000, longer_px: 800 })
+            }
             (None, BakePreset::Fast) => Self::FAST,
             (None, _) => Self::DEFAULT,
         }
     }
+}
 
+impl Work {
     /// The training is that of photos, not that of a soft scene: the first triangles lie about right but overlap, so they must move.
     fn training(&self, most: Option<u64>) -> TrainOptions {
         let preset = TrainOptions::preset(TrainPreset::Solid);
         TrainOptions { steps: self.steps, max_triangles: most.unwrap_or(self.triangles), ..preset }
+    }
+
+    fn limited(&self, camera: &Camera) -> Camera {
+        let longer = camera.size.max_element();
+        if longer <= self.longer_px {
+            return *camera;
+        }
+        camera.resized((camera.size * self.longer_px / longer).max(UVec2::ONE))
     }
 }
 
@@ -73,7 +102,7 @@ pub(super) fn solid(
     let placement = splats.provenance.placement;
     let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
     let cameras = match photos {
-        Some(photos) => photos.train().map(|view| effort.limited(&to_file(&view.camera))).collect(),
+        Some(photos) => photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect(),
         None => effort.cameras(path, splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
@@ -93,12 +122,13 @@ pub(super) fn solid(
         None => drawn_for(path, &cameras, max_bytes, |camera| teacher.picture(camera), &mut drawn)?,
     };
     drop(drawn);
-    let mut options = effort.training(most);
+    let surroundings = teacher.shows_surroundings();
+    let work = if surroundings { effort.surroundings } else { effort.object };
+    let mut options = work.training(most);
     if photos.is_none() {
         // Drawings do not differ in exposure.
         options.exposure = ExposureUse::Off;
     }
-    let surroundings = teacher.shows_surroundings();
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));
@@ -138,7 +168,8 @@ impl Effort {
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
         let stand_in = splats.stand_in();
         let stored = self.chosen(&stand_in.cameras);
-        let sizes = (self.pictures, self.longer_px);
+        // Only pictures around an object have the size of here.
+        let sizes = (self.pictures, self.object.longer_px);
         let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
         let mut found = found.ok_or_else(|| shows_nothing(path))?;
         if found.kind != ViewpointKind::Stored {
@@ -157,15 +188,7 @@ impl Effort {
 
     /// At most as many of `cameras` as there are pictures, evenly spaced, with pictures of at most the allowed size.
     fn chosen(&self, cameras: &[Camera]) -> Vec<Camera> {
-        evenly_spaced(cameras.len(), self.pictures).map(|i| self.limited(&cameras[i])).collect()
-    }
-
-    fn limited(&self, camera: &Camera) -> Camera {
-        let longer = camera.size.max_element();
-        if longer <= self.longer_px {
-            return *camera;
-        }
-        camera.resized((camera.size * self.longer_px / longer).max(UVec2::ONE))
+        evenly_spaced(cameras.len(), self.pictures).map(|i| self.surroundings.limited(&cameras[i])).collect()
     }
 }
 
