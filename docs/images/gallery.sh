@@ -2,7 +2,7 @@
 # Makes the pictures of docs/gallery.md: a photo, or a drawing of the Gaussians, the same view of the file as `trisplat render` draws it, and its wires.
 # Usage: docs/images/gallery.sh TRISPLAT DATA FILES   (with ImageMagick)
 # DATA holds the data sets `banana` and `beach`, and splats.ply, Gaussians trained on `banana`. Files that are in the folder FILES are taken as
-# they are, others made by the commands of the page, in three minutes of CPU time for all.
+# they are, others made by the commands of the page, in four minutes of CPU time for all.
 set -euo pipefail
 trisplat=$(realpath "$1")
 data=$(realpath "$2")
@@ -30,4 +30,5 @@ scene() {
 scene bananas "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s
 scene beach "$data/beach" DJI_0026.jpg make "$data/beach" --budget 20s
 scene splats "$data/banana" DSC_0431.jpg bake "$data/splats.ply" --preset fast
+scene subject "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s --crop subject
 scene room samples/dataset view_0008.png bake samples/soups/trained.ply --dataset samples/dataset
