@@ -1,13 +1,15 @@
 //! `--crop subject`: what is kept of a thing on a table, and how large a viewer shows it that frames the whole file.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_bake::{Bake, BakeOptions, BakePreset};
+use std::ops::ControlFlow::Continue;
+use trisplat_bake::{Bake, BakeOptions, BakePreset, MeshOptions, mesh};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    ImportedScene, Scene,
+    ImportedScene, Limits, Scene,
     camera::Camera,
     math::octasphere::octasphere,
     mesh::{Colors, Mesh},
+    report::{Report, StageEvent},
 };
 
 /// Colours of the ball, the table, and all else.
@@ -120,4 +122,27 @@ fn a_viewer_that_frames_the_file_shows_it_on_a_quarter_of_the_picture() {
     let [before, after] = [baked(&[]), baked(&["subject"])].map(|mesh| shares(&mesh));
     assert!(before[0] < 0.02, "{before:?}");
     assert!(after[1] > 0.25 && after[0] > 0.18, "{after:?}");
+}
+
+/// The surface is cut, not the scene: triangles of the table that reach over the edge leave no holes, and what it is cut of is one piece.
+#[test]
+fn the_surface_of_the_thing_ends_in_an_even_edge() {
+    let mut options = MeshOptions::default();
+    options.crop.crop = vec!["subject".parse().unwrap()];
+    options.surface.resolution = Some(64);
+    let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(studio())) };
+    let (mut report, mut nobody) = (Report::default(), |_: StageEvent<'_>| Continue(()));
+    let asset = mesh(scene, None, &options, &Limits::DEFAULT, &mut report, &mut nobody).unwrap();
+    let found = asset.mesh;
+    assert!((0..found.face_count()).all(|face| !is(&found, face, ELSE)), "no wall, no crumbs");
+    // The farthest place of the table in each of 16 directions.
+    let mut edge = [0.0f32; 16];
+    for v in found.positions.iter().filter(|v| v.y < 0.1) {
+        let turn = v.z.atan2(v.x) / std::f32::consts::TAU + 0.5;
+        let ray = &mut edge[((turn * 16.0) as usize).min(15)];
+        *ray = ray.max(Vec2::new(v.x, v.z).length());
+    }
+    let (least, most) =
+        edge.iter().fold((f32::MAX, 0.0f32), |(least, most), r| (least.min(*r), most.max(*r)));
+    assert!((0.5..0.75).contains(&most) && least > 0.9 * most, "{edge:?}");
 }

@@ -9,8 +9,11 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, Region, Result, Scene, UpAxis,
     camera::Camera,
+    mesh::Mesh,
     report::{Outcome, StageDetails},
 };
+
+pub(crate) use subject::SubjectVolume;
 
 /// Which part of the scene is kept.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -56,29 +59,11 @@ pub(crate) fn crop(
     options: &CropOptions,
     details: &mut CropDetails,
 ) -> Result<Outcome<()>> {
-    let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
     if options.crop.is_empty() {
         return Ok(Outcome::Skipped("`crop` was not given"));
     }
-    if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
-        let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
-        return Err(Error::invalid("crop", words(), wants));
-    }
-    let total = scene.triangle_count();
-    let of_subject = match options.is_subject() {
-        true => subject::subject(scene, cameras, up).ok_or_else(|| {
-            Error::invalid("crop", words(), "a scene in which one thing stands out, or a box or a sphere")
-        })?,
-        false => Vec::new(),
-    };
-    let inside =
-        |i: usize| of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene, i, cameras, options);
-    let keep: Vec<bool> = parallel::collect(total, GRAIN, inside);
-    let kept = keep.iter().filter(|keep| **keep).count();
-    if kept == 0 {
-        let wants = format!("a region that overlaps the scene: none of {total} triangles is inside");
-        return Err(Error::invalid("crop", words(), wants));
-    }
+    let keep = kept(scene, cameras, up, options)?;
+    let (kept, total) = (keep.iter().filter(|keep| **keep).count(), keep.len());
     if kept == total {
         return Ok(Outcome::Skipped("every triangle is inside"));
     }
@@ -90,6 +75,54 @@ pub(crate) fn crop(
     Ok(Outcome::Changed(()))
 }
 
+/// Which triangles of `scene` are in the region, at least one.
+///
+/// Errors: as [`crop`].
+fn kept(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>, options: &CropOptions) -> Result<Vec<bool>> {
+    let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
+    if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
+        let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
+        return Err(Error::invalid("crop", words(), wants));
+    }
+    let of_subject = match options.is_subject() {
+        true => {
+            let found = subject::subject(scene, cameras, up).ok_or_else(|| {
+                Error::invalid("crop", words(), "a scene in which one thing stands out, or a box or a sphere")
+            })?;
+            found.0
+        }
+        false => Vec::new(),
+    };
+    let holds =
+        |i: usize| of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene, i, cameras, options);
+    let keep: Vec<bool> = parallel::collect(scene.triangle_count(), GRAIN, holds);
+    if !keep.contains(&true) {
+        let wants = format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());
+        return Err(Error::invalid("crop", words(), wants));
+    }
+    Ok(keep)
+}
+
+/// The space that the subject of `scene` takes, if something stands out.
+pub(crate) fn subject_volume(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<SubjectVolume> {
+    subject::subject(scene, cameras, up).map(|(_, volume)| volume)
+}
+
+/// Which faces of a surface are in the `volume` of the subject and the other regions. `[F]`
+pub(crate) fn faces_within(
+    mesh: &Mesh,
+    volume: &SubjectVolume,
+    cameras: &[Camera],
+    options: &CropOptions,
+) -> Vec<bool> {
+    let mut keep = volume.faces(mesh.face_count(), |face| mesh.corners(face));
+    for (face, keep) in keep.iter_mut().enumerate().filter(|(_, keep)| **keep) {
+        let centroid = mesh.corners(face).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
+        *keep = options.crop.iter().all(|region| region.holds(centroid, cameras));
+    }
+    keep
+}
+
 fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropOptions) -> bool {
     let centroid = scene.corners(triangle).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
     options.crop.iter().all(|region| region.holds(centroid, cameras))
@@ -99,7 +132,7 @@ fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropO
 mod tests {
     use super::*;
     use glam::{Mat3, UVec2, Vec2, Vec3};
-    use trisplat_scene::mesh::{Colors, Mesh};
+    use trisplat_scene::mesh::Colors;
 
     /// A row of small triangles along x, the i-th at x = i.
     fn row(count: usize) -> Scene {

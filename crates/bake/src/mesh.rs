@@ -3,14 +3,14 @@
 use super::chunk::by_page;
 use super::color::{ColorDetails, color};
 use super::counts::{count, count_mesh};
-use super::crop::{CropOptions, crop};
+use super::crop::{CropOptions, crop, faces_within, subject_volume};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
 use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_formats::output::OutputOptions;
@@ -21,7 +21,7 @@ use trisplat_scene::{
     placed,
     report::{Outcome, Report, StageObserver, generator},
 };
-use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
+use trisplat_surface::{Part, SurfaceDetails, SurfaceOptions, surface_of_part};
 
 /// The options of the stages.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -92,7 +92,19 @@ pub fn mesh(
     if !options.surface.shell {
         scene.take_backdrop();
     }
+    // The subject is cut from the surface: a scene that is cut first has pictures that are torn along its triangles.
+    let whole = match options.crop.is_subject() {
+        true => {
+            subject_volume(&scene.scene, &known, scene.provenance.up).map(|volume| (scene.clone(), volume))
+        }
+        false => None,
+    };
     let scene = cropped(scene, &known, options, report, observer)?;
+    let bounds = bounds(&scene.scene);
+    let keep =
+        whole.as_ref().map(|(_, volume)| |mesh: &Mesh| faces_within(mesh, volume, &known, &options.crop));
+    let part = keep.as_ref().map(|keep| Part { bounds, keep });
+    let scene = whole.as_ref().map_or(&scene, |(whole, _)| whole);
     let how_many = options.surface.max_triangles;
     let surface_options = SurfaceOptions {
         max_triangles: how_many.map(|most| most - (behind.face_count() as u32).min(most / 2)),
@@ -105,7 +117,8 @@ pub fn mesh(
         // First the scene for the surface.
         |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
-            let found = surface(&scene, cameras, &surface_options, limits, details, progress)?;
+            let part = part.as_ref();
+            let found = surface_of_part(scene, cameras, part, &surface_options, limits, details, progress)?;
             *mesh = found.ok_or_else(nothing)?;
             Ok(Outcome::Changed(()))
         },
@@ -119,7 +132,7 @@ pub fn mesh(
 
     report.warnings.extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
 
-    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
+    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance.clone() };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
@@ -141,6 +154,12 @@ fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
     let (scene, all) = (asset.scene_faces() as u32, asset.mesh.face_count() as u32);
     let both = [Chunk { first: 0, count: scene }, Chunk { first: scene, count: all - scene }];
     both.into_iter().filter(|chunk| chunk.count > 0).collect()
+}
+
+/// The corners of the box around the scene.
+fn bounds(scene: &Scene) -> [Vec3; 2] {
+    let corners = (0..scene.triangle_count()).flat_map(|i| scene.corners(i));
+    corners.fold([Vec3::MAX, Vec3::MIN], |[low, high], corner| [low.min(corner), high.max(corner)])
 }
 
 /// The region of the scene that is kept.

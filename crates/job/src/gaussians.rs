@@ -102,7 +102,9 @@ pub(super) fn solid(
     let placement = splats.provenance.placement;
     let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
     let cameras = match photos {
-        Some(photos) => photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect(),
+        Some(photos) => {
+            photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect()
+        }
         None => effort.cameras(path, splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);

@@ -1,10 +1,10 @@
 //! The recipe: from a scene to its surface.
 
 use super::blocks::blocks;
-use super::components::drop_small;
+use super::components::{drop_small, drop_small_areas};
 use super::details::SurfaceDetails;
 use super::field::{Block, Field};
-use super::fill::fill;
+use super::fill::{Holes, fill};
 use super::fuse::Fusion;
 use super::grid::Grid;
 use super::nets::nets;
@@ -13,6 +13,7 @@ use super::picture::{DepthPicture, Observer};
 use super::pictures::pictures;
 use super::simplify::simplify;
 use super::smooth::smooth;
+use glam::Vec3;
 use trisplat_scene::parallel;
 use trisplat_scene::{ImportedScene, Limits, Result, camera::Camera, mesh::Mesh, report::StageProgress};
 use trisplat_teacher::Viewpoints;
@@ -21,6 +22,16 @@ use trisplat_teacher::Viewpoints;
 const SMOOTHING: u32 = 8;
 /// Share of the time that drawing takes.
 const DRAWING: f64 = 0.5;
+/// Pieces with less than this share of a part's area are crumbs.
+const CRUMB: f64 = 0.1;
+
+/// The part of a scene that a surface is made of. All of the scene is drawn, so that its pictures have no holes where the rest begins.
+pub struct Part<'a> {
+    /// Corners of a box around it.
+    pub bounds: [Vec3; 2],
+    /// Which faces of the surface belong to it. `[F]`
+    pub keep: &'a dyn Fn(&Mesh) -> Vec<bool>,
+}
 
 /// The surface that `cameras`, in the frame of `scene`, see of it; without cameras those that it stores, or chosen ones: connected, with shared vertices, indices and a colour per vertex, in the
 /// frame of the scene. Its fronts face the cameras. `None` when they see nothing. The same bits for any number of threads.
@@ -31,6 +42,21 @@ const DRAWING: f64 = 0.5;
 pub fn surface(
     scene: &ImportedScene,
     cameras: &[Camera],
+    options: &SurfaceOptions,
+    limits: &Limits,
+    details: &mut SurfaceDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Option<Mesh>> {
+    surface_of_part(scene, cameras, None, options, limits, details, progress)
+}
+
+/// The same, of a `part` of the scene: without crumbs, and with all holes closed, so that only its outline is open.
+///
+/// Errors: as above.
+pub fn surface_of_part(
+    scene: &ImportedScene,
+    cameras: &[Camera],
+    part: Option<&Part<'_>>,
     options: &SurfaceOptions,
     limits: &Limits,
     details: &mut SurfaceDetails,
@@ -47,16 +73,23 @@ pub fn surface(
     }
     details.viewpoints = chosen.as_ref().map(|viewpoints| viewpoints.kind);
     let pictures = pictures(&scene.scene, options.shell, cameras, progress.part(0.0, DRAWING));
-    let Some(grid) = Grid::over(&pictures, options)? else { return Ok(None) };
+    let Some(grid) = Grid::over(&pictures, part.map(|part| part.bounds), options)? else { return Ok(None) };
     let field = fused(&pictures, grid, options, limits)?;
     drop(pictures);
     let mut mesh = nets(&field, &grid);
     (details.pictures, details.voxel) = (cameras.len() as u64, f64::from(grid.voxel));
     (details.blocks, details.extracted) = (field.blocks.len() as u64, mesh.face_count() as u64);
     drop(field);
-    let pieces = drop_small(&mut mesh, options.min_component);
+    if let Some(part) = part {
+        let keep = (part.keep)(&mesh);
+        mesh.retain(|face| keep[face]);
+    }
+    let pieces = match part {
+        Some(_) => drop_small_areas(&mut mesh, CRUMB),
+        None => drop_small(&mut mesh, options.min_component),
+    };
     (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
-    details.holes = fill(&mut mesh);
+    details.holes = fill(&mut mesh, part.map_or(Holes::Small, |_| Holes::AllButTheLongest));
     let fewer = options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
     if let Some(most) = fewer {
         // Noise that few triangles cannot show would only crease them.

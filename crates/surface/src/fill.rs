@@ -4,30 +4,52 @@ use glam::Vec3;
 use std::collections::BTreeMap;
 use trisplat_scene::mesh::{Colors, Mesh};
 
-/// Holes with more edges stay open.
+/// Holes with more edges are not small.
 const MOST_EDGES: usize = 32;
 
-/// Closes each hole with few edges by a fan around its middle. Returns how many. The mesh has indices and a colour per vertex.
-pub(super) fn fill(mesh: &mut Mesh) -> u64 {
+/// Which holes are closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Holes {
+    /// Those with few edges.
+    Small,
+    /// All but the one with most edges, which is the outline.
+    AllButTheLongest,
+}
+
+/// Closes `holes`, each by a fan around its middle. Returns how many. The mesh has indices and a colour per vertex.
+pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
+    let mut rings = rings(mesh);
+    match holes {
+        Holes::Small => rings.retain(|ring| ring.len() <= MOST_EDGES),
+        Holes::AllButTheLongest => {
+            let longest = (0..rings.len()).max_by_key(|i| (rings[*i].len(), rings.len() - i));
+            longest.map(|i| rings.remove(i));
+        }
+    }
+    rings.iter().for_each(|ring| close(mesh, ring));
+    rings.len() as u64
+}
+
+/// The vertices of each hole, in order around it; a border that runs into itself or another one has none.
+fn rings(mesh: &Mesh) -> Vec<Vec<u32>> {
     let next = border(mesh);
     let mut seen = vec![false; mesh.vertex_count()];
-    let mut filled = 0;
+    let mut rings = Vec::new();
     for &start in next.keys() {
         let mut ring = Vec::new();
         let mut at = start;
-        while !seen[at as usize] && ring.len() <= MOST_EDGES {
+        while !seen[at as usize] {
             ring.push(at);
             seen[at as usize] = true;
             let Some(Some(after)) = next.get(&at) else { break };
             at = *after;
         }
         // A ring that was left, or ran into another one, is not whole.
-        if at == start && (3..=MOST_EDGES).contains(&ring.len()) {
-            close(mesh, &ring);
-            filled += 1;
+        if at == start && ring.len() >= 3 {
+            rings.push(ring);
         }
     }
-    filled
+    rings
 }
 
 /// The vertex after each of the border, along the holes; `None` where several holes meet.
@@ -83,19 +105,22 @@ mod tests {
     #[test]
     fn small_holes_are_closed_and_the_outline_is_not() {
         let mut mesh = sheet(20, &[(4, 4), (9, 9), (10, 9)]);
-        assert_eq!(fill(&mut mesh), 2);
+        assert_eq!(fill(&mut mesh, Holes::Small), 2);
         let area = |mesh: &Mesh| (0..mesh.face_count()).map(|f| mesh.area(f)).sum::<f64>();
         assert!((area(&mesh) - 400.0).abs() < 1e-6, "{}", area(&mesh));
         assert!(
             (0..mesh.face_count()).all(|face| mesh.flat_normal(face).z > 0.99),
             "they face as those around them"
         );
-        assert_eq!(fill(&mut mesh), 0, "the outline has 80 edges");
+        assert_eq!(fill(&mut mesh, Holes::Small), 0, "the outline has 80 edges");
     }
 
     #[test]
     fn a_large_hole_stays_open() {
         let hole: Vec<(u32, u32)> = (5..15).flat_map(|y| (5..15).map(move |x| (x, y))).collect();
-        assert_eq!(fill(&mut sheet(20, &hole)), 0, "40 edges");
+        let mut mesh = sheet(20, &hole);
+        assert_eq!(fill(&mut mesh, Holes::Small), 0, "40 edges");
+        assert_eq!(fill(&mut mesh, Holes::AllButTheLongest), 1, "the outline has 80");
+        assert_eq!(fill(&mut mesh, Holes::AllButTheLongest), 0);
     }
 }

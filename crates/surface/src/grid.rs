@@ -32,11 +32,16 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Over what `pictures` see, without what is seen far off by few of their pixels; `None` when they see nothing.
+    /// Over a box, or over what `pictures` see, without what is seen far off by few of their pixels; `None` when they see nothing.
     ///
     /// Errors: cells so small that a block has no number.
-    pub(super) fn over(pictures: &[DepthPicture], options: &SurfaceOptions) -> Result<Option<Self>> {
-        let Some((low, high)) = extent(pictures) else { return Ok(None) };
+    pub(super) fn over(
+        pictures: &[DepthPicture],
+        bounds: Option<[Vec3; 2]>,
+        options: &SurfaceOptions,
+    ) -> Result<Option<Self>> {
+        let bounds = bounds.map(|[low, high]| grown(low, high));
+        let Some((low, high)) = bounds.or_else(|| extent(pictures)) else { return Ok(None) };
         let longest = (high - low).max_element();
         let voxel = options.voxel.map_or(longest / options.cells() as f32, |voxel| voxel as f32);
         if !(voxel > 0.0) {
@@ -111,8 +116,13 @@ fn extent(pictures: &[DepthPicture]) -> Option<(Vec3, Vec3)> {
         low[axis] = along[(last as f32 * INSIDE) as usize];
         high[axis] = along[(last as f32 * (1.0 - INSIDE)) as usize];
     }
+    Some(grown(low, high))
+}
+
+/// The box with a margin.
+fn grown(low: Vec3, high: Vec3) -> (Vec3, Vec3) {
     let margin = Vec3::splat((high - low).max_element() * MARGIN);
-    Some((low - margin, high + margin))
+    (low - margin, high + margin)
 }
 
 #[cfg(test)]

@@ -31,5 +31,5 @@ mod simplify;
 mod smooth;
 
 pub use details::SurfaceDetails;
-pub use extract::surface;
+pub use extract::{Part, surface, surface_of_part};
 pub use options::SurfaceOptions;

@@ -52,8 +52,63 @@ impl Piece {
     }
 }
 
-/// Which triangles of `scene` are the subject; `None` when nothing stands out. `up` is that of its file, if it names one.
-pub(super) fn subject(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Vec<bool>> {
+/// The space that the subject and its support take.
+pub(crate) struct SubjectVolume {
+    frame: Frame,
+    outline: Outline,
+    /// Height of the support, if it stands on one.
+    support: Option<f32>,
+}
+
+/// Rings that tell how much of the support was seen.
+const RINGS: usize = 20;
+/// A ring of the support is whole when this share of it is there.
+const WHOLE: f32 = 0.9;
+
+impl SubjectVolume {
+    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
+    pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
+        let low = self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER);
+        let within = |face: usize| {
+            let piece = self.frame.piece(face, corners(face))?;
+            let above = piece.corners.iter().all(|corner| corner.z > low);
+            (above && self.outline.holds(&piece)).then_some(piece)
+        };
+        let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
+        let edge = self.whole(&pieces);
+        let mut keep = vec![false; count];
+        for piece in &pieces {
+            keep[piece.number] = !self.is_level(piece) || self.outline.farthest(piece) <= edge;
+        }
+        keep
+    }
+
+    fn is_level(&self, piece: &Piece) -> bool {
+        self.support.is_some_and(|height| piece.middle.z < height + LAYER)
+    }
+
+    /// Where the last whole ring of the support ends, as a share of the outline; 1 where none is whole.
+    fn whole(&self, pieces: &[Piece]) -> f32 {
+        let mut areas = [0.0f32; RINGS];
+        for piece in pieces.iter().filter(|piece| self.is_level(piece)) {
+            let [a, b, c] = piece.corners.map(|corner| self.outline.place(corner));
+            let ring = ((a + b + c) / 3.0).length() * RINGS as f32;
+            areas[(ring as usize).min(RINGS - 1)] += (b - a).perp_dot(c - a).abs() / 2.0;
+        }
+        let ends = |ring: usize| ring as f32 / RINGS as f32;
+        let all = |ring: usize| std::f32::consts::PI * (ends(ring + 1).powi(2) - ends(ring).powi(2));
+        let last = (0..RINGS).rev().find(|ring| areas[*ring] >= WHOLE * all(*ring));
+        last.map_or(1.0, |ring| ends(ring + 1))
+    }
+}
+
+/// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands out. `up` is that of its file, if it
+/// names one.
+pub(super) fn subject(
+    scene: &Scene,
+    cameras: &[Camera],
+    up: Option<UpAxis>,
+) -> Option<(Vec<bool>, SubjectVolume)> {
     let count = scene.triangle_count();
     let middle = |i: usize| scene.corners(i).into_iter().sum::<Vec3>() / 3.0;
     let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
@@ -75,7 +130,7 @@ pub(super) fn subject(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> 
             .filter(|piece| piece.corners.iter().all(|c| c.z > height - LAYER))
             .for_each(|piece| keep[piece.number] = true);
     }
-    Some(keep)
+    Some((keep, SubjectVolume { frame, outline, support }))
 }
 
 /// The direction that points up.
@@ -218,12 +273,19 @@ impl Outline {
         Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })
     }
 
+    /// A place on the ground, in half axes.
+    fn place(&self, corner: Vec3) -> Vec2 {
+        let at = corner.truncate() - self.center;
+        Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half
+    }
+
+    /// How far out a triangle reaches, in half axes.
+    fn farthest(&self, piece: &Piece) -> f32 {
+        piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
+    }
+
     /// Whether a triangle is within it.
     fn holds(&self, piece: &Piece) -> bool {
-        piece.corners.iter().all(|corner| {
-            let at = corner.truncate() - self.center;
-            let place = Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half;
-            place.length_squared() <= 1.0 && corner.z <= self.top
-        })
+        piece.corners.iter().all(|corner| self.place(*corner).length_squared() <= 1.0 && corner.z <= self.top)
     }
 }
