@@ -63,7 +63,9 @@ pub(crate) struct SubjectVolume {
 /// Rings that tell how much of the support was seen.
 const RINGS: usize = 20;
 /// A ring of the support is whole when this share of it is there.
-const WHOLE: f32 = 0.9;
+const WHOLE: f32 = 0.95;
+/// Cells along the radius of the support that tell what is there.
+const CELLS_OF_SUPPORT: usize = 40;
 
 impl SubjectVolume {
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
@@ -77,9 +79,8 @@ impl SubjectVolume {
         let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
         let edge = self.whole(&pieces);
         let mut keep = vec![false; count];
-        for piece in &pieces {
-            keep[piece.number] = !self.is_level(piece) || self.outline.farthest(piece) <= edge;
-        }
+        let stays = |piece: &&Piece| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
+        pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
         keep
     }
 
@@ -89,17 +90,34 @@ impl SubjectVolume {
 
     /// Where the last whole ring of the support ends, as a share of the outline; 1 where none is whole.
     fn whole(&self, pieces: &[Piece]) -> f32 {
-        let mut areas = [0.0f32; RINGS];
+        let side = 2 * CELLS_OF_SUPPORT;
+        let cell = |along: f32| (((along + 1.0) * CELLS_OF_SUPPORT as f32) as usize).min(side - 1);
+        let mut there = vec![false; side * side];
         for piece in pieces.iter().filter(|piece| self.is_level(piece)) {
-            let [a, b, c] = piece.corners.map(|corner| self.outline.place(corner));
-            let ring = ((a + b + c) / 3.0).length() * RINGS as f32;
-            areas[(ring as usize).min(RINGS - 1)] += (b - a).perp_dot(c - a).abs() / 2.0;
+            for at in spread(piece.corners.map(|corner| self.outline.place(corner))) {
+                there[cell(at.y) * side + cell(at.x)] = true;
+            }
         }
-        let ends = |ring: usize| ring as f32 / RINGS as f32;
-        let all = |ring: usize| std::f32::consts::PI * (ends(ring + 1).powi(2) - ends(ring).powi(2));
-        let last = (0..RINGS).rev().find(|ring| areas[*ring] >= WHOLE * all(*ring));
-        last.map_or(1.0, |ring| ends(ring + 1))
+        let (mut seen, mut all) = ([0u32; RINGS], [0u32; RINGS]);
+        for (number, is_there) in there.iter().enumerate() {
+            let at = Vec2::new((number % side) as f32, (number / side) as f32) + 0.5;
+            let ring = ((at / CELLS_OF_SUPPORT as f32 - 1.0).length() * RINGS as f32) as usize;
+            if ring < RINGS {
+                all[ring] += 1;
+                seen[ring] += u32::from(*is_there);
+            }
+        }
+        let last = (0..RINGS).rev().find(|ring| seen[*ring] as f32 >= WHOLE * all[*ring] as f32);
+        last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32)
     }
+}
+
+/// Places on a triangle, less than a cell of the support apart.
+fn spread([a, b, c]: [Vec2; 3]) -> impl Iterator<Item = Vec2> {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let steps = (longest * CELLS_OF_SUPPORT as f32 * 1.5).ceil().max(1.0) as usize;
+    let at = move |i: usize, k: usize| a + ((b - a) * i as f32 + (c - a) * k as f32) / steps as f32;
+    (0..=steps).flat_map(move |i| (0..=steps - i).map(move |k| at(i, k)))
 }
 
 /// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands out. `up` is that of its file, if it
@@ -117,20 +135,18 @@ pub(super) fn subject(
     let pieces: Vec<Piece> =
         (0..count).filter(|i| !scene.is_shell(*i)).filter_map(|i| frame.piece(i, scene.corners(i))).collect();
     let support = support(&pieces);
-    let above = |piece: &&Piece| support.is_none_or(|height| piece.middle.z > height + LAYER / 2.0);
+    let above = |piece: &&Piece| support.is_none_or(|height| piece.middle.z > height + LAYER);
     let standing: Vec<Piece> = pieces.iter().filter(above).copied().collect();
     let object = object(&standing)?;
     let outline = Outline::new(&object)?;
-    let mut keep = vec![false; count];
-    object.iter().filter(|piece| outline.holds(piece)).for_each(|piece| keep[piece.number] = true);
-    if let Some(height) = support {
-        let near = |piece: &&Piece| (piece.middle.z - height).abs() <= LAYER / 2.0;
-        let level = pieces.iter().filter(near).filter(|piece| outline.holds(piece));
-        level
-            .filter(|piece| piece.corners.iter().all(|c| c.z > height - LAYER))
-            .for_each(|piece| keep[piece.number] = true);
-    }
-    Some((keep, SubjectVolume { frame, outline, support }))
+    let volume = SubjectVolume { frame, outline, support };
+    // The object, and the support around it: what else is within floats.
+    let mut belongs = vec![false; count];
+    object.iter().for_each(|piece| belongs[piece.number] = true);
+    pieces.iter().filter(|piece| volume.is_level(piece)).for_each(|piece| belongs[piece.number] = true);
+    let within = volume.faces(count, |i| scene.corners(i));
+    let keep = belongs.iter().zip(&within).map(|(belongs, within)| *belongs && *within).collect();
+    Some((keep, volume))
 }
 
 /// The direction that points up.
