@@ -2,7 +2,7 @@
 
 use super::views::Views;
 use std::sync::Arc;
-use trisplat_raster::solid::SolidRasterizer;
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::{Result, image::RgbImage, math::metric, mesh::Mesh};
 
 /// Photos looked at.
@@ -12,8 +12,8 @@ const VIEWS: usize = 8;
 const LEAST_OWN: f64 = 0.05;
 
 /// Describes the fault if drawings of `mesh` match the photos worse than one plain colour does, and no better
-/// than other photos. Fails when a photo cannot be decoded.
-pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
+/// than other photos. A `part` of a scene is judged where it is. Fails when a photo cannot be decoded.
+pub(super) fn misfit(mesh: &Mesh, part: bool, views: &mut Views) -> Result<Option<String>> {
     if views.is_empty() {
         return Ok(None);
     }
@@ -23,8 +23,12 @@ pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
     views.prefetch(&chosen);
     let (mut pictures, mut photos) = (Vec::new(), Vec::new());
     for &view in &chosen {
-        let photo = views.photo(view)?;
+        let mut photo = views.photo(view)?;
         let picture = solid.render(mesh, views.camera(view), &drawing);
+        if part {
+            let faces = &solid.visibility(mesh, views.camera(view), &drawing).face;
+            photo = Arc::new(within(&photo, faces));
+        }
         drawn += metric::psnr(&picture.rgb, &photo.rgb, photo.alpha.as_deref());
         plain += psnr_of_mean_color(&photo);
         pictures.push(picture);
@@ -37,6 +41,13 @@ pub(super) fn misfit(mesh: &Mesh, views: &mut Views) -> Result<Option<String>> {
              than pictures of one colour are ({plain:.1} dB)"
         )
     }))
+}
+
+/// The photo without the pixels that show no face.
+fn within(photo: &RgbImage, faces: &[u32]) -> RgbImage {
+    let alpha = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
+    let seen = faces.iter().enumerate().map(|(i, face)| if *face == NO_FACE { 0 } else { alpha(i) });
+    RgbImage { alpha: Some(seen.collect()), ..photo.clone() }
 }
 
 /// How much more drawings correlate with their own photos than with others of the same size.
@@ -84,6 +95,7 @@ fn psnr_of_mean_color(photo: &RgbImage) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::UVec2;
 
     #[test]
     fn pictures_of_the_same_shapes_correlate_whatever_their_contrast() {
@@ -96,5 +108,12 @@ mod tests {
         let first_half: Vec<u8> = (0..100).map(|i| if i < 50 { 255 } else { 0 }).collect();
         let mixed = [&ramp[..50], &turned[50..]].concat();
         assert!(correlation(&ramp, &mixed, Some(&first_half)) > 0.99);
+    }
+
+    #[test]
+    fn a_part_is_judged_where_it_is() {
+        let photo =
+            RgbImage { alpha: Some(vec![9, 8, 7]), ..RgbImage::from_rgb(UVec2::new(3, 1), &[[0.5; 3]; 3]) };
+        assert_eq!(within(&photo, &[4, NO_FACE, 0]).alpha, Some(vec![9, 0, 7]));
     }
 }

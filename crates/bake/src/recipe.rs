@@ -129,7 +129,7 @@ impl<'a> Recipe<'a> {
         let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
         // Drawn pictures always show their scene, so the check is for photos only.
         if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
-            match misfit(&mesh, views)? {
+            match misfit(&mesh, !self.options.crop.crop.is_empty(), views)? {
                 Some(misfit) if self.options.force_dataset => {
                     self.report.warnings.push(format!("`dataset` has {misfit}"));
                 }
