@@ -1,7 +1,8 @@
-"""Cameras on all sides of a thing, and the PSNR of two folders of their pictures.
+"""Cameras on all sides of a thing, the PSNR of two folders of their pictures, and smaller pictures.
 
 python3 around.py cameras OUT.json X Y Z DISTANCE [COUNT [TURN [SIDE]]]
 python3 around.py psnr WANTED FOUND
+python3 around.py average FROM TO BY
 """
 import json, math, sys
 from pathlib import Path
@@ -37,4 +38,14 @@ def psnr(wanted, found):
     print(f"{sum(scores) / len(scores):.2f} dB, least {min(scores):.2f}")
 
 
-{"cameras": cameras, "psnr": psnr}[sys.argv[1]](*sys.argv[2:])
+def average(source, target, by):
+    """Pictures of SOURCE with a pixel for each square of BY x BY."""
+    by = int(by)
+    Path(target).mkdir(exist_ok=True)
+    for path in Path(source).glob("*.png"):
+        a = np.asarray(Image.open(path).convert("RGB"), float)
+        a = a.reshape(a.shape[0] // by, by, -1, by, 3).mean((1, 3))
+        Image.fromarray(a.round().astype(np.uint8)).save(Path(target) / path.name)
+
+
+{"cameras": cameras, "psnr": psnr, "average": average}[sys.argv[1]](*sys.argv[2:])

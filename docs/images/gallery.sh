@@ -30,5 +30,5 @@ scene() {
 scene bananas "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s
 scene beach "$data/beach" DJI_0026.jpg make "$data/beach" --budget 20s
 scene splats "$data/banana" DSC_0431.jpg bake "$data/splats.ply" --preset fast
-scene subject "$data/banana" DSC_0423.jpg make "$data/banana" --budget 60s --crop subject
+scene subject "$data/banana" DSC_0423.jpg mesh "$data/banana" --texture --crop subject --max-triangles 8000
 scene room samples/dataset view_0008.png bake samples/soups/trained.ply --dataset samples/dataset
