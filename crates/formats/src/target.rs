@@ -101,7 +101,7 @@ impl OutputTarget {
                 collision: Some(GODOT_COLLISION),
                 levels: Some(EngineLevels::GodotScene),
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
-                ktx2: Ok("textures are KTX2, which Godot 4 reads as they are"),
+                ktx2: Err("Godot 4 imports KTX2 too dark: it makes colours linear and reads them as sRGB"),
                 ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
             },
             OutputTarget::Godot3 => TargetRow {
