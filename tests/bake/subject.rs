@@ -11,6 +11,7 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
     report::{Report, StageEvent},
 };
+use trisplat_surface::SurfaceDetails;
 
 /// Colours of the ball, the table, and all else.
 const BALL: f32 = 0.9;
@@ -124,7 +125,7 @@ fn a_viewer_that_frames_the_file_shows_it_on_a_quarter_of_the_picture() {
     assert!(after[1] > 0.25 && after[0] > 0.18, "{after:?}");
 }
 
-/// The surface is cut, not the scene: triangles of the table that reach over the edge leave no holes, and what it is cut of is one piece.
+/// The surface is cut, not the scene: triangles of the table that reach over the edge leave no holes, and there are no crumbs.
 #[test]
 fn the_surface_of_the_thing_ends_in_an_even_edge() {
     let mut options = MeshOptions::default();
@@ -134,6 +135,8 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
     let (mut report, mut nobody) = (Report::default(), |_: StageEvent<'_>| Continue(()));
     let asset = mesh(scene, None, &options, &Limits::DEFAULT, &mut report, &mut nobody).unwrap();
     let found = asset.mesh;
+    let details = report.details::<SurfaceDetails>().unwrap();
+    assert_eq!(details.components, 2, "the ball, and its piece of the table: {details:?}");
     assert!((0..found.face_count()).all(|face| !is(&found, face, ELSE)), "no wall, no crumbs");
     // The farthest place of the table in each of 16 directions.
     let mut edge = [0.0f32; 16];

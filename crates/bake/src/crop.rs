@@ -4,7 +4,7 @@
 
 mod subject;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Error, Region, Result, Scene, UpAxis,
@@ -59,53 +59,65 @@ pub(crate) fn crop(
     options: &CropOptions,
     details: &mut CropDetails,
 ) -> Result<Outcome<()>> {
+    crop_and_volume(scene, cameras, up, options, details).map(|(outcome, _)| outcome)
+}
+
+/// The same, and the space of the subject, if that is kept.
+pub(crate) fn crop_and_volume(
+    scene: &mut Scene,
+    cameras: &[Camera],
+    up: Option<UpAxis>,
+    options: &CropOptions,
+    details: &mut CropDetails,
+) -> Result<(Outcome<()>, Option<SubjectVolume>)> {
     if options.crop.is_empty() {
-        return Ok(Outcome::Skipped("`crop` was not given"));
+        return Ok((Outcome::Skipped("`crop` was not given"), None));
     }
-    let keep = kept(scene, cameras, up, options)?;
+    let (keep, volume) = kept(scene, cameras, up, options)?;
     let (kept, total) = (keep.iter().filter(|keep| **keep).count(), keep.len());
     if kept == total {
-        return Ok(Outcome::Skipped("every triangle is inside"));
+        return Ok((Outcome::Skipped("every triangle is inside"), volume));
     }
     match scene {
         Scene::Soup(soup) => soup.retain(|i| keep[i]),
         Scene::Mesh(mesh) => mesh.retain(|i| keep[i]),
     }
     details.outside = (total - kept) as u64;
-    Ok(Outcome::Changed(()))
+    Ok((Outcome::Changed(()), volume))
 }
 
-/// Which triangles of `scene` are in the region, at least one.
+/// Which triangles of `scene` are in the region, at least one, and the space of the subject, if it is asked for.
 ///
 /// Errors: as [`crop`].
-fn kept(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>, options: &CropOptions) -> Result<Vec<bool>> {
+fn kept(
+    scene: &Scene,
+    cameras: &[Camera],
+    up: Option<UpAxis>,
+    options: &CropOptions,
+) -> Result<(Vec<bool>, Option<SubjectVolume>)> {
     let words = || options.crop.iter().map(Region::to_string).collect::<Vec<_>>().join(" and ");
     if cameras.is_empty() && options.crop.iter().any(|region| matches!(region, Region::Seen(_))) {
         let wants = "a box or a sphere, or photos: `dataset`, as the file stores no cameras";
         return Err(Error::invalid("crop", words(), wants));
     }
-    let of_subject = match options.is_subject() {
+    let (of_subject, volume) = match options.is_subject() {
         true => {
-            let found = subject::subject(scene, cameras, up).ok_or_else(|| {
-                Error::invalid("crop", words(), "a scene in which one thing stands out, or a box or a sphere")
-            })?;
-            found.0
+            let wants = "a scene in which one thing stands out, or a box or a sphere";
+            let found = subject::subject(scene, cameras, up);
+            let (keep, volume) = found.ok_or_else(|| Error::invalid("crop", words(), wants))?;
+            (keep, Some(volume))
         }
-        false => Vec::new(),
+        false => (Vec::new(), None),
     };
-    let holds =
-        |i: usize| of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene, i, cameras, options);
+    let holds = |i: usize| {
+        of_subject.get(i).is_none_or(|keep| *keep) && is_inside(scene.corners(i), cameras, options)
+    };
     let keep: Vec<bool> = parallel::collect(scene.triangle_count(), GRAIN, holds);
     if !keep.contains(&true) {
         let wants = format!("a region that overlaps the scene: none of {} triangles is inside", keep.len());
         return Err(Error::invalid("crop", words(), wants));
     }
-    Ok(keep)
-}
-
-/// The space that the subject of `scene` takes, if something stands out.
-pub(crate) fn subject_volume(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<SubjectVolume> {
-    subject::subject(scene, cameras, up).map(|(_, volume)| volume)
+    Ok((keep, volume))
 }
 
 /// Which faces of a surface are in the `volume` of the subject and the other regions. `[F]`
@@ -117,21 +129,21 @@ pub(crate) fn faces_within(
 ) -> Vec<bool> {
     let mut keep = volume.faces(mesh.face_count(), |face| mesh.corners(face));
     for (face, keep) in keep.iter_mut().enumerate().filter(|(_, keep)| **keep) {
-        let centroid = mesh.corners(face).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
-        *keep = options.crop.iter().all(|region| region.holds(centroid, cameras));
+        *keep = is_inside(mesh.corners(face), cameras, options);
     }
     keep
 }
 
-fn is_inside(scene: &Scene, triangle: usize, cameras: &[Camera], options: &CropOptions) -> bool {
-    let centroid = scene.corners(triangle).map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
+/// Whether the centroid of a triangle is in all regions.
+fn is_inside(corners: [Vec3; 3], cameras: &[Camera], options: &CropOptions) -> bool {
+    let centroid = corners.map(|v| v.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
     options.crop.iter().all(|region| region.holds(centroid, cameras))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Mat3, UVec2, Vec2, Vec3};
+    use glam::{Mat3, UVec2, Vec2};
     use trisplat_scene::mesh::Colors;
 
     /// A row of small triangles along x, the i-th at x = i.

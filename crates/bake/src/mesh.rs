@@ -3,14 +3,14 @@
 use super::chunk::by_page;
 use super::color::{ColorDetails, color};
 use super::counts::{count, count_mesh};
-use super::crop::{CropOptions, crop, faces_within, subject_volume};
+use super::crop::{CropOptions, SubjectVolume, crop_and_volume, faces_within};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place, placement};
 use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_formats::output::OutputOptions;
@@ -93,18 +93,15 @@ pub fn mesh(
         scene.take_backdrop();
     }
     // The subject is cut from the surface: a scene that is cut first has pictures that are torn along its triangles.
-    let whole = match options.crop.is_subject() {
-        true => {
-            subject_volume(&scene.scene, &known, scene.provenance.up).map(|volume| (scene.clone(), volume))
-        }
-        false => None,
-    };
-    let scene = cropped(scene, &known, options, report, observer)?;
-    let bounds = bounds(&scene.scene);
-    let keep =
-        whole.as_ref().map(|(_, volume)| |mesh: &Mesh| faces_within(mesh, volume, &known, &options.crop));
-    let part = keep.as_ref().map(|keep| Part { bounds, keep });
-    let scene = whole.as_ref().map_or(&scene, |(whole, _)| whole);
+    let whole = options.crop.is_subject().then(|| scene.clone());
+    let (scene, volume) = cropped(scene, &known, options, report, observer)?;
+    let keep = volume.map(|volume| {
+        let (known, crop) = (&known, &options.crop);
+        move |mesh: &Mesh| faces_within(mesh, &volume, known, crop)
+    });
+    let bounds = || scene.scene.bounds(scene.scene.triangle_count());
+    let part = keep.as_ref().and_then(|keep| Some(Part { bounds: bounds()?, keep }));
+    let scene = whole.unwrap_or(scene);
     let how_many = options.surface.max_triangles;
     let surface_options = SurfaceOptions {
         max_triangles: how_many.map(|most| most - (behind.face_count() as u32).min(most / 2)),
@@ -118,7 +115,7 @@ pub fn mesh(
         |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
-            let found = surface_of_part(scene, cameras, part, &surface_options, limits, details, progress)?;
+            let found = surface_of_part(&scene, cameras, part, &surface_options, limits, details, progress)?;
             *mesh = found.ok_or_else(nothing)?;
             Ok(Outcome::Changed(()))
         },
@@ -132,7 +129,7 @@ pub fn mesh(
 
     report.warnings.extend(report.details::<TextureDetails>().and_then(|details| details.warning()));
 
-    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance.clone() };
+    let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
@@ -156,25 +153,22 @@ fn scene_and_backdrop(asset: &Asset) -> Vec<Chunk> {
     both.into_iter().filter(|chunk| chunk.count > 0).collect()
 }
 
-/// The corners of the box around the scene.
-fn bounds(scene: &Scene) -> [Vec3; 2] {
-    let corners = (0..scene.triangle_count()).flat_map(|i| scene.corners(i));
-    corners.fold([Vec3::MAX, Vec3::MIN], |[low, high], corner| [low.min(corner), high.max(corner)])
-}
-
-/// The region of the scene that is kept.
+/// The region of the scene that is kept, and the space of its subject, if that is asked for.
 fn cropped(
     scene: ImportedScene,
     cameras: &[Camera],
     options: &MeshOptions,
     report: &mut Report,
     observer: StageObserver<'_>,
-) -> Result<ImportedScene> {
+) -> Result<(ImportedScene, Option<SubjectVolume>)> {
     let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
+    let mut volume = None;
     let scene = report.stage(observer, scene, count, |scene, details| {
-        crop(scene, cameras, provenance.up, &options.crop, details)
+        let (outcome, found) = crop_and_volume(scene, cameras, provenance.up, &options.crop, details)?;
+        volume = found;
+        Ok(outcome)
     })?;
-    Ok(ImportedScene { scene, provenance, warnings, cameras: stored })
+    Ok((ImportedScene { scene, provenance, warnings, cameras: stored }, volume))
 }
 
 fn nothing() -> Error {

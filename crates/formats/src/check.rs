@@ -108,8 +108,7 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
 /// Lowest and highest corner of a scene without its backdrop.
 fn bounds(loaded: &ImportedScene) -> Option<[Vec3; 2]> {
     let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
-    let corners = (0..count).flat_map(|i| loaded.scene.corners(i)).map(|corner| [corner, corner]);
-    corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
+    loaded.scene.bounds(count)
 }
 
 fn check_loaded(

@@ -170,7 +170,7 @@ impl Effort {
     fn cameras(&self, path: &Path, splats: &ImportedSplats) -> Result<Vec<Camera>> {
         let stand_in = splats.stand_in();
         let stored = self.chosen(&stand_in.cameras);
-        // Only pictures around an object have the size of here.
+        // The size is that of pictures from around an object.
         let sizes = (self.pictures, self.object.longer_px);
         let found = Viewpoints::of_splats(&splats.splats, &stand_in, &stored, sizes);
         let mut found = found.ok_or_else(|| shows_nothing(path))?;

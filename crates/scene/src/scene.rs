@@ -39,6 +39,12 @@ impl Scene {
         }
     }
 
+    /// Lowest and highest corner of the first `count` triangles; none when there are none.
+    pub fn bounds(&self, count: usize) -> Option<[Vec3; 2]> {
+        let corners = (0..count).flat_map(|i| self.corners(i)).map(|corner| [corner, corner]);
+        corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
+    }
+
     /// True for a triangle of the shell, which belongs to the backdrop instead of the scene.
     pub fn is_shell(&self, triangle: usize) -> bool {
         match self {

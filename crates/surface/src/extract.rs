@@ -50,7 +50,7 @@ pub fn surface(
     surface_of_part(scene, cameras, None, options, limits, details, progress)
 }
 
-/// The same, of a `part` of the scene: without crumbs, and with all holes closed, so that only its outline is open.
+/// The same, of a `part` of the scene: without crumbs, and with all holes closed but those whose borders touch.
 ///
 /// Errors: as above.
 pub fn surface_of_part(
@@ -80,16 +80,16 @@ pub fn surface_of_part(
     (details.pictures, details.voxel) = (cameras.len() as u64, f64::from(grid.voxel));
     (details.blocks, details.extracted) = (field.blocks.len() as u64, mesh.face_count() as u64);
     drop(field);
-    if let Some(part) = part {
-        let keep = (part.keep)(&mesh);
-        mesh.retain(|face| keep[face]);
-    }
-    let pieces = match part {
-        Some(_) => drop_small_areas(&mut mesh, CRUMB),
-        None => drop_small(&mut mesh, options.min_component),
+    let (pieces, holes) = match part {
+        Some(part) => {
+            let keep = (part.keep)(&mesh);
+            mesh.retain(|face| keep[face]);
+            (drop_small_areas(&mut mesh, CRUMB), Holes::AllButTheLongest)
+        }
+        None => (drop_small(&mut mesh, options.min_component), Holes::Small),
     };
     (details.components, details.small) = (pieces.kept, pieces.dropped_faces);
-    details.holes = fill(&mut mesh, part.map_or(Holes::Small, |_| Holes::AllButTheLongest));
+    details.holes = fill(&mut mesh, holes);
     let fewer = options.max_triangles.map(|most| most as usize).filter(|most| mesh.face_count() > *most);
     if let Some(most) = fewer {
         // Noise that few triangles cannot show would only crease them.

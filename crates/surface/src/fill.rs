@@ -23,7 +23,9 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
         Holes::Small => rings.retain(|ring| ring.len() <= MOST_EDGES),
         Holes::AllButTheLongest => {
             let longest = (0..rings.len()).max_by_key(|i| (rings[*i].len(), rings.len() - i));
-            longest.map(|i| rings.remove(i));
+            if let Some(outline) = longest {
+                rings.remove(outline);
+            }
         }
     }
     rings.iter().for_each(|ring| close(mesh, ring));
