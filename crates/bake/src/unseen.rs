@@ -22,8 +22,9 @@ use trisplat_scene::{
 const SAMPLES_AT_LEAST: u32 = 1;
 /// Hidden triangles stay when they are at most this share of all.
 const FEW_HIDDEN: f64 = 0.05;
-/// At least this share of a triangle's visible area must lie in unmasked pixels.
-const LEAST_COUNTED: f32 = 0.5;
+/// At least this share of a triangle's visible area must lie in unmasked pixels. Triangles at the border of a mask
+/// lie in masked pixels for the most part, and without them holes open in other views.
+const LEAST_COUNTED: f32 = 0.02;
 /// Number of photos for the curve of error against triangles.
 const CURVE_VIEWS: usize = 12;
 /// With `max_error`, at least about one triangle in this many stays.
@@ -71,7 +72,7 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
-    /// Triangles dropped because photos see them mostly in masked pixels; only with `--masks ignore`.
+    /// Triangles dropped because photos see them nearly only in masked pixels; only with `--masks ignore`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
@@ -180,7 +181,7 @@ pub fn unseen(
     Ok(Outcome::Changed(()))
 }
 
-/// Drops triangles that photos see mostly in masked pixels, where training never compared them with anything.
+/// Drops triangles that photos see nearly only in masked pixels, where training never compared them with anything.
 /// Returns how many; `None` without such masks, and with `keep_unseen`.
 ///
 /// Errors: a photo that cannot be decoded.

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
-//! mx = G x, my = G y, sxx = G x² - mx², syy = G y² - my², sxy = G xy - mx my
+//! mx = G x, my = G y, sxx + syy = G (x² + y²) - mx² - my², sxy = G xy - mx my
 //! ∂ΣS/∂x = G(∂S/∂mx) + 2 x G(∂S/∂Gx²) + y G(∂S/∂Gxy)      (G is its own adjoint)
 //! ```
 //!

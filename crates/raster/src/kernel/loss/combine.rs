@@ -55,9 +55,11 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
     fn run<L: Lanes>(self) -> (f64, f64) {
         let (x, y, zero) = (self.x, self.y, R::default());
         let row = x.len();
-        blur_column(self.taps, self.grads, self.at, self.blurred);
+        blur_column::<L, R>(self.taps, self.grads, self.at, self.blurred);
         let (absolute, rest) = self.parts.split_at_mut(row);
         let (square, by_difference) = rest.split_at_mut(row);
+        // Of known length, so that the loops need no check of bounds and become vector code.
+        let (by_difference, out, y) = (&mut by_difference[..row], &mut self.out[..row], &y[..row]);
         for i in 0..row {
             let difference = x[i] - y[i];
             let above = if difference > zero { self.l1_scale } else { zero };
@@ -71,7 +73,7 @@ impl<R: LossNumber> Work for CombineRow<'_, R> {
         let blur = |m: usize| &self.blurred[m * row..][..row];
         let (d_mean, d_square, d_cross) = (blur(0), blur(1), blur(2));
         for i in 0..row {
-            self.out[i] = by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
+            out[i] = by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
         }
         (lane_sum(absolute), lane_sum(square))
     }

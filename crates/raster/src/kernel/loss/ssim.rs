@@ -5,12 +5,12 @@ use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
 use trisplat_scene::math::ssim::{Factors, TAPS, factors};
 use trisplat_scene::parallel;
 
-/// Blurred maps of the forward pass: x, y, x², y², xy.
-pub(super) const MAPS: usize = 5;
+/// Blurred maps of the forward pass: x, y, x² + y², xy.
+pub(super) const MAPS: usize = 4;
 /// Blurred maps of the backward pass: ∂S/∂mx, ∂S/∂Gx², ∂S/∂Gxy.
 pub(super) const GRADS: usize = 3;
 
-/// Pass 1: x, y, x², y², xy blurred along x.
+/// Pass 1: x, y, x² + y², xy blurred along x.
 pub(super) fn blur_maps<R: LossNumber>(taps: &[R; TAPS], row: usize, x: &[R], y: &[R], maps: &mut [R]) {
     parallel::for_each_with(
         maps.chunks_mut(MAPS * row),
@@ -43,11 +43,10 @@ impl<R: LossNumber> Work for MapsRow<'_, R> {
             match map {
                 0 => pairs.for_each(|(p, (&a, _))| *p = a),
                 1 => pairs.for_each(|(p, (_, &b))| *p = b),
-                2 => pairs.for_each(|(p, (&a, _))| *p = a * a),
-                3 => pairs.for_each(|(p, (_, &b))| *p = b * b),
+                2 => pairs.for_each(|(p, (&a, &b))| *p = a * a + b * b),
                 _ => pairs.for_each(|(p, (&a, &b))| *p = a * b),
             }
-            blur_row(self.taps, self.padded, out);
+            blur_row::<L, R>(self.taps, self.padded, out);
         }
     }
 }
@@ -93,12 +92,12 @@ impl<R: LossNumber> Work for SsimRow<'_, R> {
     #[inline(always)]
     fn run<L: Lanes>(self) -> f64 {
         let row = self.values.len();
-        blur_column(self.taps, self.maps, self.at, self.blurred);
+        blur_column::<L, R>(self.taps, self.maps, self.at, self.blurred);
         ssim_row(self.blurred, self.scale, self.values, self.padded);
         weight_by(self.values, self.weight);
         for (padded, out) in self.padded.chunks_exact_mut(row + 2 * PAD).zip(self.out.chunks_exact_mut(row)) {
             weight_by(&mut padded[PAD..PAD + row], self.weight);
-            blur_row(self.taps, padded, out);
+            blur_row::<L, R>(self.taps, padded, out);
         }
         lane_sum(self.values)
     }
@@ -109,7 +108,7 @@ impl<R: LossNumber> Work for SsimRow<'_, R> {
 fn ssim_row<R: LossNumber>(blurred: &[R], scale: R, values: &mut [R], padded: &mut [R]) {
     let row = values.len();
     let map = |m: usize| &blurred[m * row..][..row];
-    let (mx, my, exx, eyy, exy) = (map(0), map(1), map(2), map(3), map(4));
+    let (mx, my, squares, exy) = (map(0), map(1), map(2), map(3));
     let (d_mean, rest) = padded.split_at_mut(row + 2 * PAD);
     let (d_square, d_cross) = rest.split_at_mut(row + 2 * PAD);
     let (d_mean, d_square, d_cross) =
@@ -117,7 +116,7 @@ fn ssim_row<R: LossNumber>(blurred: &[R], scale: R, values: &mut [R], padded: &m
     let (one, two) = (R::of(1.0), R::of(2.0));
     for i in 0..row {
         let (a, b) = (mx[i], my[i]);
-        let variances = exx[i] - a * a + eyy[i] - b * b;
+        let variances = squares[i] - a * a - b * b;
         let Factors { luminance, structure, means, variances } = factors(a, b, exy[i], variances);
         let (inverse_means, inverse_variances) = (one / means, one / variances);
         let inverse = inverse_means * inverse_variances;
