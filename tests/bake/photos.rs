@@ -153,10 +153,11 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
         (0..THING as usize).any(|of| mesh.corners(of) == corners)
     };
     let things = (0..kept.face_count()).filter(|face| is_thing(*face)).count();
-    assert_eq!(things, kept.face_count(), "something else is left");
-    assert!(things > THING as usize - 5, "{things}");
-    // And a few of the thing that show in half a pixel at its outline.
-    assert!(masked.is_some_and(|masked| (40..45).contains(&masked)), "{masked:?}");
+    assert_eq!(things, THING as usize, "a part of the thing is gone, though some show in half a pixel only");
+    // And a few of the rest, which show in pixels of its outline.
+    let others = kept.face_count() - things;
+    assert!(others <= 5, "{others} of the rest are left");
+    assert_eq!(masked, Some((mesh.face_count() - kept.face_count()) as u64));
 
     // There is nothing behind a thing that was masked, unless one asks for it.
     let behind = |when| {
