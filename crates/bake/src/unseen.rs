@@ -75,7 +75,7 @@ pub struct UnseenDetails {
     /// How many of those lie outside every picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outside: Option<u64>,
-    /// Triangles dropped because photos see them nearly only in masked pixels; only with `--masks ignore`.
+    /// Triangles dropped because photos see them nearly only in masked pixels, or mostly beside an object without background.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub masked: Option<u64>,
     /// PSNR against the number of triangles, in the order tried; only with `max_error`.
@@ -184,8 +184,8 @@ pub fn unseen(
     Ok(Outcome::Changed(()))
 }
 
-/// Drops triangles that photos see nearly only in masked pixels, where training never compared them with anything.
-/// Returns how many; `None` without such masks, and with `keep_unseen`.
+/// Drops triangles that photos see nearly only in masked pixels, where training never compared them with anything,
+/// or mostly beside an object without background. Returns how many; `None` without such masks, and with `keep_unseen`.
 ///
 /// Errors: a photo that cannot be decoded.
 pub fn masked(
