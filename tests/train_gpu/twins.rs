@@ -12,7 +12,6 @@ use trisplat_raster::{
 use trisplat_scene::{
     Rng,
     math::color,
-    math::real::Real,
     math::ssim::factors,
     math::vec::{V2, V3},
 };
@@ -257,14 +256,14 @@ const TWINS: &[Twin] = &[
     },
     Twin {
         name: "ssim_grad",
-        domain: &[(0.0, 1.0), (0.0, 1.0), (0.05, 0.2), (0.05, 0.2), (-0.05, 0.05)],
-        wgsl: "let s = ssim_grad(x[0], x[1], x[0] * x[0] + x[2], x[1] * x[1] + x[3], x[0] * x[1] + x[4], 1.0);
+        domain: &[(0.0, 1.0), (0.0, 1.0), (0.1, 0.4), (-0.05, 0.05)],
+        wgsl: "let s = ssim_grad(x[0], x[1], x[0] * x[0] + x[1] * x[1] + x[2], x[0] * x[1] + x[3], 1.0);
             y = array(s.value, s.d_mean, s.d_square, s.d_cross);",
         outputs: 4,
         rust: |x| {
             let [a, b] = [x[0], x[1]].map(f64::from);
-            let (aa, bb, ab) = (f64::of(f64::from(x[2])), f64::from(x[3]), a * b + f64::from(x[4]));
-            let f = factors(a, b, ab, aa + bb);
+            let (variances, ab) = (f64::from(x[2]), a * b + f64::from(x[3]));
+            let f = factors(a, b, ab, variances);
             let s = f.luminance * f.structure / (f.means * f.variances);
             let d_mean = 2.0 * (b * (f.structure - f.luminance) / (f.means * f.variances) + s * a * (1.0 / f.variances - 1.0 / f.means));
             [s, d_mean, -s / f.variances, 2.0 * f.luminance / (f.means * f.variances)].map(|v| v as f32).to_vec()

@@ -188,6 +188,28 @@ mod tests {
     }
 
     #[test]
+    fn pale_pictures_of_little_contrast_keep_four_digits() {
+        let pale = |name: &str| {
+            noise(name, 33 * 21).iter().map(|p| p.map(|c| 0.9 + 0.02 * (c - 0.5))).collect::<Vec<_>>()
+        };
+        let narrow = |v: &[[f64; 3]]| v.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>();
+        let (x32, y32) = (narrow(&pale("x")), narrow(&pale("y")));
+        let wide = |v: &[[f32; 3]]| v.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>();
+        let mut grad = vec![[0.0f32; 3]; x32.len()];
+        let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
+        let (large, exact) = loss(33, &wide(&x32), &wide(&y32), None, LAMBDA);
+        let error = (small.value(LAMBDA) - large).abs() / large;
+        let (mut apart, mut all) = (0.0, 0.0);
+        for (g, e) in grad.as_flattened().iter().zip(exact.as_flattened()) {
+            apart += (f64::from(*g) - e).powi(2);
+            all += e.powi(2);
+        }
+        let slope = (apart / all).sqrt();
+        // Variances are differences of numbers near 2, beside 0.0009: 5.7e-5 and 4.4e-5 measured.
+        assert!(error < 1e-4 && slope < 1e-4, "figure {error:.1e}, gradient {slope:.1e}");
+    }
+
+    #[test]
     fn one_pixel_and_no_pixel() {
         let mut grad = vec![[0.0f32; 3]; 1];
         let means =

@@ -7,9 +7,9 @@ struct Ssim {
     d_cross: f32,
 }
 
-// Of the moments under the window: means of x, y, x^2, y^2 and xy. The derivatives are times `scale`.
-fn ssim_grad(mx: f32, my: f32, exx: f32, eyy: f32, exy: f32, scale: f32) -> Ssim {
-    let variances = exx - mx * mx + eyy - my * my + SSIM_C2;
+// Of the moments under the window: means of x, y, x^2 + y^2 and xy. The derivatives are times `scale`.
+fn ssim_grad(mx: f32, my: f32, squares: f32, exy: f32, scale: f32) -> Ssim {
+    let variances = squares - mx * mx - my * my + SSIM_C2;
     let luminance = 2.0 * mx * my + SSIM_C1;
     let structure = 2.0 * (exy - mx * my) + SSIM_C2;
     let inverse_means = 1.0 / (mx * mx + my * my + SSIM_C1);

@@ -14,7 +14,7 @@ const SIDE: u32 = TILE + 2u * REACH;
 
 var<workgroup> values: array<vec2<f32>, SIDE * SIDE>; // picture, photo
 var<workgroup> means: array<vec2<f32>, SIDE * TILE>;
-var<workgroup> squares: array<vec3<f32>, SIDE * TILE>;
+var<workgroup> squares: array<vec2<f32>, SIDE * TILE>; // x^2 + y^2, xy
 
 fn value_at(pixel: vec2<i32>, channel: u32) -> vec2<f32> {
     if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(step.photo.xy)) {
@@ -45,11 +45,12 @@ fn loss_ssim(
         workgroupBarrier();
         for (var i = local; i < SIDE * TILE; i += TILE * TILE) {
             var mean = vec2(0.0);
-            var square = vec3(0.0);
+            var square = vec2(0.0);
             for (var k = 0u; k < 2u * REACH + 1u; k++) {
                 let v = values[i / TILE * SIDE + i % TILE + k];
-                mean += SSIM_WINDOW[k] * v;
-                square += SSIM_WINDOW[k] * vec3(v.x * v.x, v.y * v.y, v.x * v.y);
+                // Fused like the CPU's: in pale pictures the variances are small differences, so roundings show.
+                mean = fma(vec2(SSIM_WINDOW[k]), v, mean);
+                square = fma(vec2(SSIM_WINDOW[k]), vec2(v.x * v.x + v.y * v.y, v.x * v.y), square);
             }
             means[i] = mean;
             squares[i] = square;
@@ -57,14 +58,14 @@ fn loss_ssim(
         workgroupBarrier();
         if inside {
             var mean = vec2(0.0);
-            var square = vec3(0.0);
+            var square = vec2(0.0);
             for (var k = 0u; k < 2u * REACH + 1u; k++) {
                 let i = (place.y + k) * TILE + place.x;
-                mean += SSIM_WINDOW[k] * means[i];
-                square += SSIM_WINDOW[k] * squares[i];
+                mean = fma(vec2(SSIM_WINDOW[k]), means[i], mean);
+                square = fma(vec2(SSIM_WINDOW[k]), squares[i], square);
             }
             let weight = photo_weight(at);
-            let s = ssim_grad(mean.x, mean.y, square.x, square.y, square.z, step.loss.y);
+            let s = ssim_grad(mean.x, mean.y, square.x, square.y, step.loss.y);
             sum += weight * s.value;
             maps[channel * count + at] = weight * s.d_mean;
             maps[(3u + channel) * count + at] = weight * s.d_square;
