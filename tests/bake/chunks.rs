@@ -2,13 +2,19 @@
 
 use super::hostile::{finite, grid, mesh_of};
 use glam::Vec3;
-use trisplat_bake::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
+use trisplat_bake::{ChunkDetails, ChunkOptions, FaceOrder, MAX_CHUNK_TRIANGLES, chunk};
 use trisplat_sample::scenes::{SampleScene, soup};
 use trisplat_scene::{Asset, mesh::Mesh, report::Outcome};
 
 fn chunked(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default()).unwrap();
+    chunk(
+        &mut asset,
+        &ChunkOptions { chunk_triangles: limit },
+        FaceOrder::None,
+        &mut ChunkDetails::default(),
+    )
+    .unwrap();
     asset
 }
 
@@ -59,8 +65,12 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
     for limit in [0, 1000] {
         let mesh = mesh_of(&soup(SampleScene::Studio, 1000, 1));
         let mut asset = Asset { mesh: mesh.clone(), ..Asset::default() };
-        let outcome =
-            chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default());
+        let outcome = chunk(
+            &mut asset,
+            &ChunkOptions { chunk_triangles: limit },
+            FaceOrder::None,
+            &mut ChunkDetails::default(),
+        );
         assert!(matches!(outcome, Ok(Outcome::Skipped(_))));
         assert!(asset.mesh == mesh && asset.chunks.len() == 1 && asset.chunks[0].count == 1000);
     }
@@ -69,7 +79,8 @@ fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
 #[test]
 fn a_chunk_fits_16_bit_indices() {
     let options = ChunkOptions { chunk_triangles: MAX_CHUNK_TRIANGLES + 1 };
-    let error = chunk(&mut Asset::default(), &options, &mut ChunkDetails::default()).unwrap_err();
+    let error =
+        chunk(&mut Asset::default(), &options, FaceOrder::None, &mut ChunkDetails::default()).unwrap_err();
     assert!(error.to_string().starts_with("chunk_triangles is 21846"), "{error}");
     const { assert!(3 * MAX_CHUNK_TRIANGLES <= 65_535) };
 }

@@ -4,7 +4,7 @@ use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, bvh, chunk};
+use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, FaceOrder, bvh, chunk};
 use trisplat_formats::{
     ReadOptions, Source,
     bvh::{BvhHeader, belongs, position_hash, read, write},
@@ -19,7 +19,13 @@ use trisplat_scene::{
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: limit }, &mut ChunkDetails::default()).unwrap();
+    chunk(
+        &mut asset,
+        &ChunkOptions { chunk_triangles: limit },
+        FaceOrder::None,
+        &mut ChunkDetails::default(),
+    )
+    .unwrap();
     bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default()).unwrap();
     asset
 }

@@ -135,7 +135,7 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     };
     twice(turn_up, &mut mesh, &format!("{what}, place"))?;
     let mut asset = Asset { mesh, provenance, ..Asset::default() };
-    twice(|a, d| chunk(a, &preset.chunk, d), &mut asset, &format!("{what}, chunk"))?;
+    twice(|a, d| chunk(a, &preset.chunk, preset.order.order, d), &mut asset, &format!("{what}, chunk"))?;
     twice(|a, d| bvh(a, &preset.bvh, d), &mut asset, &format!("{what}, bvh"))?;
     twice(|a, d| order(a, &preset.order, d), &mut asset, &format!("{what}, order"))?;
     asset.mesh.validate().unwrap_or_else(|e| panic!("{what}, order: {e}"));

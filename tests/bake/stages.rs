@@ -266,7 +266,8 @@ fn weld_unshares_face_colours_of_connected_meshes() {
 #[test]
 fn order_brings_near_faces_together() {
     let mut asset = Asset { mesh: mesh_of(&random(4000, 0.01)), ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: 1500 }, &mut ChunkDetails::default()).unwrap();
+    chunk(&mut asset, &ChunkOptions { chunk_triangles: 1500 }, FaceOrder::None, &mut ChunkDetails::default())
+        .unwrap();
     let step = |mesh: &Mesh| {
         let hop = |f: usize| mesh.corners(f)[0].distance(mesh.corners(f + 1)[0]);
         (0..mesh.face_count() - 1).map(hop).sum::<f32>() / mesh.face_count() as f32

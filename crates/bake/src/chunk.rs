@@ -1,11 +1,12 @@
 //! Cuts the faces into compact runs, each its own mesh and node, so that engines can cull them. Cuts minimise
 //! surface area times chunks.
 
-use glam::{Vec3, Vec3A, Vec4};
-use trisplat_scene::parallel::{self, GRAIN};
+mod cut;
+
+use super::order::{FaceOrder, faces_along_curve};
+pub(super) use cut::cut;
 use trisplat_scene::{
-    Asset, Chunk, Error, Result,
-    mesh::Mesh,
+    Asset, Chunk, Error, Result, parallel,
     report::{Outcome, StageDetails},
 };
 
@@ -43,6 +44,9 @@ pub struct ChunkDetails {
     pub chunks: u64,
     /// Triangles per chunk on average, rounded down.
     pub mean_triangles: u64,
+    /// Near triangles are near in their chunk, so `order` has nothing to do.
+    #[serde(default)]
+    pub ordered: bool,
 }
 
 impl StageDetails for ChunkDetails {
@@ -50,10 +54,16 @@ impl StageDetails for ChunkDetails {
 }
 
 /// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A backdrop
-/// becomes the last chunk, because its box surrounds everything and could never be culled.
+/// becomes the last chunk, because its box surrounds everything and could never be culled. Within a chunk, faces
+/// are `within`, so that a large scene is moved in memory once.
 ///
 /// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
-pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetails) -> Result<Outcome<()>> {
+pub fn chunk(
+    asset: &mut Asset,
+    options: &ChunkOptions,
+    within: FaceOrder,
+    details: &mut ChunkDetails,
+) -> Result<Outcome<()>> {
     if options.chunk_triangles > MAX_CHUNK_TRIANGLES {
         let wants = format!("at most {MAX_CHUNK_TRIANGLES}, the most that 16-bit indices reach");
         return Err(Error::invalid("chunk_triangles", options.chunk_triangles, wants));
@@ -78,6 +88,12 @@ pub fn chunk(asset: &mut Asset, options: &ChunkOptions, details: &mut ChunkDetai
         }));
     }
     let (mut order, chunks) = cut(&asset.mesh, faces, limit);
+    if within == FaceOrder::Spatial {
+        let mesh = &asset.mesh;
+        let run = |chunk: &Chunk| &order[chunk.first as usize..][..chunk.count as usize];
+        order = parallel::map(&chunks, |_, chunk| faces_along_curve(mesh, run(chunk))).concat();
+        details.ordered = true;
+    }
     order.extend(faces as u32..asset.mesh.face_count() as u32);
     asset.mesh.select(&order);
     asset.chunks = chunks;
@@ -121,185 +137,4 @@ pub(super) fn by_page(asset: &mut Asset) -> bool {
     asset.chunks = chunks;
     asset.bvh = None;
     true
-}
-
-/// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that
-/// order; within a run, faces keep their order.
-///
-/// Top-down, each time at the plane (or size) where the two sides cost least:
-///
-/// ```text
-/// cost = area(left) * chunks(left) + area(right) * chunks(right),   chunks(n) = ceil(n / limit)
-/// ```
-///
-/// that is the surface area heuristic (MacDonald and Booth 1990), counting whole chunks, because an engine
-/// draws or culls these. A cut along the fourth axis, size, separates triangles that are large for their
-/// neighbourhood, so that the rest is compact.
-pub(super) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
-    let mut items = parallel::collect(faces, GRAIN, |face| Item::new(mesh, face));
-    let counts = split(&mut items, limit);
-    let mut chunks = Vec::with_capacity(counts.len());
-    let mut first = 0;
-    for count in counts {
-        chunks.push(Chunk { first, count });
-        first += count;
-    }
-    (items.iter().map(|item| item.face).collect(), chunks)
-}
-
-/// A face reduced to its box and size.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(16))]
-struct Item {
-    min: Vec3,
-    face: u32,
-    max: Vec3,
-    /// Longest side of the box as the bits of an f32: monotone, and about logarithmic.
-    level: f32,
-}
-
-impl Item {
-    fn new(mesh: &Mesh, face: usize) -> Self {
-        let [a, b, c] = mesh.corners(face);
-        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
-        let level = (max - min).max_element().to_bits() as f32;
-        Self { min, face: face as u32, max, level }
-    }
-
-    /// Its place on the axes x, y, z and size.
-    fn place(&self) -> Vec4 {
-        (0.5 * self.min + 0.5 * self.max).extend(self.level)
-    }
-}
-
-/// Candidate cuts on each axis are the borders between this many bins.
-const BINS: usize = 32;
-/// A cut is chosen by about this many of the items, evenly picked; more do not make chunks better.
-const SAMPLE: usize = 1 << 14;
-
-/// Sorts the items into parts; returns the number of items in each part, in order.
-fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
-    if items.len() <= limit {
-        items.sort_unstable_by_key(|item| item.face);
-        return vec![items.len() as u32];
-    }
-    let middle = best_cut(items, limit).map_or(0, |cut| partition(items, |item| cut.is_left(item)));
-    // No cut separates them (all in one place): cut off whole chunks.
-    let middle = if middle == 0 { items.len().div_ceil(limit) / 2 * limit } else { middle };
-    let (left, right) = items.split_at_mut(middle);
-    let (mut counts, more) = rayon::join(|| split(left, limit), || split(right, limit));
-    counts.extend(more);
-    counts
-}
-
-/// Moves the items for which `is_left` to the front; returns how many.
-fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
-    let mut middle = 0;
-    for i in 0..items.len() {
-        if is_left(&items[i]) {
-            items.swap(i, middle);
-            middle += 1;
-        }
-    }
-    middle
-}
-
-/// The bins of all four axes between the least and the largest place.
-#[derive(Debug, Clone, Copy)]
-struct BinGrid {
-    origin: Vec4,
-    scale: Vec4,
-}
-
-impl BinGrid {
-    fn around<'a>(items: impl Iterator<Item = &'a Item>) -> Self {
-        let none = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let (lo, hi) = items.map(Item::place).fold(none, |(lo, hi), p| (lo.min(p), hi.max(p)));
-        Self { origin: lo, scale: BINS as f32 / (hi - lo) }
-    }
-
-    /// The bin of an item on each axis. An axis without extent has one bin.
-    fn bins(&self, item: &Item) -> [usize; 4] {
-        // An infinite or NaN product saturates to a bin, so this cannot fail.
-        ((item.place() - self.origin) * self.scale).to_array().map(|x| (x as u8 as usize).min(BINS - 1))
-    }
-}
-
-/// A cut: bins up to and including `bin` on `axis` are left.
-struct Cut {
-    grid: BinGrid,
-    axis: usize,
-    bin: usize,
-}
-
-impl Cut {
-    fn is_left(&self, item: &Item) -> bool {
-        self.grid.bins(item)[self.axis] <= self.bin
-    }
-}
-
-/// The contents of one or more bins.
-#[derive(Debug, Clone, Copy)]
-struct BinBox {
-    min: Vec3A,
-    max: Vec3A,
-    count: usize,
-}
-
-impl BinBox {
-    const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY, count: 0 };
-
-    fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max), count: self.count + other.count }
-    }
-
-    /// Area of the box times chunks in it.
-    fn cost(&self, limit: usize) -> f64 {
-        let d = (self.max - self.min).as_dvec3();
-        (d.x * d.y + d.y * d.z + d.z * d.x) * self.count.div_ceil(limit) as f64
-    }
-}
-
-/// The cheapest cut with something on both sides, if there is one.
-fn best_cut(items: &[Item], limit: usize) -> Option<Cut> {
-    let step = items.len().div_ceil(SAMPLE);
-    let grid = BinGrid::around(items.iter().step_by(step));
-    let bins = fill(items.iter().step_by(step), step, &grid);
-    let few = (limit / 4).max(1);
-    let mut best = (true, f64::INFINITY, usize::MAX);
-    let mut cut = None;
-    for (axis, bins) in bins.iter().enumerate() {
-        let mut from_right = [BinBox::EMPTY; BINS];
-        let mut right = BinBox::EMPTY;
-        for bin in (1..BINS).rev() {
-            right = right.union(bins[bin]);
-            from_right[bin] = right;
-        }
-        let mut left = BinBox::EMPTY;
-        for bin in 0..BINS - 1 {
-            left = left.union(bins[bin]);
-            let right = from_right[bin + 1];
-            // Every chunk costs an engine a draw, so slices come last. Boxes without area all cost nothing,
-            // so ties go to the most even cut.
-            let slice = left.count.min(right.count) < few;
-            let cost = (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
-            if left.count > 0 && right.count > 0 && cost < best {
-                best = cost;
-                cut = Some(Cut { grid, axis, bin });
-            }
-        }
-    }
-    cut
-}
-
-/// The bins of all axes, each item standing for `weight` of them.
-fn fill<'a>(items: impl Iterator<Item = &'a Item>, weight: usize, grid: &BinGrid) -> [[BinBox; BINS]; 4] {
-    let mut bins = [[BinBox::EMPTY; BINS]; 4];
-    for item in items {
-        let one = BinBox { min: item.min.into(), max: item.max.into(), count: weight };
-        for (axis, bin) in grid.bins(item).into_iter().enumerate() {
-            bins[axis][bin] = bins[axis][bin].union(one);
-        }
-    }
-    bins
 }

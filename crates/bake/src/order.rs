@@ -61,8 +61,8 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
         return Ok(Outcome::Skipped("it was not asked for"));
     }
     let mesh = &asset.mesh;
-    let parts: Vec<Vec<u32>> = parallel::map(&asset.chunks, |_, chunk| faces_along_curve(mesh, chunk));
-    let order = parts.concat();
+    let faces_of = |chunk: &Chunk| (chunk.first..chunk.first + chunk.count).collect::<Vec<_>>();
+    let order = parallel::map(&asset.chunks, |_, chunk| faces_along_curve(mesh, &faces_of(chunk))).concat();
     let moved = order.iter().zip(0..).filter(|&(&from, to)| from != to).count();
     if moved == 0 {
         return Ok(Outcome::Skipped("near faces are near in the file already"));
@@ -72,13 +72,12 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
     Ok(Outcome::Changed(()))
 }
 
-/// The faces of a chunk along a curve through their centroids.
-fn faces_along_curve(mesh: &Mesh, chunk: &Chunk) -> Vec<u32> {
-    let centroid = |face: u32| {
-        let [a, b, c] = mesh.corners(face as usize).map(|v| v.as_dvec3());
+/// Faces along a curve through their centroids.
+pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
+    let centroid = |face: &u32| {
+        let [a, b, c] = mesh.corners(*face as usize).map(|v| v.as_dvec3());
         (a + b + c) / 3.0
     };
-    let faces = chunk.first..chunk.first + chunk.count;
-    let centroids: Vec<DVec3> = faces.map(centroid).collect();
-    along_curve(&centroids).into_iter().map(|face| chunk.first + face).collect()
+    let centroids: Vec<DVec3> = faces.iter().map(centroid).collect();
+    along_curve(&centroids).into_iter().map(|place| faces[place as usize]).collect()
 }

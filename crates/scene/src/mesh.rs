@@ -360,11 +360,13 @@ impl Mesh {
     /// Turns colours per face into colours per vertex by giving every corner its own vertex.
     fn spread(&mut self) {
         if let Colors::Face(colors) = &self.colors {
-            let corners: Vec<_> = (0..self.face_count()).flat_map(|f| self.corners(f)).collect();
-            let colors = colors.iter().flat_map(|c| [*c; 3]).collect();
-            self.positions = corners;
-            self.colors = Colors::Vertex(colors);
-            self.indices.clear();
+            let spread = parallel::collect(colors.len(), GRAIN, |face| [colors[face]; 3]).into_flattened();
+            if !self.indices.is_empty() {
+                let corners = parallel::collect(self.face_count(), GRAIN, |face| self.corners(face));
+                self.positions = corners.into_flattened();
+                self.indices.clear();
+            }
+            self.colors = Colors::Vertex(spread);
         }
     }
 

@@ -7,7 +7,7 @@ use crate::counts::{count_levels, count_mesh};
 use crate::lit::lit;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
-use crate::order::order;
+use crate::order::{FaceOrder, order};
 use crate::place::up::Evidence;
 use crate::place::{PlaceDetails, place, placement};
 use crate::viewpoint::viewpoint;
@@ -63,17 +63,24 @@ impl Recipe<'_> {
         // Before cuts, which change nothing visible.
         let asset = self.look(asset)?;
 
-        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips.
+        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips. A hierarchy
+        // has an order of its own.
+        let within = if options.bvh.bvh { FaceOrder::None } else { options.order.order };
+        let mut ordered = false;
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            chunk(asset, &options.chunk, details)
+            let outcome = chunk(asset, &options.chunk, within, details);
+            ordered = details.ordered;
+            outcome
         })?;
         let asset = self
             .report
             .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
         // Last: it keeps the leaf order of a hierarchy.
-        let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            order(asset, &options.order, details)
-        })?;
+        let asset =
+            self.report.stage(self.observer, asset, Asset::counts, |asset, details| match ordered {
+                true => Ok(Outcome::Skipped("`chunk` has put near faces near")),
+                false => order(asset, &options.order, details),
+            })?;
         debug_assert!(asset.mesh.validate().is_ok(), "{:?}", asset.mesh.validate());
         Ok(asset)
     }

@@ -79,15 +79,28 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
 /// Whether the triangles cover most directions from the origin.
 fn covers(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
-    let covered = parallel::collect(directions.len(), 1, |i| far.iter().any(|t| behind(directions[i], t)));
+    let cones: Vec<Cone> = far.iter().map(Cone::of).collect();
+    let is_covered = |i: usize| cones.iter().any(|cone| cone.contains(directions[i]));
+    let covered = parallel::collect(directions.len(), 1, is_covered);
     covered.iter().filter(|covered| **covered).count() as f32 >= LEAST_COVERED * directions.len() as f32
 }
 
-/// Whether a ray from the origin meets a triangle.
-fn behind(direction: Vec3, [a, b, c]: &[Vec3; 3]) -> bool {
-    let sides = [a.cross(*b), b.cross(*c), c.cross(*a)].map(|side| side.dot(direction));
-    let inside = sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0);
-    inside && (*a + *b + *c).dot(direction) > 0.0
+/// The directions from the origin in which a triangle lies.
+struct Cone {
+    sides: [Vec3; 3],
+    axis: Vec3,
+}
+
+impl Cone {
+    fn of([a, b, c]: &[Vec3; 3]) -> Self {
+        Self { sides: [a.cross(*b), b.cross(*c), c.cross(*a)], axis: *a + *b + *c }
+    }
+
+    fn contains(&self, direction: Vec3) -> bool {
+        let sides = self.sides.map(|side| side.dot(direction));
+        let inside = sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0);
+        inside && self.axis.dot(direction) > 0.0
+    }
 }
 
 /// Directions over the sphere: the middles of the squares of a cube's faces.
