@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn a_ring_holds_the_subject_and_stays_in_its_room() {
-        let subject = Subject { center: Vec3::new(1.0, 2.0, 3.0), radius: 2.0 };
+        let subject = Subject { center: Vec3::new(1.0, 2.0, 3.0), radius: 2.0, is_alone: false };
         for (nearer, room) in [(1.0, f32::INFINITY), (1.0, 3.0), (0.6, f32::INFINITY)] {
             let ring = ring(subject, Vec3::Y, 0.4, nearer, room);
             assert_eq!(ring.len(), AROUND);
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn photos_are_level_and_look_at_the_subject() {
-        let subject = Subject { center: Vec3::Z * 5.0, radius: 1.0 };
+        let subject = Subject { center: Vec3::Z * 5.0, radius: 1.0, is_alone: false };
         let tilted = Camera {
             rotation: Mat3::from_rotation_z(0.7) * Mat3::from_rotation_x(0.1),
             translation: Vec3::ZERO,

@@ -1,4 +1,4 @@
-//! The subject of a scene: the object that its photos look at, or its dense middle without photos.
+//! The subject of a scene: an object alone, the object that its photos look at, or its dense middle without photos.
 
 use glam::Vec3;
 use trisplat_scene::{
@@ -35,6 +35,8 @@ pub struct Subject {
     pub center: Vec3,
     /// Its radius, above 0.
     pub radius: f32,
+    /// Nothing surrounds it.
+    pub is_alone: bool,
 }
 
 impl Subject {
@@ -43,8 +45,9 @@ impl Subject {
     pub fn of(points: &[Vec3], cameras: &[Camera]) -> Option<Self> {
         let step = points.len().div_ceil(MOST_POINTS).max(1);
         let points: Vec<Vec3> = points.iter().copied().step_by(step).filter(|p| p.is_finite()).collect();
-        let photographed = photographed(&points, cameras);
-        photographed.or_else(|| dense(&points))
+        let outside = |object: &Self| cameras.iter().all(|camera| !object.holds(camera.position()));
+        let alone = (!cameras.is_empty()).then(|| object(&points).filter(outside)).flatten();
+        alone.or_else(|| photographed(&points, cameras)).or_else(|| dense(&points))
     }
 
     /// The ball around the box of `points`; `None` without extent.
@@ -54,7 +57,7 @@ impl Subject {
         });
         let center = (low + high) / 2.0;
         let radius = points.iter().map(|point| point.distance(center)).fold(0.0, f32::max);
-        (radius > 0.0 && radius.is_finite()).then_some(Self { center, radius })
+        (radius > 0.0 && radius.is_finite()).then_some(Self { center, radius, is_alone: false })
     }
 
     /// Whether a point is in it.
@@ -77,6 +80,15 @@ fn photographed(points: &[Vec3], cameras: &[Camera]) -> Option<Subject> {
     ball(&subject.collect::<Vec<_>>(), RADIUS_QUANTILE)
 }
 
+/// All of an object that nothing surrounds; `None` where something does.
+fn object(points: &[Vec3]) -> Option<Subject> {
+    let [half, all] = [0.5, ALL_QUANTILE].map(|share| ball(points, share).map(|ball| ball.radius));
+    let ends = (OBJECT * half?).min(SHARP_END * all?);
+    let whole = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends)?;
+    let around = Subject::around(&points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>())?;
+    Some(Subject { is_alone: true, ..around })
+}
+
 /// The dense middle.
 fn dense(points: &[Vec3]) -> Option<Subject> {
     let all = ball(points, ALL_QUANTILE)?;
@@ -85,11 +97,7 @@ fn dense(points: &[Vec3]) -> Option<Subject> {
     if core <= 0.0 || all.radius <= core {
         return Some(all);
     }
-    let ends = (OBJECT * half).min(SHARP_END * all.radius);
-    let whole = ball(points, OBJECT_QUANTILE).filter(|whole| whole.radius <= ends);
-    let held = |whole: Subject| points.iter().copied().filter(|p| whole.holds(*p)).collect::<Vec<_>>();
-    let object = whole.and_then(|whole| Subject::around(&held(whole)));
-    Some(object.unwrap_or(Subject { radius: core, ..all }))
+    Some(object(points).unwrap_or(Subject { radius: core, ..all }))
 }
 
 /// The ball around the median of `points` that contains this share of them.
@@ -100,7 +108,7 @@ fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
     let last = distances.len() - 1;
     let at = (last as f32 * share) as usize;
     let radius = *distances.select_nth_unstable_by(at, f32::total_cmp).1;
-    (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius })
+    (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius, is_alone: false })
 }
 
 #[cfg(test)]
@@ -155,5 +163,16 @@ mod tests {
         let subject = Subject::of(&points, &[]).expect("there is one");
         let held = neck.filter(|point| subject.holds(*point)).count();
         assert!(held > 1150 && subject.radius < 3.0, "{held} {subject:?}");
+        // Nor do cameras that look at the body cut the neck off, if none of them stands in it.
+        let lens = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::splat(100.0),
+            center: Vec2::splat(50.0),
+            size: UVec2::splat(100),
+        };
+        let camera = |distance: f32| lens.looking(distance * Vec3::new(1.0, 0.2, 0.5), Vec3::ZERO, Vec3::Y);
+        assert_eq!(Subject::of(&points, &[7.0, 8.0, 9.0].map(camera)), Some(subject));
+        assert_ne!(Subject::of(&points, &[0.7, 8.0, 9.0].map(camera)), Some(subject));
     }
 }

@@ -128,9 +128,11 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
     let [eye, target, up] = [eye, target, up].map(|v| v.as_dvec3().to_array());
     let [wide, high] =
         [camera.size.x as f32 / (2.0 * camera.focal.x), camera.size.y as f32 / (2.0 * camera.focal.y)];
-    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one.
+    // A window may be narrower than the photo, so the photo's horizontal angle becomes the vertical one. Nothing is
+    // missing beyond it where nothing surrounds the subject.
     let needed = half_tangent(subject.radius, depth.max(subject.radius), MOST_SINE);
-    let fov = 2.0 * libm::atan(f64::from(high.max(needed.min(wide))));
+    let most = if subject.is_alone { needed } else { needed.min(wide) };
+    let fov = 2.0 * libm::atan(f64::from(high.max(most)));
     Viewpoint { eye, target, up, fov: fov.to_degrees(), radius: Some(f64::from(subject.radius)), orbit: None }
 }
 
