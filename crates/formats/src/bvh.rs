@@ -12,7 +12,7 @@
 //!
 //! Little-endian. A node is 80 bytes: `f32 p[3]; u8 e[3]; u8 imask; u32 child_base; u32 face_base; u8 meta[8];`
 //! then per child `u8 min_x[8], max_x[8], min_y[8], max_y[8], min_z[8], max_z[8]`. The box of child i spans
-//! `p + 2^(e - 127) * min[i]` to `p + 2^(e - 127) * max[i]`. `docs/formats.md` has a reader in a hundred lines.
+//! `p + 2^(e - 127) * min[i]` to `p + 2^(e - 127) * max[i]`. `Bvh::cast` reads it.
 
 use obvhs::cwbvh::node::CwBvhNode;
 use schemars::JsonSchema;

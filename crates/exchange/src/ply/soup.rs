@@ -1,4 +1,4 @@
-//! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/formats.md`.
+//! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/soup-ply.md`.
 
 use super::column::Column;
 use super::corners::{Corners, first_error, read_positions};

@@ -1,7 +1,7 @@
 //! The cost of a step in seconds, from the pixels of its photo, the triangles of the scene and the kind of
 //! drawing.
 //!
-//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/history.md). The
+//! The coefficients were fitted to the curves of runs on four scenes (docs/benchmarks/budget.md). The
 //! speed of this machine on this scene is a factor for soft steps and one for steps with engine shading. A
 //! few steps at the start of a run measure both, and the run corrects them.
 
@@ -43,7 +43,7 @@ impl StepLoad {
 /// CPU seconds of a step on the machine of the fit: a constant, per triangle and per pixel, soft and with engine shading.
 const FITTED: [[f64; 3]; 2] = [[1.1e-3, 0.52e-6, 0.067e-6], [0.0, 0.76e-6, 0.143e-6]];
 
-/// Factor for a step that also draws depth and normals (docs/numerics.md, *Cost*).
+/// Factor for a step that also draws depth and normals.
 const GEOMETRY: f64 = 1.5;
 
 /// Triangles after a densification, as a share of their number without pruning.
