@@ -2,9 +2,9 @@
 
 use crate::views::Views;
 use glam::Vec2;
-use rayon::prelude::*;
+use rayon::slice::ParallelSliceMut;
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer};
-use trisplat_scene::{Result, camera::Camera, image::RgbImage, math::median::median, mesh::Mesh};
+use trisplat_scene::{Result, camera::Camera, image::RgbImage, math::median::median, mesh::Mesh, parallel};
 
 /// Pixels with less than this weight, of 255, are not taken: masked, or with gaps in a drawn picture.
 const LEAST_ALPHA: u8 = 230;
@@ -155,8 +155,7 @@ struct Shown<'a> {
 impl Shown<'_> {
     /// The mean colour of each texel, once for pixels beside the scene and once for others.
     fn texels(&self) -> Vec<u64> {
-        let mut pixels: Vec<u64> =
-            (0..self.photo.size.y).into_par_iter().flat_map_iter(|y| self.row(y)).collect();
+        let mut pixels: Vec<u64> = parallel::map(0..self.photo.size.y, |_, y| self.row(y)).concat();
         pixels.par_sort_unstable();
         let mean = |run: &[u64]| {
             let sum = run.iter().fold([0u32; 3], |sum, one| {

@@ -2,8 +2,8 @@
 
 use super::surface::{direction, place};
 use glam::{Mat3, UVec2, Vec2, Vec3};
-use rayon::prelude::*;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Placement, camera::Camera, image::RgbImage, mesh::Mesh};
 
 /// Samples per pixel along each axis.
@@ -28,24 +28,22 @@ pub(super) fn panorama(mesh: &Mesh, center: Vec3, rows: u32) -> RgbImage {
     });
     let sides = cameras.map(|camera| (camera, solid.render(mesh, &camera, &options)));
     let size = UVec2::new(2 * rows, rows);
-    let row = |y: u32| {
-        (0..size.x)
-            .map(move |x| Vec2::new((x as f32 + 0.5) / size.x as f32, (y as f32 + 0.5) / size.y as f32))
-    };
-    let color = |place: Vec2| {
-        let direction = direction(place);
+    let color = |pixel: usize| {
+        let [x, y] = [pixel % size.x as usize, pixel / size.x as usize].map(|at| at as f32 + 0.5);
+        let direction = direction(Vec2::new(x / size.x as f32, y / size.y as f32));
         let depth = |camera: &Camera| (camera.rotation * direction).z;
         let best = sides.iter().max_by(|a, b| depth(&a.0).total_cmp(&depth(&b.0)));
         best.map_or([0; 3], |(camera, side)| sampled(side, camera, direction))
     };
-    let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| row(y).map(color)).collect();
+    let rgb = parallel::collect(size.element_product() as usize, GRAIN, color);
     RgbImage { size, rgb, alpha: None }
 }
 
 /// A panorama of the source's world as one of a file with this placement.
 pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
     let (size, back) = (picture.size, how.rotation().transpose());
-    let color = |i: u32| {
+    let color = |i: usize| {
+        let i = i as u32;
         let at = Vec2::new((i % size.x) as f32 + 0.5, (i / size.x) as f32 + 0.5) / size.as_vec2();
         let from = place((back * direction(at).as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
         // The first and the last column are neighbours.
@@ -56,7 +54,7 @@ pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
             .map(|(x, y)| (column(corner.x + x), row(corner.y + y)));
         mixed(picture, corners, from - corner)
     };
-    let rgb = (0..size.element_product()).into_par_iter().map(color).collect();
+    let rgb = parallel::collect(size.element_product() as usize, GRAIN, color);
     RgbImage { size, rgb, alpha: None }
 }
 

@@ -3,8 +3,8 @@
 use super::faces::FaceTexture;
 use super::picture::Texture;
 use crate::image::RgbImage;
+use crate::parallel::{self, GRAIN};
 use glam::UVec2;
-use rayon::prelude::*;
 use std::sync::Arc;
 
 impl FaceTexture {
@@ -14,22 +14,23 @@ impl FaceTexture {
             return None;
         }
         let padded = |page: &Arc<Texture>| Arc::new(Texture::new(padded(page.picture(), side)));
-        let pages: Vec<Arc<Texture>> = self.pages.par_iter().map(padded).collect();
+        let pages: Vec<Arc<Texture>> = parallel::map(&self.pages, |_, page| padded(page));
         let pairs = self.pages.iter().zip(&pages);
         let scales: Vec<_> = pairs.map(|(old, new)| old.size().as_vec2() / new.size().as_vec2()).collect();
-        let moved = |(face, uvs): (usize, &[glam::Vec2; 3])| uvs.map(|uv| uv * scales[self.page(face)]);
-        let uvs = self.uvs.par_iter().enumerate().map(moved).collect();
+        let moved = |face: usize| self.uvs[face].map(|uv| uv * scales[self.page(face)]);
+        let uvs = parallel::collect(self.uvs.len(), GRAIN, moved);
         Some(FaceTexture { uvs, pages, page_of: self.page_of.clone() })
     }
 }
 
 fn padded(picture: &RgbImage, side: u32) -> RgbImage {
     let size = UVec2::new(picture.size.x.next_multiple_of(side), picture.size.y.next_multiple_of(side));
-    let rgb = (0..size.y).into_par_iter().flat_map_iter(|y| {
-        let y = y.min(picture.size.y - 1);
-        (0..size.x).map(move |x| picture.rgb[(y * picture.size.x + x.min(picture.size.x - 1)) as usize])
+    let last = picture.size - 1;
+    let rgb = parallel::collect(size.element_product() as usize, GRAIN, |i| {
+        let at = UVec2::new(i as u32 % size.x, i as u32 / size.x).min(last);
+        picture.rgb[(at.y * picture.size.x + at.x) as usize]
     });
-    RgbImage { size, rgb: rgb.collect(), alpha: None }
+    RgbImage { size, rgb, alpha: None }
 }
 
 #[cfg(test)]
