@@ -171,8 +171,10 @@ mod tests {
             center: Vec2::splat(50.0),
             size: UVec2::splat(100),
         };
-        let camera = |distance: f32| lens.looking(distance * Vec3::new(1.0, 0.2, 0.5), Vec3::ZERO, Vec3::Y);
-        assert_eq!(Subject::of(&points, &[7.0, 8.0, 9.0].map(camera)), Some(subject));
-        assert_ne!(Subject::of(&points, &[0.7, 8.0, 9.0].map(camera)), Some(subject));
+        let camera = |(turn, distance): (f32, f32)| {
+            lens.looking(distance * Vec3::new(turn.cos(), 0.2, turn.sin()), Vec3::ZERO, Vec3::Y)
+        };
+        assert_eq!(Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
+        assert_ne!(Subject::of(&points, &[(0.5, 0.7), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
     }
 }
