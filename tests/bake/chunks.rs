@@ -6,7 +6,8 @@ use trisplat_bake::{ChunkDetails, ChunkOptions, FaceOrder, MAX_CHUNK_TRIANGLES, 
 use trisplat_sample::scenes::{SampleScene, soup};
 use trisplat_scene::{Asset, mesh::Mesh, report::Outcome};
 
-fn chunked(mesh: Mesh, limit: u32) -> Asset {
+/// The mesh in chunks of at most `limit` faces, in their order.
+pub(crate) fn chunked(mesh: Mesh, limit: u32) -> Asset {
     let mut asset = Asset { mesh, ..Asset::default() };
     chunk(
         &mut asset,

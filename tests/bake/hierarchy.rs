@@ -1,10 +1,11 @@
 //! The hierarchy: built, searched against brute force, written, read, and attacked.
 
+use super::chunks::chunked;
 use super::hostile::{finite, grid, mesh_of, random};
 use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_bake::{BvhDetails, BvhOptions, ChunkDetails, ChunkOptions, FaceOrder, bvh, chunk};
+use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_formats::{
     ReadOptions, Source,
     bvh::{BvhHeader, belongs, position_hash, read, write},
@@ -18,14 +19,7 @@ use trisplat_scene::{
 };
 
 fn built(mesh: Mesh, limit: u32) -> Asset {
-    let mut asset = Asset { mesh, ..Asset::default() };
-    chunk(
-        &mut asset,
-        &ChunkOptions { chunk_triangles: limit },
-        FaceOrder::None,
-        &mut ChunkDetails::default(),
-    )
-    .unwrap();
+    let mut asset = chunked(mesh, limit);
     bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default()).unwrap();
     asset
 }

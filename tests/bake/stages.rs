@@ -1,14 +1,15 @@
 //! What each stage does, by example: prune, solid, color, weld, order.
 
+use super::chunks::chunked;
 use super::hostile::{grid, mesh_of, random, random_triangle, soup_of};
 use glam::Vec3;
 use trisplat_bake::{
-    Bake, BakeOptions, ChunkDetails, ChunkOptions, ColorDetails, FaceOrder, OrderDetails, OrderOptions,
-    PruneDetails, PruneOptions, SolidDetails, SolidOptions, Solidify, WeldDetails, WeldOptions, WeldWhen,
-    chunk, color, order, prune, solid, weld,
+    Bake, BakeOptions, ColorDetails, FaceOrder, OrderDetails, OrderOptions, PruneDetails, PruneOptions,
+    SolidDetails, SolidOptions, Solidify, WeldDetails, WeldOptions, WeldWhen, color, order, prune, solid,
+    weld,
 };
 use trisplat_scene::{
-    Asset, Scene, Soup,
+    Scene, Soup,
     mesh::{Colors, Mesh},
     report::Outcome,
 };
@@ -265,9 +266,7 @@ fn weld_unshares_face_colours_of_connected_meshes() {
 
 #[test]
 fn order_brings_near_faces_together() {
-    let mut asset = Asset { mesh: mesh_of(&random(4000, 0.01)), ..Asset::default() };
-    chunk(&mut asset, &ChunkOptions { chunk_triangles: 1500 }, FaceOrder::None, &mut ChunkDetails::default())
-        .unwrap();
+    let mut asset = chunked(mesh_of(&random(4000, 0.01)), 1500);
     let step = |mesh: &Mesh| {
         let hop = |f: usize| mesh.corners(f)[0].distance(mesh.corners(f + 1)[0]);
         (0..mesh.face_count() - 1).map(hop).sum::<f32>() / mesh.face_count() as f32

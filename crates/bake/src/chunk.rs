@@ -54,8 +54,8 @@ impl StageDetails for ChunkDetails {
 }
 
 /// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A backdrop
-/// becomes the last chunk, because its box surrounds everything and could never be culled. Within a chunk, faces
-/// are `within`, so that a large scene is moved in memory once.
+/// becomes the last chunk, because its box surrounds everything and could never be culled. `within` is
+/// the order of the faces of a chunk; it is made here, so that a large scene is moved in memory once.
 ///
 /// Errors: `chunk_triangles` above [`MAX_CHUNK_TRIANGLES`].
 pub fn chunk(

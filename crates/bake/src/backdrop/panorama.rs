@@ -27,25 +27,27 @@ pub(super) fn panorama(mesh: &Mesh, center: Vec3, rows: u32) -> RgbImage {
         lens.looking(center, center + ahead, up)
     });
     let sides = cameras.map(|camera| (camera, solid.render(mesh, &camera, &options)));
-    let size = UVec2::new(2 * rows, rows);
-    let color = |pixel: usize| {
-        let [x, y] = [pixel % size.x as usize, pixel / size.x as usize].map(|at| at as f32 + 0.5);
-        let direction = direction(Vec2::new(x / size.x as f32, y / size.y as f32));
+    around(UVec2::new(2 * rows, rows), |direction| {
         let depth = |camera: &Camera| (camera.rotation * direction).z;
         let best = sides.iter().max_by(|a, b| depth(&a.0).total_cmp(&depth(&b.0)));
         best.map_or([0; 3], |(camera, side)| sampled(side, camera, direction))
-    };
-    let rgb = parallel::collect(size.element_product() as usize, GRAIN, color);
+    })
+}
+
+/// The picture of a colour in every direction.
+fn around(size: UVec2, color: impl Fn(Vec3) -> [u8; 3] + Sync) -> RgbImage {
+    let rgb = parallel::collect(size.element_product() as usize, GRAIN, |i| {
+        let pixel = UVec2::new(i as u32 % size.x, i as u32 / size.x);
+        color(direction((pixel.as_vec2() + 0.5) / size.as_vec2()))
+    });
     RgbImage { size, rgb, alpha: None }
 }
 
 /// A panorama of the source's world as one of a file with this placement.
 pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
     let (size, back) = (picture.size, how.rotation().transpose());
-    let color = |i: usize| {
-        let i = i as u32;
-        let at = Vec2::new((i % size.x) as f32 + 0.5, (i / size.x) as f32 + 0.5) / size.as_vec2();
-        let from = place((back * direction(at).as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
+    around(size, |direction| {
+        let from = place((back * direction.as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
         // The first and the last column are neighbours.
         let corner = from.floor();
         let column = |x: f32| (x as i64).rem_euclid(i64::from(size.x)) as u32;
@@ -53,9 +55,7 @@ pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
         let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
             .map(|(x, y)| (column(corner.x + x), row(corner.y + y)));
         mixed(picture, corners, from - corner)
-    };
-    let rgb = parallel::collect(size.element_product() as usize, GRAIN, color);
-    RgbImage { size, rgb, alpha: None }
+    })
 }
 
 /// The colour of a picture in a direction, between the four nearest pixels.

@@ -17,7 +17,6 @@ use trisplat_scene::{Chunk, mesh::Mesh};
 /// draws or culls these. A cut along the fourth axis, size, separates triangles that are large for their
 /// neighbourhood, so that the rest is compact.
 pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chunk>) {
-    let item = |face: u32| Item::new(mesh, face);
     let parts = match faces > TREE_SAMPLE {
         true => Tree::new(mesh, faces, limit).parts(mesh, faces),
         false => vec![(0..faces as u32).collect()],
@@ -26,7 +25,7 @@ pub(crate) fn cut(mesh: &Mesh, faces: usize, limit: usize) -> (Vec<u32>, Vec<Chu
     let parts = parallel::map(parts, |_, part: Vec<u32>| match part.len() <= limit {
         true => (vec![part.len() as u32], part),
         false => {
-            let mut items: Vec<Item> = parallel::collect(part.len(), GRAIN, |i| item(part[i]));
+            let mut items: Vec<Item> = parallel::collect(part.len(), GRAIN, |i| Item::new(mesh, part[i]));
             let counts = split(&mut items, limit);
             (counts, items.iter().map(|item| item.face).collect())
         }
@@ -48,14 +47,10 @@ struct Tree {
     parts: usize,
 }
 
-/// A cut, or a part.
+/// A cut and its sides, or a part, whose sides are itself.
 #[derive(Clone, Copy)]
 struct Node {
-    axis: usize,
-    origin: f32,
-    scale: f32,
-    /// Left of this. A part has no side, so it leads to itself.
-    end: f32,
+    cut: Cut,
     /// Nodes to the left and right.
     sides: [u32; 2],
     /// Number of the part.
@@ -75,40 +70,36 @@ impl Tree {
         let mut sample =
             parallel::collect(faces.div_ceil(step), GRAIN, |i| Item::new(mesh, (i * step) as u32));
         let mut tree = Self { nodes: Vec::new(), depth: 0, parts: 0 };
-        tree.grow(&mut sample, step, (TREE_FILL * limit as f64) as usize, 0);
+        let filled = ((TREE_FILL * limit as f64) as usize).max(1);
+        tree.grow(&mut sample, step, filled, 0);
         tree
     }
 
     /// Adds the nodes of a sample of which each item stands for `weight` faces; returns the first one's number.
     fn grow(&mut self, sample: &mut [Item], weight: usize, limit: usize, depth: usize) -> u32 {
-        let at = self.nodes.len();
-        let sides = [at as u32; 2];
+        let at = self.nodes.len() as u32;
         self.depth = self.depth.max(depth);
-        self.nodes.push(Node { axis: 0, origin: 0.0, scale: 0.0, end: 0.0, sides, part: self.parts as u32 });
+        self.nodes.push(Node { cut: Cut::NONE, sides: [at; 2], part: self.parts as u32 });
         let fits = sample.len() * weight <= limit;
         let Some(cut) = (!fits).then(|| best_cut(sample, weight, limit)).flatten() else {
             self.parts += 1;
-            return at as u32;
+            return at;
         };
-        let middle = partition(sample, |item| cut.is_left(item.place()));
+        let middle = partition(sample, |item| cut.is_left(item.place().to_array()));
         let (left, right) = sample.split_at_mut(middle);
         let sides = [left, right].map(|side| self.grow(side, weight, limit, depth + 1));
-        let (origin, scale) = (cut.grid.origin[cut.axis], cut.grid.scale[cut.axis]);
-        self.nodes[at] = Node { axis: cut.axis, origin, scale, end: (cut.bin + 1) as f32, sides, part: 0 };
-        at as u32
+        self.nodes[at as usize] = Node { cut, sides, part: 0 };
+        at
     }
 
     /// The parts that items at these places are in. Every item takes as many steps, several at once: a single one
     /// would wait for the memory and the comparison of each.
-    fn parts_of(&self, places: [Vec4; ABREAST]) -> [u32; ABREAST] {
-        let places = places.map(|place| place.to_array());
+    fn parts_of(&self, places: [[f32; 4]; ABREAST]) -> [u32; ABREAST] {
         let mut at = [0; ABREAST];
         for _ in 0..self.depth {
             for (at, place) in at.iter_mut().zip(&places) {
                 let node = &self.nodes[*at as usize];
-                // NaN is in the first bin, so left.
-                let is_right = (place[node.axis] - node.origin) * node.scale >= node.end;
-                *at = node.sides[usize::from(is_right)];
+                *at = node.sides[usize::from(!node.cut.is_left(*place))];
             }
         }
         at.map(|at| self.nodes[at as usize].part)
@@ -116,7 +107,7 @@ impl Tree {
 
     /// The faces of every part that has any, in their order.
     fn parts(&self, mesh: &Mesh, faces: usize) -> Vec<Vec<u32>> {
-        let place = |face: usize| Item::new(mesh, face.min(faces - 1) as u32).place();
+        let place = |face: usize| Item::new(mesh, face.min(faces - 1) as u32).place().to_array();
         let of = parallel::collect(faces.div_ceil(ABREAST), GRAIN / ABREAST, |block| {
             self.parts_of(std::array::from_fn(|i| place(block * ABREAST + i)))
         });
@@ -165,8 +156,8 @@ fn split(items: &mut [Item], limit: usize) -> Vec<u32> {
         items.sort_unstable_by_key(|item| item.face);
         return vec![items.len() as u32];
     }
-    let middle =
-        best_cut(items, 1, limit).map_or(0, |cut| partition(items, |item| cut.is_left(item.place())));
+    let middle = best_cut(items, 1, limit)
+        .map_or(0, |cut| partition(items, |item| cut.is_left(item.place().to_array())));
     // No cut separates them (all in one place): cut off whole chunks.
     let middle = if middle == 0 { items.len().div_ceil(limit) / 2 * limit } else { middle };
     let (left, right) = items.split_at_mut(middle);
@@ -208,16 +199,29 @@ impl BinGrid {
     }
 }
 
-/// A cut: bins up to and including `bin` on `axis` are left.
+/// A cut on an axis: what lies before the end of a bin is left.
+#[derive(Debug, Clone, Copy)]
 struct Cut {
-    grid: BinGrid,
     axis: usize,
-    bin: usize,
+    origin: f32,
+    scale: f32,
+    /// That bin and one.
+    end: f32,
 }
 
 impl Cut {
-    fn is_left(&self, place: Vec4) -> bool {
-        self.grid.bin(place, self.axis) <= self.bin
+    /// Of a part: nothing is asked of it.
+    const NONE: Self = Self { axis: 0, origin: 0.0, scale: 0.0, end: 0.0 };
+
+    /// After this bin of a grid, which is not its last.
+    fn after(bin: usize, axis: usize, grid: &BinGrid) -> Self {
+        Self { axis, origin: grid.origin[axis], scale: grid.scale[axis], end: (bin + 1) as f32 }
+    }
+
+    /// Whether a place is in that bin or one before; NaN is in the first.
+    fn is_left(&self, place: [f32; 4]) -> bool {
+        let bins = (place[self.axis] - self.origin) * self.scale;
+        bins < self.end || bins.is_nan()
     }
 }
 
@@ -268,7 +272,7 @@ fn best_cut(items: &[Item], weight: usize, limit: usize) -> Option<Cut> {
             let cost = (slice, left.cost(limit) + right.cost(limit), left.count.abs_diff(right.count));
             if left.count > 0 && right.count > 0 && cost < best {
                 best = cost;
-                cut = Some(Cut { grid, axis, bin });
+                cut = Some(Cut::after(bin, axis, &grid));
             }
         }
     }
@@ -345,5 +349,12 @@ mod tests {
             (cost(&mesh, &order, &chunks), cost(&mesh, &exact, &starts.collect::<Vec<_>>()));
         assert!(by_sample < 1.1 * by_all, "{by_sample} and {by_all}");
         assert!(chunks.len() * 10 < counts.len() * 12, "{} and {} chunks", chunks.len(), counts.len());
+    }
+
+    #[test]
+    fn every_face_of_a_large_scene_may_be_a_chunk() {
+        let faces = TREE_SAMPLE + 1;
+        let (order, chunks) = cut(&scene(faces), faces, 1);
+        assert!(order.len() == faces && chunks.len() == faces && chunks.iter().all(|chunk| chunk.count == 1));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Recipe, either};
 use crate::bvh::{BvhOptions, bvh};
-use crate::chunk::{ChunkOptions, chunk};
+use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
 use crate::counts::{count_levels, count_mesh};
 use crate::lit::lit;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
@@ -66,12 +66,10 @@ impl Recipe<'_> {
         // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips. A hierarchy
         // has an order of its own.
         let within = if options.bvh.bvh { FaceOrder::None } else { options.order.order };
-        let mut ordered = false;
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            let outcome = chunk(asset, &options.chunk, within, details);
-            ordered = details.ordered;
-            outcome
+            chunk(asset, &options.chunk, within, details)
         })?;
+        let ordered = self.report.details::<ChunkDetails>().is_some_and(|details| details.ordered);
         let asset = self
             .report
             .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;

@@ -60,7 +60,8 @@ fn direction(viewpoint: &Viewpoint, offset: DVec3) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Mat3, UVec2, Vec2, Vec3};
+    use crate::framing::LENS;
+    use glam::{Mat3, Vec3};
 
     const VIEWPOINT: Viewpoint = Viewpoint {
         eye: [0.0, 1.0, 4.0],
@@ -73,16 +74,9 @@ mod tests {
 
     /// A camera at some degrees around the target and above it, which looks at it.
     fn at(turn: f32, elevation: f32) -> Camera {
-        let lens = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(100.0),
-            center: Vec2::splat(50.0),
-            size: UVec2::splat(100),
-        };
         let (turn, elevation) = (turn.to_radians(), elevation.to_radians());
         let away = Vec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
-        lens.looking(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
+        LENS.looking(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
     }
 
     fn range(turns: &[f32]) -> Option<OrbitRange> {

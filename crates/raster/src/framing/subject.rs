@@ -114,7 +114,7 @@ fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{Mat3, UVec2, Vec2};
+    use crate::framing::LENS;
     use trisplat_scene::Rng;
 
     /// Points spread evenly in a cube of this half side around a centre.
@@ -128,15 +128,8 @@ mod tests {
     #[test]
     fn the_subject_is_what_the_photos_look_at_not_the_many_points_behind_it() {
         let target = Vec3::new(3.0, 1.0, -2.0);
-        let lens = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(100.0),
-            center: Vec2::splat(50.0),
-            size: UVec2::splat(100),
-        };
         let eyes = [0.0f32, 1.3, 2.6, 3.9, 5.2].map(|a| target + 4.0 * Vec3::new(a.cos(), 0.4, a.sin()));
-        let cameras = eyes.map(|eye| lens.looking(eye, target, Vec3::Y));
+        let cameras = eyes.map(|eye| LENS.looking(eye, target, Vec3::Y));
         let points: Vec<Vec3> = cube(target, 0.5, 2000).chain(cube(target + 20.0, 15.0, 8000)).collect();
         let subject = Subject::of(&points, &cameras).expect("there is one");
         assert!(subject.center.distance(target) < 0.2, "{subject:?}");
@@ -164,15 +157,8 @@ mod tests {
         let held = neck.filter(|point| subject.holds(*point)).count();
         assert!(held > 1150 && subject.radius < 3.0, "{held} {subject:?}");
         // Nor do cameras that look at the body cut the neck off, if none of them stands in it.
-        let lens = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(100.0),
-            center: Vec2::splat(50.0),
-            size: UVec2::splat(100),
-        };
         let camera = |(turn, distance): (f32, f32)| {
-            lens.looking(distance * Vec3::new(turn.cos(), 0.2, turn.sin()), Vec3::ZERO, Vec3::Y)
+            LENS.looking(distance * Vec3::new(turn.cos(), 0.2, turn.sin()), Vec3::ZERO, Vec3::Y)
         };
         assert_eq!(Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
         assert_ne!(Subject::of(&points, &[(0.5, 0.7), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));

@@ -169,10 +169,13 @@ mod tests {
         }
     }
 
+    fn narrow(v: &[[f64; 3]]) -> Vec<[f32; 3]> {
+        v.iter().map(|p| p.map(|c| c as f32)).collect()
+    }
+
     #[test]
     fn f32_is_f64_and_equal_pictures_have_no_gradient() {
         let (x, y) = (noise("x", 33 * 21), noise("y", 33 * 21));
-        let narrow = |v: &[[f64; 3]]| v.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>();
         let (x32, y32) = (narrow(&x), narrow(&y));
         let mut grad = vec![[0.0f32; 3]; x.len()];
         let small = photometric_grad(33, &x32, &y32, None, LAMBDA, &mut Scratch::default(), &mut grad);
@@ -192,7 +195,6 @@ mod tests {
         let pale = |name: &str| {
             noise(name, 33 * 21).iter().map(|p| p.map(|c| 0.9 + 0.02 * (c - 0.5))).collect::<Vec<_>>()
         };
-        let narrow = |v: &[[f64; 3]]| v.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>();
         let (x32, y32) = (narrow(&pale("x")), narrow(&pale("y")));
         let wide = |v: &[[f32; 3]]| v.iter().map(|p| p.map(f64::from)).collect::<Vec<_>>();
         let mut grad = vec![[0.0f32; 3]; x32.len()];
