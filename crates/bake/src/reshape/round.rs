@@ -54,8 +54,7 @@ impl<'v> Rounds<'v> {
         let scene = Mesh { positions: both, ..Mesh::default() };
         let (colors, background) = (faces.encoded_colors(), self.drawing.background);
         let hole_error = self.is_closed.then_some(HOLE_ERROR);
-        let chosen: Vec<usize> =
-            (round as usize % effort.stride..self.views.len()).step_by(effort.stride).collect();
+        let chosen = effort.chosen(round, self.views.len());
         self.views.prefetch(&chosen);
         for view in chosen {
             let camera = self.views.camera(view).within(effort.side);
