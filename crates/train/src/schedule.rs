@@ -410,7 +410,7 @@ mod tests {
         assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
         assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
         let last = plan.rates(1999).corners / plan.rates(900).corners;
-        assert!((last / ENGINE_VERTICES_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
+        assert!((last / ENGINE_CORNERS_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
     }
 
     #[test]
