@@ -231,7 +231,7 @@ fn numbers_out_of_range_are_errors() {
         }
     }
     for (setting, wants) in
-        [("init.size=1e308", "init.size is"), ("rates.corners=1e300", "rates.corners is")]
+        [("init.size=1e308", "init.size is"), ("rates.vertices=1e300", "rates.vertices is")]
     {
         fails(folder.path(), &words(&train, &[&"--set", &setting]), &[wants, "expected "]);
     }
