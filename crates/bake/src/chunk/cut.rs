@@ -75,7 +75,7 @@ impl Tree {
         tree
     }
 
-    /// Adds the nodes of a sample of which each item stands for `weight` faces; returns the first one's number.
+    /// Adds the nodes of a sample; returns the first one's number. Each item stands for `weight` faces.
     fn grow(&mut self, sample: &mut [Item], weight: usize, limit: usize, depth: usize) -> u32 {
         let at = self.nodes.len() as u32;
         self.depth = self.depth.max(depth);
