@@ -230,8 +230,7 @@ fn numbers_out_of_range_are_errors() {
             assert!(stderr(&output).contains("expected seconds"), "{flag}: {}", stderr(&output));
         }
     }
-    for (setting, wants) in
-        [("init.size=1e308", "init.size is"), ("rates.vertices=1e300", "rates.vertices is")]
+    for (setting, wants) in [("init.size=1e308", "init.size is"), ("rates.corners=1e300", "rates.corners is")]
     {
         fails(folder.path(), &words(&train, &[&"--set", &setting]), &[wants, "expected "]);
     }

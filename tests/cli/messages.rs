@@ -24,7 +24,7 @@ fn a_setting_of_the_wrong_type_is_named_with_what_it_wants() {
     refused("steps=abc", &["--set is steps=abc: expected a whole number, 0 or more"]);
     refused("steps=-3", &["--set is steps=-3: expected a whole number"]);
     refused("rates.sparse=maybe", &["--set is rates.sparse=maybe: expected true or false"]);
-    refused("rates.vertices=x", &["--set is rates.vertices=x: expected a number"]);
+    refused("rates.corners=x", &["--set is rates.corners=x: expected a number"]);
     refused("preset=best", &["--set is preset=best: expected one of", "solid"]);
 }
 

@@ -107,8 +107,8 @@ fn outside((low, high): (f64, f64)) -> Vec<f64> {
 #[test]
 fn a_number_that_is_not_finite_is_out_of_every_range() {
     let mut options = TrainOptions::default();
-    options.rates.vertices = f64::NAN;
-    assert!(options.validate().unwrap_err().to_string().contains("rates.vertices is NaN"));
+    options.rates.corners = f64::NAN;
+    assert!(options.validate().unwrap_err().to_string().contains("rates.corners is NaN"));
     let mut options = BakeOptions::default();
     options.unseen.max_error = Some(f64::INFINITY);
     assert!(options.validate().unwrap_err().to_string().contains("max_error is inf"));

@@ -227,7 +227,7 @@ fn baked_files_that_are_merged_stay_as_far_apart_as_they_are_in_the_world() {
         let source = folder.path().join(format!("{i}.ply"));
         std::fs::write(&source, ply(offset, i == 0)).unwrap();
         let scene = read(&source, &ReadOptions::default()).unwrap();
-        let mut options = BakeOptions::default();
+        let mut options = BakeOptions { reshape: ReshapeOptions::OFF, ..BakeOptions::default() };
         // Turned, scaled and each about its own middle.
         options.place.up = "-z".parse().unwrap();
         (options.place.center, options.place.scale) = (true, 0.5 + i as f64);

@@ -10,7 +10,6 @@ mod transparent;
 mod watched;
 
 use std::ops::ControlFlow::{self, Continue};
-use std::ops::RangeInclusive;
 use std::path::Path;
 use trisplat_dataset::{
     Dataset, DatasetOptions,
@@ -203,23 +202,17 @@ fn moved(dataset: &Dataset, scale: f32, shift: glam::Vec3) -> Dataset {
     dataset
 }
 
-/// PSNR that trainings reach whose random numbers differ, and 0.1 dB on either side: other roundings make another run, too.
-fn reached(dataset: &Dataset, steps: u64) -> RangeInclusive<f64> {
-    let of_seed = |seed| psnr(&trained(dataset, &TrainOptions { seed, ..options(steps) }));
-    let all = [0, 1, 2].map(of_seed);
-    all.into_iter().fold(f64::INFINITY, f64::min) - 0.1..=all.into_iter().fold(0.0, f64::max) + 0.1
-}
-
 #[test]
 fn a_scaled_moved_or_far_scene_trains_as_well() {
     let folder = tempfile::tempdir().unwrap();
-    let dataset = scene(folder.path(), &small());
-    let unmoved = reached(&dataset, 400);
+    let dataset = scene(folder.path(), &dense());
+    // Few steps: other roundings become another scene sooner or later.
+    let unmoved = psnr(&trained(&dataset, &options(200)));
     let as_well = |name: &str, dataset: &Dataset| {
-        let trained = trained(dataset, &options(400));
+        let trained = trained(dataset, &options(200));
         assert_valid(&trained.soup);
         let psnr = psnr(&trained);
-        assert!(unmoved.contains(&psnr), "{name}: {psnr:.3} dB, unmoved {unmoved:.3?}");
+        assert!((psnr - unmoved).abs() < 0.1, "{name}: {psnr:.3} dB, unmoved {unmoved:.3}");
     };
     as_well("larger", &moved(&dataset, 1e4, glam::Vec3::ZERO));
     as_well("smaller", &moved(&dataset, 1e-4, glam::Vec3::ZERO));

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::{Dataset, DatasetOptions, View, exposure::ExposureUse};
-use trisplat_scene::math::{evenly_spaced::evenly_spaced, median::median};
-use trisplat_scene::{Error, ImportedSplats, Result, SceneNormalization, Soup, camera::Camera, placed};
+use trisplat_scene::math::evenly_spaced::evenly_spaced;
+use trisplat_scene::{Error, ImportedSplats, Result, Soup, camera::Camera, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
@@ -19,9 +19,8 @@ const SHARE_BETWEEN: f64 = 0.5;
 
 /// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
 const CALM: f64 = 0.5;
-/// Rate of the corners of an object at first, as a share of the usual size of the first triangles, and at most that with photos: a thin object
-/// is small beside the distance to its cameras.
-const STRIDE: f64 = 0.2;
+/// First rate of the corners of an object, as a share of their triangle's size: none of its triangles is far away.
+const STRIDE: f64 = 0.1;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -135,9 +134,9 @@ pub(super) fn solid(
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
-    options.rates.vertices = match surroundings {
-        true => options.rates.vertices * CALM,
-        false => options.rates.vertices.min(STRIDE * usual_size(&first, &cameras)),
+    options.rates.corners = match surroundings {
+        true => options.rates.corners * CALM,
+        false => STRIDE,
     };
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
@@ -147,15 +146,6 @@ pub(super) fn solid(
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
     Ok(Hardened { scene, pictures, stage })
-}
-
-/// The median of the roots of the triangles' areas, in units of training space.
-fn usual_size(triangles: &Soup, cameras: &[Camera]) -> f64 {
-    let middles: Vec<Vec3> = triangles.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
-    let size = |[a, b, c]: &[Vec3; 3]| (0.5 * (*b - *a).cross(*c - *a).length()).sqrt();
-    let sizes = triangles.vertices.iter().map(size).collect();
-    let usual = median(sizes, f32::total_cmp).unwrap_or(0.0);
-    f64::from(usual * SceneNormalization::new(cameras, &middles).scale)
 }
 
 /// The shell behind the `first` triangles, as `views` show it: what lies far behind few viewpoints would else be painted close in front of

@@ -16,7 +16,7 @@ use trisplat_scene::{
 use trisplat_train::{Core, TrainOptions};
 
 /// The layout written and read; it changes whenever a key does.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 

@@ -27,7 +27,7 @@ use std::path::Path;
 use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, guard::guarded, input};
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: u32 = 15;
+const FORMAT: u32 = 16;
 
 /// Larger numbers have no finite f32 exponential.
 const MOST_RAW_SIGMA: f32 = 88.0;

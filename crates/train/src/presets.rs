@@ -24,7 +24,7 @@ impl TrainOptions {
     /// anneal from the first step on.
     pub fn from_scene(preset: TrainPreset) -> Self {
         let base = Self::preset(preset);
-        let rates = RateOptions { vertices: 0.3 * base.rates.vertices, ..base.rates };
+        let rates = RateOptions { corners: 0.3 * base.rates.corners, ..base.rates };
         let warmup = WarmupOptions { quarter_until: 0.0, half_until: 0.0 };
         match preset {
             TrainPreset::Solid => Self {
@@ -55,7 +55,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
     draw: TrainDrawOptions { sort_per_pixel: false },
     init: InitOptions { size: 2.2, shell_subdivisions: 4 },
     loss: LossOptions { dssim: 0.2, opacity: 0.0055, distortion: 0.0, normal: 0.0, size: 1e-8 },
-    rates: RateOptions { vertices: 0.003, sparse: true },
+    rates: RateOptions { corners: 0.075, sparse: true },
     densify: DensifyOptions {
         until: 25_000.0,
         every: 500.0,
@@ -72,7 +72,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
 const INDOOR: TrainOptions = TrainOptions {
     preset: TrainPreset::Indoor,
     loss: LossOptions { dssim: 0.4, distortion: 1.0, normal: 0.00004, size: 5e-8, ..OUTDOOR.loss },
-    rates: RateOptions { vertices: 0.0025, ..OUTDOOR.rates },
+    rates: RateOptions { corners: 0.0625, ..OUTDOOR.rates },
     densify: DensifyOptions { prune_weight: 0.0256, ..OUTDOOR.densify },
     ..OUTDOOR
 };

@@ -23,12 +23,11 @@ const SH_RATE: f64 = 0.008;
 /// Rate of the view-dependent colour as a share of that of the colour (TS 1/20).
 const SH_REST_SHARE: f64 = 0.05;
 /// Last rate of the corners as a share of the first, reached log-linearly (TS 0.01).
-const VERTICES_FINAL_SHARE: f64 = 0.01;
-/// Rate of the corners when engine shading begins, of a triangle of `update::RATED_SIZE`, as a factor of the rate
-/// just before.
-const ENGINE_VERTICES_SCALE: f64 = 2.0;
+const CORNERS_FINAL_SHARE: f64 = 0.01;
+/// Rate of the corners when engine shading begins, as a factor of the rate just before.
+const ENGINE_CORNERS_SCALE: f64 = 8.0;
 /// Last rate of the corners, as a factor of that, reached log-linearly.
-const ENGINE_VERTICES_FINAL_SHARE: f64 = 0.1;
+const ENGINE_CORNERS_FINAL_SHARE: f64 = 0.1;
 /// Steps between degrees of the view-dependent colour, of a 30,000-step run (TS 1000).
 const SH_EVERY: f64 = 1000.0;
 /// First step of the losses on distortion and normals, of a 30,000-step run (TS 5000).
@@ -45,8 +44,8 @@ pub(crate) const REFINE_FROM: f64 = 500.0;
 pub struct StepParams {
     /// Number of this step for Adam, from 1.
     pub time: u64,
-    /// Rate of the corners.
-    pub vertices: f64,
+    /// Rate of the corners, as a share of their triangle's size: the root of its area.
+    pub corners: f64,
     /// Rate of the opacity's logit.
     pub opacity: f64,
     /// Rate of the logarithm of σ.
@@ -165,7 +164,7 @@ impl<'a> Schedule<'a> {
         let geometry = step >= self.scaled(GEOMETRY_FROM);
         StepParams {
             time: step + 1,
-            vertices: self.vertices_rate(step),
+            corners: self.corners_rate(step),
             opacity: OPACITY_RATE,
             sigma: self.sigma_rate(step),
             sh: SH_RATE,
@@ -273,9 +272,9 @@ impl<'a> Schedule<'a> {
     }
 
     /// Rate of the corners: log-linear over the run, and again from the beginning of engine shading.
-    fn vertices_rate(&self, step: u64) -> f64 {
+    fn corners_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
-        let soft = |step: u64| o.rates.vertices * VERTICES_FINAL_SHARE.powf(self.share(step));
+        let soft = |step: u64| o.rates.corners * CORNERS_FINAL_SHARE.powf(self.share(step));
         if !self.is_engine_shaded(step) {
             return soft(step);
         }
@@ -284,7 +283,7 @@ impl<'a> Schedule<'a> {
             true => (self.share(step) - self.share(from)) / (1.0 - self.share(from)).max(1e-6),
             false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
         };
-        soft(from) * ENGINE_VERTICES_SCALE * ENGINE_VERTICES_FINAL_SHARE.powf(done)
+        soft(from) * ENGINE_CORNERS_SCALE * ENGINE_CORNERS_FINAL_SHARE.powf(done)
     }
 
     /// Rate of the logarithm of σ.
@@ -331,7 +330,7 @@ mod tests {
             assert!((share(&|s| plan.rates(s).beta_normal > 0.0) - 5.0 / 6.0).abs() < 0.01);
             assert_eq!((0..steps).filter(|&s| plan.densifies_after(s)).count(), 59);
             let (first, last) = (plan.rates(0), plan.rates(steps - 1));
-            assert!((last.vertices / first.vertices / 0.01 - 1.0).abs() < 0.02);
+            assert!((last.corners / first.corners / 0.01 - 1.0).abs() < 0.02);
             assert_eq!((first.sh_degree, last.sh_degree), (0, 3));
         }
     }
@@ -410,8 +409,8 @@ mod tests {
         assert_eq!([299, 300, 899, 900].map(|s| plan.level(s)), [2, 1, 1, 1]);
         assert_eq!([899, 900].map(|s| plan.is_opaque(s)), [false, true]);
         assert_eq!([949, 950].map(|s| plan.level(s)), [1, 0]);
-        let last = plan.rates(1999).vertices / plan.rates(900).vertices;
-        assert!((last / ENGINE_VERTICES_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
+        let last = plan.rates(1999).corners / plan.rates(900).corners;
+        assert!((last / ENGINE_CORNERS_FINAL_SHARE - 1.0).abs() < 0.01, "{last}");
     }
 
     #[test]
@@ -420,7 +419,7 @@ mod tests {
             let options = TrainOptions { steps, ..TrainOptions::preset(TrainPreset::Solid) };
             let plan = Schedule::new(&options);
             for step in 0..steps {
-                assert!(plan.rates(step).vertices > 0.0);
+                assert!(plan.rates(step).corners > 0.0);
                 let _ = (plan.level(step), plan.densifies_after(step), plan.anneal(step));
             }
         }

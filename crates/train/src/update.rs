@@ -10,11 +10,10 @@ use trisplat_scene::parallel;
 /// Triangles per parallel job.
 const CHUNK: usize = 512;
 
-/// Size of an opaque triangle whose corners move at the scheduled rate, scene units: the root of its area. Others
-/// move in proportion to their size, so a step is the same share of every triangle.
-pub(crate) const RATED_SIZE: f32 = 0.01;
-/// Least and largest factor of the rate, for slivers and for triangles around everything.
-pub(crate) const RATE_FACTORS: [f32; 2] = [0.1, 30.0];
+/// Corners move in proportion to their triangle's size, so a step is the same share of every triangle, whatever the
+/// unit of the scene. Least and largest size that counts, scene units: for slivers and for triangles around
+/// everything.
+pub(crate) const SIZES: [f32; 2] = [0.001, 0.08];
 
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
 /// for game engines).
@@ -58,10 +57,10 @@ fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
     sums.iter().sum()
 }
 
-/// Factor of the rate of an opaque triangle's corners.
-fn rate_factor(v: &[Vec3; 3]) -> f32 {
-    let [least, most] = RATE_FACTORS;
-    ((0.5 * cross(v).length()).sqrt() / RATED_SIZE).clamp(least, most)
+/// The root of a triangle's area, within [`SIZES`].
+fn size(v: &[Vec3; 3]) -> f32 {
+    let [least, most] = SIZES;
+    (0.5 * cross(v).length()).sqrt().clamp(least, most)
 }
 
 fn cross(v: &[Vec3; 3]) -> Vec3 {
@@ -91,7 +90,7 @@ pub(crate) fn update(
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
         regularisers,
-        vertices: Rate::new(rates.vertices, rates.time),
+        corners: Rate::new(rates.corners, rates.time),
         opacity: Rate::new(rates.opacity, rates.time),
         sigma: Rate::new(rates.sigma, rates.time),
         sh: Rate::new(rates.sh, rates.time),
@@ -145,7 +144,7 @@ struct UpdateStep<'a> {
     used: usize,
     rates: &'a StepParams,
     regularisers: &'a Regularisers,
-    vertices: Rate,
+    corners: Rate,
     opacity: Rate,
     sigma: Rate,
     sh: Rate,
@@ -202,23 +201,18 @@ impl UpdateStep<'_> {
     fn corners(&self, x: &mut [Vec3; 3], d: &[f32; 9], m: &mut [Vec3; 3], v: &mut [Vec3; 3]) {
         let mut d = *d;
         if self.regularisers.d_area != 0.0 {
-            let size = area_grad(x, self.regularisers.d_area);
-            let size: &[f32; 9] = bytemuck::cast_ref(&size);
-            d.iter_mut().zip(size).for_each(|(d, s)| *d += s);
+            let by_area = area_grad(x, self.regularisers.d_area);
+            let by_area: &[f32; 9] = bytemuck::cast_ref(&by_area);
+            d.iter_mut().zip(by_area).for_each(|(d, a)| *d += a);
         }
         let flat = |a| bytemuck::cast_mut::<[Vec3; 3], [f32; 9]>(a).as_mut_slice();
-        let rate = match self.rates.engine_shading {
-            Some(_) => self.vertices.times(rate_factor(x)),
-            None => self.vertices,
-        };
-        adam(rate, flat(x), &d, flat(m), flat(v));
+        adam(self.corners.times(size(x)), flat(x), &d, flat(m), flat(v));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::schedule::EngineShading;
     use crate::{TrainOptions, TrainPreset};
 
     #[test]
@@ -288,22 +282,16 @@ mod tests {
     }
 
     #[test]
-    fn opaque_triangles_move_in_proportion_to_their_size() {
+    fn corners_move_in_proportion_to_the_triangle() {
         let sides = [0.001f32, 0.01, 0.02, 100.0];
-        let moved = |engine_shading| {
-            let (mut state, gradient, rates) = four_triangles();
-            state.params.vertices = sides.map(|side| [Vec3::ZERO, side * Vec3::X, side * Vec3::Y]).to_vec();
-            let rates = StepParams { engine_shading, ..rates };
-            let regularisers = Regularisers::new(&state, &rates);
-            update(&mut state, &gradient, &rates, &regularisers);
-            [0, 1, 2, 3].map(|i| -state.params.vertices[i][0].x / rates.vertices as f32)
-        };
-        let close = |a: [f32; 4], b: [f32; 4]| (0..4).all(|i| (a[i] / b[i] - 1.0).abs() < 1e-4);
-        assert!(close(moved(None), [1.0; 4]), "soft: {:?}", moved(None));
-        let [least, most] = RATE_FACTORS;
-        let of = |side: f32| side * 0.5f32.sqrt() / RATED_SIZE;
-        let opaque = moved(Some(EngineShading::TRAINED));
-        assert!(close(opaque, [least, of(0.01), of(0.02), most]), "opaque: {opaque:?}");
+        let (mut state, gradient, rates) = four_triangles();
+        state.params.vertices = sides.map(|side| [Vec3::ZERO, side * Vec3::X, side * Vec3::Y]).to_vec();
+        let regularisers = Regularisers::new(&state, &rates);
+        update(&mut state, &gradient, &rates, &regularisers);
+        let moved = [0, 1, 2, 3].map(|i| -state.params.vertices[i][0].x / rates.corners as f32);
+        let [least, most] = SIZES;
+        let sizes = [least, 0.01 * 0.5f32.sqrt(), 0.02 * 0.5f32.sqrt(), most];
+        assert!((0..4).all(|i| (moved[i] / sizes[i] - 1.0).abs() < 1e-4), "{moved:?}");
     }
 
     #[test]

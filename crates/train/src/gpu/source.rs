@@ -2,7 +2,7 @@
 
 use crate::cpu::ERROR_UNITS;
 use crate::params::{SIGMA_MIN, SIGMA_SOLID};
-use crate::update::{RATE_FACTORS, RATED_SIZE};
+use crate::update::SIZES;
 use std::fmt::Write;
 use trisplat_raster::kernel::wgsl::library;
 use trisplat_raster::soft::{MARGIN, TILE};
@@ -75,9 +75,8 @@ impl Pass {
         constant(&mut out, "SIGMA_MIN", SIGMA_MIN);
         constant(&mut out, "SIGMA_SOLID", SIGMA_SOLID);
         constant(&mut out, "ERROR_UNITS", ERROR_UNITS);
-        constant(&mut out, "RATED_SIZE", RATED_SIZE);
-        constant(&mut out, "LEAST_RATE_FACTOR", RATE_FACTORS[0]);
-        constant(&mut out, "MOST_RATE_FACTOR", RATE_FACTORS[1]);
+        constant(&mut out, "LEAST_SIZE", SIZES[0]);
+        constant(&mut out, "MOST_SIZE", SIZES[1]);
         out += include_str!("passes/step.wgsl");
         self.parts.iter().for_each(|part| out += part);
         out

@@ -142,7 +142,7 @@ impl StepUniform {
         let flag = |is: bool| f32::from(u8::from(is));
         let drawn = Self::of_picture(plan, &Look::of(rates), scene);
         Self {
-            rates: [rates.vertices, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
+            rates: [rates.corners, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
             update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),

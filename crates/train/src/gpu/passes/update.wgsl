@@ -247,11 +247,10 @@ fn magnitude(d: TriangleGrad) -> f32 {
     return sum;
 }
 
-// Factor of the rate of an opaque triangle's corners.
-fn rate_factor(t: WorldTriangle) -> f32 {
+// The root of the area, within limits.
+fn size(t: WorldTriangle) -> f32 {
     let normal = cross(t.v1 - t.v0, t.v2 - t.v0);
-    let size = sqrt(0.5 * sqrt(dot(normal, normal)));
-    return clamp(size / RATED_SIZE, LEAST_RATE_FACTOR, MOST_RATE_FACTOR);
+    return clamp(sqrt(0.5 * sqrt(dot(normal, normal))), LEAST_SIZE, MOST_SIZE);
 }
 
 // Updates all of a triangle except its colour of degree 0.
@@ -264,10 +263,7 @@ fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
             d.vertices[k] += by_area[k];
         }
     }
-    var rate = step.rates.x;
-    if step.modes.x == WINDOW_COVERAGE {
-        rate *= rate_factor(triangle);
-    }
+    let rate = step.rates.x * size(triangle);
     for (var k = 0u; k < 3u; k++) {
         for (var axis = 0u; axis < 3u; axis++) {
             move_number(3u * k + axis, i, rate, d.vertices[k][axis]);
