@@ -216,7 +216,7 @@ const PLAN: &[&str] = &[
     "--blocks",
     "2",
     "--steps",
-    "40",
+    "80",
     "--max-triangles",
     "600",
     "--min-cover",

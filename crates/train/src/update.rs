@@ -13,7 +13,7 @@ const CHUNK: usize = 512;
 /// Corners move in proportion to their triangle's size, so a step is the same share of every triangle, whatever the
 /// unit of the scene. Least and largest size that counts, scene units: for slivers and for triangles around
 /// everything.
-pub(crate) const SIZES: [f32; 2] = [0.001, 0.08];
+pub(crate) const SIZES: [f32; 2] = [0.001, 0.3];
 
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
 /// for game engines).
