@@ -122,6 +122,19 @@ fn a_resumed_hardening_is_the_straight_one_bit_for_bit() {
 }
 
 #[test]
+fn a_scene_of_too_many_triangles_is_cut_while_it_is_hardened() {
+    let folder = tempfile::tempdir().unwrap();
+    let dataset = photos(folder.path());
+    let soft = soft_scene(&dataset);
+    let most = soft.soup.len() as u64 / 2;
+    let options = TrainOptions { max_triangles: most, ..hardening(400) };
+    let run = TrainRun { from: Some(soft.into()), cut_from: true, ..TrainRun::new(&dataset, &options) };
+    let cut = run.run(&mut |_| Continue(())).unwrap();
+    assert_solid(&cut.soup);
+    assert!(cut.soup.len() as u64 <= most, "{} of {most}", cut.soup.len());
+}
+
+#[test]
 fn a_scene_placed_anew_starts_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = photos(folder.path());

@@ -54,10 +54,11 @@ impl HardenOptions {
         Ok(())
     }
 
-    /// Training options for a scene of `triangles`; the file may have `max_triangles`.
+    /// Training options for a scene of `triangles`; the file may have `max_triangles`. The training comes down to them early: a scene
+    /// that is trained with all of its triangles and cut afterwards loses up to 0.9 dB and takes a third more seconds.
     pub fn training(&self, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
         let grown = (triangles as f64 * GROWTH) as u64;
-        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown)).max(triangles as u64);
+        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown)).max(1);
         let preset = TrainOptions::from_scene(TrainPreset::Solid);
         TrainOptions { steps: self.harden_steps, max_triangles: most, ..preset }
     }
@@ -137,7 +138,7 @@ pub(super) fn train(
     observer: Observer<'_>,
 ) -> Result<(ImportedScene, StageReport)> {
     let run = TrainRun::new(dataset, options).with_dataset_options(how);
-    let run = TrainRun { from: Some(soft), ..run }.start()?;
+    let run = TrainRun { from: Some(soft), cut_from: true, ..run }.start()?;
     let triangles = run.triangles();
     let begins = TrainBegins { steps: options.steps, ..TrainBegins::default() };
     let trained = run.finish(&mut begin(observer, &begins)?)?;

@@ -6,21 +6,21 @@ use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization
 /// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
 /// set: `origin` is the world point at (0, 0, 0) of the data set.
 ///
-/// Errors: more triangles than `max_triangles`, none at all.
+/// Errors: more triangles than `most`, if given, or none at all.
 pub(super) fn first_soup(
     scene: &ImportedScene,
     placement: &Placement,
     origin: DVec3,
     space: &SceneNormalization,
-    max_triangles: u64,
+    most: Option<u64>,
 ) -> Result<Soup> {
     let mut soup = scene.scene.to_soup();
     if soup.is_empty() {
         return Err(Error::invalid("from", "a scene without triangles", "one or more triangles"));
     }
-    if soup.len() as u64 > max_triangles {
+    if let Some(most) = most.filter(|most| soup.len() as u64 > *most) {
         let wants = format!("{} or more, as many as the scene to start from has", soup.len());
-        return Err(Error::invalid("max_triangles", max_triangles, wants));
+        return Err(Error::invalid("max_triangles", most, wants));
     }
     for corner in soup.vertices.iter_mut().flatten() {
         let world: Vec3 = (placement.to_world_f64(*corner) - origin).as_vec3();

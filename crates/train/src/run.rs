@@ -56,6 +56,9 @@ pub struct TrainRun<'a> {
     /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
     /// those of [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
+    /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it goes on, by up to a tenth per
+    /// densification, and has some left if it ends before.
+    pub cut_from: bool,
     /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
     pub part: Option<Part>,
     /// End after this step, without finishing the schedule. `None`: after the last step.
@@ -82,6 +85,7 @@ impl<'a> TrainRun<'a> {
             photo_bytes: 0,
             outputs: RunOptions::default(),
             from: None,
+            cut_from: false,
             part: None,
             until_step: None,
             resume: None,
@@ -155,7 +159,7 @@ impl<'a> TrainRun<'a> {
         };
         let mut paced = self.paced.or_else(|| goes_on(self.resume.as_ref()?.meta.pace.clone()?, self.began));
         let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
-        let scene = self.from.as_ref().map(|scene| FirstScene { scene, part: self.part });
+        let scene = self.from.as_ref().map(|scene| FirstScene { scene, part: self.part, cut: self.cut_from });
         let force = self.force_resume;
         let trainer = match self.resume {
             Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,

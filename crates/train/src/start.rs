@@ -39,12 +39,14 @@ pub struct FirstScene<'a> {
     pub scene: &'a ImportedScene,
     /// The part to train, if not all.
     pub part: Option<Part>,
+    /// Whether it may have more triangles than `max_triangles`.
+    pub cut: bool,
 }
 
 impl<'a> FirstScene<'a> {
     /// A scene that is trained as a whole.
     pub fn whole(scene: &'a ImportedScene) -> Self {
-        Self { scene, part: None }
+        Self { scene, part: None, cut: false }
     }
 }
 
@@ -127,7 +129,7 @@ fn is_among(i: usize, most: usize, count: usize) -> bool {
 
 /// The triangles of an existing scene.
 ///
-/// Errors: more triangles than the options permit, none at all.
+/// Errors: more triangles than the options permit, unless they are cut; none at all.
 pub(super) fn from_scene(
     views: &[&View],
     from: &FirstScene<'_>,
@@ -146,7 +148,7 @@ pub(super) fn from_scene(
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
     let space = from.part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
-    let most = options.max_triangles.saturating_add(frozen as u64);
+    let most = (!from.cut).then_some(options.max_triangles.saturating_add(frozen as u64));
     let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
     let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
