@@ -76,7 +76,7 @@ fn inputs() -> tempfile::TempDir {
     let obj = "mtllib scene.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl wall\nf 1/1 2/1 3/1\n";
     std::fs::write(at("o.obj"), obj).unwrap();
     make("bake a.ply -o t.tileset.json --preset fast");
-    make("plan photos -o city --blocks 2 --steps 40 --max-triangles 600 --min-cover 0");
+    make("plan photos -o city --blocks 2 --steps 80 --max-triangles 600 --min-cover 0");
     std::fs::create_dir(at("begun")).unwrap();
     for file in std::fs::read_dir(at("city")).unwrap().map(Result::unwrap) {
         std::fs::copy(file.path(), at("begun").join(file.file_name())).unwrap();
@@ -243,7 +243,7 @@ fn no_output_of_any_command_is_something_that_it_reads() {
 fn a_plan_removes_only_what_an_earlier_plan_made() {
     let folder = large_folder();
     let plan = |seed: &str| {
-        let line = "plan photos -o q --blocks 2 --steps 40 --max-triangles 600 --min-cover 0 --force --seed";
+        let line = "plan photos -o q --blocks 2 --steps 80 --max-triangles 600 --min-cover 0 --force --seed";
         let line = line.split(' ').chain([seed]).collect::<Vec<_>>();
         run(folder.path(), &line)
     };
@@ -329,7 +329,7 @@ fn a_name_that_is_not_utf8_is_refused_where_files_name_each_other() {
     let moved = folder.path().join(OsStr::from_bytes(b"\xff"));
     std::fs::rename(folder.path().join("photos"), &moved).unwrap();
     refused(
-        &[words("plan -o q --blocks 2 --steps 40"), vec![moved.as_os_str()]].concat(),
+        &[words("plan -o q --blocks 2 --steps 80"), vec![moved.as_os_str()]].concat(),
         &["a path in UTF-8"],
     );
     assert!(!folder.path().join("q").exists());
