@@ -58,7 +58,7 @@ impl HardenOptions {
     /// that is trained with all of its triangles and cut afterwards loses up to 0.9 dB and takes a third more seconds.
     pub fn training(&self, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
         let grown = (triangles as f64 * GROWTH) as u64;
-        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown)).max(1);
+        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown));
         let preset = TrainOptions::from_scene(TrainPreset::Solid);
         TrainOptions { steps: self.harden_steps, max_triangles: most, ..preset }
     }

@@ -8,8 +8,7 @@ use super::visibility::VisibilityStats;
 
 /// A scene is full with this share of its limit, because pruning has just removed some triangles.
 const FULL: f64 = 0.9;
-/// Largest share of an overfull scene that goes at once, so that the others close the gaps before more go. All at once, half of a soft
-/// scene costs 0.1 dB more.
+/// Largest share of an overfull scene that goes at once, so that the others close the gaps before more go.
 const MOST_CUT: f64 = 0.1;
 
 /// The room that a densification makes.
