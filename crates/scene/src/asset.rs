@@ -281,7 +281,12 @@ impl Placement {
     pub fn rotation(&self) -> DMat3 {
         match self.rotate {
             0.0 => self.up.to_y_up(),
-            degrees => DMat3::from_rotation_y(degrees.to_radians()) * self.up.to_y_up(),
+            degrees => {
+                // Not the C library's sine, so that a page writes the bytes of the program.
+                let (sin, cos) = libm::sincos(degrees.to_radians());
+                let turn = DMat3::from_cols(DVec3::new(cos, 0.0, -sin), DVec3::Y, DVec3::new(sin, 0.0, cos));
+                turn * self.up.to_y_up()
+            }
         }
     }
 

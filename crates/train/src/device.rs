@@ -89,18 +89,10 @@ impl BackendOptions {
             }
         }
     }
-}
 
-#[cfg(not(feature = "gpu"))]
-impl BackendOptions {
-    /// Opens the backend of a run that draws with `drawing`.
+    /// For a crate that was built without `gpu`.
     ///
     /// Errors: `gpu`, which this build lacks.
-    pub fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenBackend> {
-        self.check().map(|()| OpenBackend::cpu(drawing, Vec::new()))
-    }
-
-    /// An error of `gpu`, which this build lacks.
     pub fn check(&self) -> Result<()> {
         match self.backend {
             BackendKind::Auto | BackendKind::Cpu => Ok(()),
@@ -111,6 +103,16 @@ impl BackendOptions {
                  (cargo install --path . --features gpu, in the folder of its sources)",
             )),
         }
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+impl BackendOptions {
+    /// Opens the backend of a run that draws with `drawing`.
+    ///
+    /// Errors: `gpu`, which this build lacks.
+    pub fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenBackend> {
+        self.check().map(|()| OpenBackend::cpu(drawing, Vec::new()))
     }
 }
 
