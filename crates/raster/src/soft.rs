@@ -31,7 +31,7 @@ mod tile_pixels;
 mod tiles;
 
 pub use frame::{Frame, FrameGrad};
-pub use importance::Importance;
+pub use importance::{CountedPixels, Importance};
 pub use options::{SoftOptions, Sort, Window};
 pub use skipped::SoftWork;
 pub use soup_grad::SoupGrad;
@@ -104,6 +104,17 @@ impl SoftRasterizer {
 
     /// Draws the view of `camera` of `soup`, with the same bits for any number of threads.
     pub fn render(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) -> &Frame {
+        self.render_counting(soup, camera, options, None)
+    }
+
+    /// The same picture; only `counted` pixels add to the importance of triangles, all if there is none.
+    pub fn render_counting(
+        &mut self,
+        soup: &SoupRef,
+        camera: &Camera,
+        options: &SoftOptions,
+        counted: Option<CountedPixels<'_>>,
+    ) -> &Frame {
         self.timings.clear();
         let mut clock = Clock::new();
         self.projection.project(soup, camera, options);
@@ -114,11 +125,11 @@ impl SoftRasterizer {
         let (splats, size) = (&projection.splats, camera.size);
         if slabs::are_needed(splats, size, options, self.pairs_per_slab) {
             let mut target = SlabTarget { tiles, pixels, weights };
-            target.draw(splats, size, options, self.pairs_per_slab, |part| clock.lap(part, timings));
+            target.draw(splats, size, options, counted, self.pairs_per_slab, |part| clock.lap(part, timings));
         } else {
             tiles.bin(splats, size, options.window);
             clock.lap("bin", timings);
-            forward::draw(splats, tiles, Slab::Whole, pixels, weights, options);
+            forward::draw(splats, tiles, Slab::Whole, pixels, weights, options, counted);
             clock.lap("forward", timings);
         }
         assemble::assemble(&mut self.frame, &self.pixels, &self.tiles, options);

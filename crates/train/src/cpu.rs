@@ -8,7 +8,7 @@ use super::update::{Regularisers, update};
 use std::borrow::Cow;
 use trisplat_raster::{
     kernel::normal::{Maps, MapsGrad, normal_grad},
-    soft::{Frame, FrameGrad, SoftOptions, SoftRasterizer, SoupGrad, SoupRef},
+    soft::{CountedPixels, Frame, FrameGrad, SoftOptions, SoftRasterizer, SoupGrad, SoupRef},
 };
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Result, camera::Camera};
@@ -80,7 +80,9 @@ impl TrainBackend for CpuBackend {
             linear: options.linear,
         };
         let camera = photo.camera.resized(photo.camera.size * sampling.samples);
-        let frame = self.soft.render(&soup, &camera, &options);
+        let (width, samples) = (photo.pixels.size.x, sampling.samples);
+        let counted = photo.pixels.alpha.as_deref().map(|alpha| CountedPixels { alpha, width, samples });
+        let frame = self.soft.render_counting(&soup, &camera, &options, counted);
         let d_rgb = &mut self.d_frame.d_rgb;
         let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
         self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);

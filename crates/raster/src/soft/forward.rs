@@ -1,5 +1,6 @@
 //! The forward pass: blends the splats of every tile front to back.
 
+use super::CountedPixels;
 use super::block_layers::BlockLayers;
 use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
 use super::options::{SoftOptions, Sort};
@@ -35,6 +36,7 @@ pub(super) fn draw(
     pixels: &mut Vec<TilePixels>,
     weights: &mut Vec<WeightSlot>,
     options: &SoftOptions,
+    counted: Option<CountedPixels<'_>>,
 ) {
     pixels.resize_with(tiles.len(), TilePixels::default);
     weights.clear();
@@ -48,7 +50,7 @@ pub(super) fn draw(
     let work: Vec<_> = entries.into_iter().map(|e| (e, weights.next().unwrap_or_default())).collect();
     parallel::for_each(pixels.iter_mut().zip(work), |tile, (pixels, (entries, weights))| {
         let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
-        dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options });
+        dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options, counted });
     });
 }
 
@@ -82,6 +84,8 @@ struct DrawTile<'a> {
     size: UVec2,
     slab: Slab,
     options: &'a SoftOptions,
+    /// All pixels count without.
+    counted: Option<CountedPixels<'a>>,
 }
 
 impl Work for DrawTile<'_> {
@@ -109,6 +113,8 @@ impl DrawTile<'_> {
             for lane in 0..LANES {
                 self.pixels.transmittance[block][lane] = f32::from(inside >> lane & 1);
             }
+            self.pixels.counted[block] =
+                self.counted.map_or(u16::MAX, |counted| counted.block(self.corner, block));
         }
         self.pixels.rgb = [BLANK; 3];
         if self.options.geometry {
@@ -157,7 +163,7 @@ impl DrawTile<'_> {
                 let (weight, after) = self.pixels.blend(b, &splat, &shade, before);
                 after.store(&mut self.pixels.transmittance[b]);
                 if WEIGHTS {
-                    stats.add(weight, shade.drawn);
+                    stats.add(weight, shade.drawn, self.pixels.counted[b]);
                 }
                 if L::bits(limits.min_transmittance.le(after)) == 0 {
                     alive &= !(1 << b);
@@ -192,7 +198,7 @@ impl DrawTile<'_> {
                 let (weight, _) = self.pixels.blend(b, &splat, &shade, L::load(&layer.before));
                 if WEIGHTS {
                     let mut stats = WeightStats::new();
-                    stats.add(weight, shade.drawn);
+                    stats.add(weight, shade.drawn, self.pixels.counted[b]);
                     self.weights[layer.entry].add(&stats.finish());
                 }
             }
@@ -229,10 +235,11 @@ impl<L: Lanes> WeightStats<L> {
     }
 
     #[inline(always)]
-    fn add(&mut self, weight: L, drawn: L::Mask) {
+    fn add(&mut self, weight: L, drawn: L::Mask, counted: u16) {
+        let weight = weight.masked(L::from_bits(counted));
         self.sum = self.sum + weight;
         self.max = self.max.max(weight);
-        self.pixels += L::bits(drawn).count_ones();
+        self.pixels += (L::bits(drawn) & counted).count_ones();
     }
 
     #[inline(always)]

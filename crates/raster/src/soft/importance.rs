@@ -3,10 +3,36 @@
 use super::slots::WeightSlot;
 use super::splat_sums::prefetch_ahead;
 use super::splats::{CHUNK, Projection};
+use super::tile_grid;
 use super::tiles::Tiles;
-use trisplat_scene::parallel;
+use glam::UVec2;
+use trisplat_scene::{math::lanes::LANES, parallel};
 
-/// Statistics of every triangle since the last reset. // each `[N]`
+/// The pixels of a photo that count for the importance of triangles. A training ignores the others, so what only they show is compared with
+/// nothing.
+#[derive(Debug, Clone, Copy)]
+pub struct CountedPixels<'a> {
+    /// 0: does not count. `[H * W]` of the photo
+    pub alpha: &'a [u8],
+    /// Width of the photo, px.
+    pub width: u32,
+    /// Samples of the frame per pixel of the photo, along each axis.
+    pub samples: u32,
+}
+
+impl CountedPixels<'_> {
+    /// One bit for each counted pixel of a block of a tile; pixels outside the photo do not count.
+    pub(super) fn block(&self, corner: UVec2, block: usize) -> u16 {
+        let counts = |lane: usize| {
+            let (x, y) = tile_grid::pixel(corner, block, lane);
+            let (x, y) = (x / self.samples, y / self.samples);
+            x < self.width && self.alpha.get((y * self.width + x) as usize).is_some_and(|&alpha| alpha > 0)
+        };
+        (0..LANES).map(|lane| u16::from(counts(lane)) << lane).sum()
+    }
+}
+
+/// Statistics of every triangle since the last reset, over the pixels that count. // each `[N]`
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Importance {
     /// Largest weight alpha · T on any pixel.
@@ -86,4 +112,92 @@ fn of_splat(tiles: &Tiles, weights: &[WeightSlot], rank: u32) -> WeightSlot {
         out.add(&weights[*entry as usize]);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{SoftOptions, SoftRasterizer, Sort, SoupRef};
+    use super::*;
+    use glam::{Mat3, Vec2, Vec3};
+    use trisplat_scene::{Soup, camera::Camera};
+
+    const PHOTO: UVec2 = UVec2::new(37, 21);
+
+    /// Triangles of about 8 photo pixels, one beside the other in front of the camera; every second is soft.
+    fn soup() -> Soup {
+        let mut soup = Soup::default();
+        for i in 0..9u8 {
+            let center = Vec3::new(-1.6 + 0.4 * f32::from(i), 0.1, 4.0 + 0.1 * f32::from(i));
+            soup.vertices
+                .push([[-0.4, -0.3], [0.4, -0.3], [0.0, 0.5]].map(|[x, y]| center + Vec3::new(x, y, 0.0)));
+            soup.opacity.push(0.6);
+            soup.sigma.push(if i % 2 == 0 { 0.1 } else { 1.5 });
+            soup.sh.push([0.4; 3]);
+        }
+        soup
+    }
+
+    /// Importance by one drawing, and by one per pixel of the photo of all that counts, added up.
+    fn both(samples: u32, sort: Sort, alpha: &[u8]) -> (Importance, Importance) {
+        let (soup, size) = (soup(), PHOTO * samples);
+        let focal = Vec2::splat(40.0 * samples as f32);
+        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        let camera = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
+        let options = SoftOptions { importance: true, sort, ..SoftOptions::default() };
+        let mut soft = SoftRasterizer::new();
+        let mut of = |alpha: &[u8], out: &mut Importance| {
+            let counted = CountedPixels { alpha, width: PHOTO.x, samples };
+            soft.render_counting(&SoupRef::from(&soup), &camera, &options, Some(counted));
+            soft.accumulate_importance(out);
+        };
+        let [mut once, mut singly] = [(); 2].map(|()| Importance::new(soup.len()));
+        of(alpha, &mut once);
+        for at in (0..alpha.len()).filter(|at| alpha[*at] > 0) {
+            let mut one = vec![0; alpha.len()];
+            one[at] = 255;
+            of(&one, &mut singly);
+        }
+        (once, singly)
+    }
+
+    #[test]
+    fn only_counted_pixels_add_to_the_importance() {
+        let pixels = PHOTO.element_product() as usize;
+        let left: Vec<u8> = (0..pixels).map(|i| u8::from(i % (PHOTO.x as usize) < 14)).collect();
+        for (samples, sort) in [(1, Sort::Tile), (2, Sort::Tile), (1, Sort::Pixel)] {
+            let (once, singly) = both(samples, sort, &left);
+            assert_eq!(once.max_weight, singly.max_weight);
+            assert_eq!(once.pixels, singly.pixels);
+            let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5 * b.max(1.0);
+            assert!(once.sum_weight.iter().zip(&singly.sum_weight).all(close), "{once:?} is not {singly:?}");
+            // The last triangles are in the right half only: drawn, but shown by no pixel that counts.
+            assert!(once.max_weight[0] > 0.5 && once.views[0] == 1);
+            let last = soup().len() - 1;
+            assert_eq!((once.max_weight[last], once.sum_weight[last], once.views[last]), (0.0, 0.0, 0));
+        }
+    }
+
+    #[test]
+    fn without_a_mask_every_pixel_counts() {
+        let size = PHOTO;
+        let camera = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::splat(40.0),
+            center: size.as_vec2() / 2.0,
+            size,
+        };
+        let options = SoftOptions { importance: true, ..SoftOptions::default() };
+        let (soup, mut soft) = (soup(), SoftRasterizer::new());
+        let alpha = vec![1; size.element_product() as usize];
+        let counted = CountedPixels { alpha: &alpha, width: size.x, samples: 1 };
+        let [all, none] = [Some(counted), None].map(|counted| {
+            let mut out = Importance::new(soup.len());
+            soft.render_counting(&SoupRef::from(&soup), &camera, &options, counted);
+            soft.accumulate_importance(&mut out);
+            out
+        });
+        assert_eq!(all, none);
+        assert!(all.max_weight.iter().all(|weight| *weight > 0.3));
+    }
 }

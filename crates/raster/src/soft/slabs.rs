@@ -6,6 +6,7 @@
 //! 360 million pairs. A frame with more pairs than [`PAIRS_PER_SLAB`] is therefore drawn in several slabs of
 //! splats, and closed tiles are omitted from later ones. Pixels, weights and gradients are bitwise the same.
 
+use super::CountedPixels;
 use super::forward::{self, Slab};
 use super::open_tiles::OpenTiles;
 use super::options::{SoftOptions, Sort};
@@ -54,6 +55,7 @@ impl SlabTarget<'_> {
         splats: &Splats,
         size: UVec2,
         options: &SoftOptions,
+        counted: Option<CountedPixels<'_>>,
         pairs: u64,
         mut on_part: impl FnMut(&'static str),
     ) {
@@ -67,7 +69,7 @@ impl SlabTarget<'_> {
             drawn = some.end;
             tiles.bin_some(splats, some, size, options.window, Some(&open));
             on_part("bin");
-            forward::draw(splats, tiles, slab, pixels, weights, options);
+            forward::draw(splats, tiles, slab, pixels, weights, options, counted);
             open.close(pixels);
             kept.add(tiles, |entry| kept_weights.extend(weights.get(entry)));
             on_part("forward");

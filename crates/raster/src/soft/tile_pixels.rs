@@ -14,6 +14,8 @@ pub(super) struct TilePixels {
     pub(super) rgb: [TileChannel; 3],
     /// Blocks with a pixel that has not terminated, one bit each.
     pub(super) alive: u32,
+    /// Pixels that count for the importance of triangles, one bit each.
+    pub(super) counted: [u16; BLOCKS],
     pub(super) geometry: Option<Box<TileGeometry>>,
 }
 
@@ -35,7 +37,7 @@ pub(super) const BLANK: TileChannel = [[0.0; LANES]; BLOCKS];
 
 impl Default for TilePixels {
     fn default() -> Self {
-        Self { transmittance: BLANK, rgb: [BLANK; 3], alive: 0, geometry: None }
+        Self { transmittance: BLANK, rgb: [BLANK; 3], alive: 0, counted: [u16::MAX; BLOCKS], geometry: None }
     }
 }
 

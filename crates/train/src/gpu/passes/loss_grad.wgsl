@@ -10,6 +10,8 @@
 
 alias Addend = vec2<f32>;
 
+// In place of the error of a pixel that the training ignores.
+const NOT_COUNTED: f32 = -1.0;
 const SIDE: u32 = TILE + 2u * REACH;
 
 var<workgroup> values: array<vec3<f32>, SIDE * SIDE>;
@@ -62,7 +64,7 @@ fn loss_grad(
     }
     let error = dot(difference, difference);
     if inside {
-        d_frame[at] = vec4(d * picture[2u * at + 1u].xyz, weight * error);
+        d_frame[at] = vec4(d * picture[2u * at + 1u].xyz, select(NOT_COUNTED, weight * error, weight > 0.0));
     }
     let absolute = abs(difference);
     let total = group_sum(local, weight * vec2(absolute.x + absolute.y + absolute.z, error));

@@ -2,7 +2,7 @@
 // by the colour, and the squared error) and `d_geometry` (by the normal and the depth, then by the
 // transmittance).
 
-// By the colour of a sample, and its share of the pixel's error.
+// By the colour of a sample, and its share of the pixel's error, which is negative where the training ignores the pixel.
 fn d_frame_of(at: u32) -> vec4<f32> {
     let samples = step.photo.z;
     if samples == 1u {

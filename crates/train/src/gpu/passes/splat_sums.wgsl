@@ -1,5 +1,8 @@
 // Gradients of a splat, summed over pixels. Needs `step`, shade.wgsl and pixel_grad.wgsl.
 
+// A pixel that the training ignores, among the pixels of a splat: it is drawn, but a million of them count less than two others.
+const NOT_COUNTED_PIXEL: f32 = 0x1p-20;
+
 struct SplatSums {
     rgb: vec3<f32>,
     opacity: f32,
@@ -33,14 +36,17 @@ fn add_share(sums: ptr<function, SplatSums>, r: Record, pixel: vec2<u32>, d_pixe
         }
     }
     (*sums).rgb += share.x * d_pixel.xyz;
-    (*sums).error += share.x * d_pixel.w;
     (*sums).opacity += share.y;
     (*sums).ratio += d_edges;
     (*sums).moment_x += d_edges * offset.x;
     (*sums).moment_y += d_edges * offset.y;
-    (*sums).pixels += 1.0;
-    (*sums).max_weight = max((*sums).max_weight, share.x);
-    (*sums).sum_weight += share.x;
+    let is_counted = d_pixel.w >= 0.0;
+    (*sums).pixels += select(NOT_COUNTED_PIXEL, 1.0, is_counted);
+    if is_counted {
+        (*sums).error += share.x * d_pixel.w;
+        (*sums).max_weight = max((*sums).max_weight, share.x);
+        (*sums).sum_weight += share.x;
+    }
 }
 
 // The part that passes through depth, normal and distortion.

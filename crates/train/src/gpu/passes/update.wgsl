@@ -157,7 +157,7 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
     visibility[i] = max(visibility[i], bitcast<u32>(d.max_weight));
     visibility[n + i] = max(visibility[n + i], bitcast<u32>(d.radius_px));
     if step.update.w == 1.0 {
-        visibility[2u * n + i] += select(0u, 1u, d.pixels > 1.0);
+        visibility[2u * n + i] += select(0u, 1u, d.pixels >= 2.0);
         visibility[5u * n + i] = bitcast<u32>(bitcast<f32>(visibility[5u * n + i]) + d.sum_weight);
     }
     if is_finite_grad {
