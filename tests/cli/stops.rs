@@ -58,11 +58,11 @@ fn without_shell() -> TrainOptions {
     options
 }
 
-/// Twenty-one photos decide by four short trainings.
+/// Fourteen photos decide by four short trainings.
 #[test]
 fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
     let folder = tempfile::tempdir().unwrap();
-    let photos = photos(folder.path(), 24);
+    let photos = photos(folder.path(), 16);
     let point = folder.path().join("a.checkpoint");
     let mut straight = job(&photos, TrainOptions::default(), &point);
     let mut observer = Stopper::default();
@@ -72,7 +72,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
 
     // Each process resumes one training, so the next is its second.
     for (training, what) in
-        [(0, "of 525 steps"), (1, "of 1575 steps"), (1, "of 840 steps"), (1, "of 2520 steps")]
+        [(0, "of 350 steps"), (1, "of 1050 steps"), (1, "of 560 steps"), (1, "of 1680 steps")]
     {
         let mut observer = Stopper { at: Some((training, 100)), ..Stopper::default() };
         // With other options: the checkpoint holds those that the run began with.

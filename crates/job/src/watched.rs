@@ -38,7 +38,7 @@ const MOST_SHARE: f64 = 0.1;
 pub(super) const SOLID_STEPS: [u64; 2] = [25, 75];
 pub(super) const SOFT_STEPS: [u64; 2] = [40, 120];
 /// Gains of solid scenes, dB, for which a teacher has weight 1 and 0.
-const SOLID_GAINS: [f64; 2] = [0.6, 1.1];
+const SOLID_GAINS: [f64; 2] = [0.0, 0.4];
 /// Steps per photo of a run without a teacher. From the second on, gains count as they are; at the first, `HURRY` dB are added, because
 /// the teacher's own training takes time from the run.
 const RUN_STEPS_PER_PHOTO: [f64; 2] = [80.0, 150.0];
@@ -184,12 +184,12 @@ mod tests {
         let within =
             |gain, steps| TrialRun { solid: pair(gain), ..TrialRun::default() }.teacher_weight(steps);
         let weight = |gain| within(gain, 200.0);
-        assert_eq!([-1.0, 0.5, 1.3, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
-        assert!(weight(0.85).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
+        assert_eq!([-1.0, 0.0, 0.5, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
+        assert!(weight(0.2).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
         assert_eq!((weight(f64::NAN), TrialRun::default().teacher_weight(200.0)), (None, None));
         // It counts less the fewer steps there are, and only where more of them lose.
-        assert_eq!([40.0, 80.0, 150.0].map(|steps| within(0.2, steps)), [0.0, 0.0, 1.0].map(Some));
-        assert_eq!(within(-0.5, 40.0), Some(1.0));
+        assert_eq!([40.0, 80.0, 150.0].map(|steps| within(-0.2, steps)), [0.0, 0.0, 1.0].map(Some));
+        assert_eq!(within(-1.0, 40.0), Some(1.0));
     }
 
     #[test]

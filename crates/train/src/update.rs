@@ -15,6 +15,10 @@ const CHUNK: usize = 512;
 /// everything.
 pub(crate) const SIZES: [f32; 2] = [0.001, 0.3];
 
+/// The largest size that counts is at most this, divided by the root of the number of triangles: about six times the median of a trained capture.
+/// Triangles that grow far beyond it hide whole walls before a photo is drawn that shows the harm.
+pub(crate) const SIZE_OF_ALL: f32 = 15.0;
+
 /// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
 /// for game engines).
 #[derive(Debug, Clone, Copy)]
@@ -57,10 +61,14 @@ fn sum_of<T: Sync>(values: &[T], number: impl Fn(&T) -> f64 + Sync) -> f64 {
     sums.iter().sum()
 }
 
-/// The root of a triangle's area, within [`SIZES`].
-fn size(v: &[Vec3; 3]) -> f32 {
-    let [least, most] = SIZES;
-    (0.5 * cross(v).length()).sqrt().clamp(least, most)
+/// The root of a triangle's area, from the least of [`SIZES`] to `most`.
+fn size(v: &[Vec3; 3], most: f32) -> f32 {
+    (0.5 * cross(v).length()).sqrt().clamp(SIZES[0], most)
+}
+
+/// The largest size that counts among so many triangles.
+fn most_size(triangles: usize) -> f32 {
+    (SIZE_OF_ALL / (triangles.max(1) as f32).sqrt()).clamp(SIZES[0], SIZES[1])
 }
 
 fn cross(v: &[Vec3; 3]) -> Vec3 {
@@ -90,6 +98,7 @@ pub(crate) fn update(
         used: (usize::from(rates.sh_degree.min(state.params.sh_degree)) + 1).pow(2),
         rates,
         regularisers,
+        most_size: most_size(state.params.len()),
         corners: Rate::new(rates.corners, rates.time),
         opacity: Rate::new(rates.opacity, rates.time),
         sigma: Rate::new(rates.sigma, rates.time),
@@ -144,6 +153,8 @@ struct UpdateStep<'a> {
     used: usize,
     rates: &'a StepParams,
     regularisers: &'a Regularisers,
+    /// The largest size of a triangle that counts.
+    most_size: f32,
     corners: Rate,
     opacity: Rate,
     sigma: Rate,
@@ -206,7 +217,7 @@ impl UpdateStep<'_> {
             d.iter_mut().zip(by_area).for_each(|(d, a)| *d += a);
         }
         let flat = |a| bytemuck::cast_mut::<[Vec3; 3], [f32; 9]>(a).as_mut_slice();
-        adam(self.corners.times(size(x)), flat(x), &d, flat(m), flat(v));
+        adam(self.corners.times(size(x, self.most_size)), flat(x), &d, flat(m), flat(v));
     }
 }
 
@@ -292,6 +303,13 @@ mod tests {
         let [least, most] = SIZES;
         let sizes = [least, 0.01 * 0.5f32.sqrt(), 0.02 * 0.5f32.sqrt(), most];
         assert!((0..4).all(|i| (moved[i] / sizes[i] - 1.0).abs() < 1e-4), "{moved:?}");
+    }
+
+    #[test]
+    fn the_largest_size_falls_with_the_number_of_triangles() {
+        assert_eq!([0, 1, 2500].map(most_size), [0.3; 3]);
+        assert_eq!([22_500, 1_000_000].map(most_size), [0.1, 0.015]);
+        assert_eq!(most_size(usize::MAX), SIZES[0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::cpu::ERROR_UNITS;
 use crate::params::{SIGMA_MIN, SIGMA_SOLID};
-use crate::update::SIZES;
+use crate::update::{SIZE_OF_ALL, SIZES};
 use std::fmt::Write;
 use trisplat_raster::kernel::wgsl::library;
 use trisplat_raster::soft::{MARGIN, TILE};
@@ -77,6 +77,7 @@ impl Pass {
         constant(&mut out, "ERROR_UNITS", ERROR_UNITS);
         constant(&mut out, "LEAST_SIZE", SIZES[0]);
         constant(&mut out, "MOST_SIZE", SIZES[1]);
+        constant(&mut out, "SIZE_OF_ALL", SIZE_OF_ALL);
         out += include_str!("passes/step.wgsl");
         self.parts.iter().for_each(|part| out += part);
         out
