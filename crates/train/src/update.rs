@@ -66,7 +66,7 @@ fn size(v: &[Vec3; 3], most: f32) -> f32 {
     (0.5 * cross(v).length()).sqrt().clamp(SIZES[0], most)
 }
 
-/// The largest size that counts among so many triangles.
+/// The largest size that counts in a scene of `triangles`.
 fn most_size(triangles: usize) -> f32 {
     (SIZE_OF_ALL / (triangles.max(1) as f32).sqrt()).clamp(SIZES[0], SIZES[1])
 }

@@ -137,27 +137,26 @@ mod tests {
         soup
     }
 
-    /// Importance by one drawing, and by one per pixel of the photo of all that counts, added up.
-    fn both(samples: u32, sort: Sort, alpha: &[u8]) -> (Importance, Importance) {
+    /// The importance of every triangle, summed over one drawing with each of the masks.
+    fn importance(samples: u32, sort: Sort, masks: &[Option<&[u8]>]) -> Importance {
         let (soup, size) = (soup(), PHOTO * samples);
         let focal = Vec2::splat(40.0 * samples as f32);
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
         let camera = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let options = SoftOptions { importance: true, sort, ..SoftOptions::default() };
-        let mut soft = SoftRasterizer::new();
-        let mut of = |alpha: &[u8], out: &mut Importance| {
-            let counted = CountedPixels { alpha, width: PHOTO.x, samples };
-            soft.render_counting(&SoupRef::from(&soup), &camera, &options, Some(counted));
-            soft.accumulate_importance(out);
-        };
-        let [mut once, mut singly] = [(); 2].map(|()| Importance::new(soup.len()));
-        of(alpha, &mut once);
-        for at in (0..alpha.len()).filter(|at| alpha[*at] > 0) {
-            let mut one = vec![0; alpha.len()];
-            one[at] = 255;
-            of(&one, &mut singly);
+        let (mut soft, mut out) = (SoftRasterizer::new(), Importance::new(soup.len()));
+        for mask in masks {
+            let counted = mask.map(|alpha| CountedPixels { alpha, width: PHOTO.x, samples });
+            soft.render_counting(&SoupRef::from(&soup), &camera, &options, counted);
+            soft.accumulate_importance(&mut out);
         }
-        (once, singly)
+        out
+    }
+
+    /// For every pixel that `alpha` counts, a mask of that pixel alone.
+    fn single_pixels(alpha: &[u8]) -> Vec<Vec<u8>> {
+        let alone = |at: usize| (0..alpha.len()).map(|i| u8::from(i == at)).collect();
+        (0..alpha.len()).filter(|at| alpha[*at] > 0).map(alone).collect()
     }
 
     #[test]
@@ -165,7 +164,10 @@ mod tests {
         let pixels = PHOTO.element_product() as usize;
         let left: Vec<u8> = (0..pixels).map(|i| u8::from(i % (PHOTO.x as usize) < 14)).collect();
         for (samples, sort) in [(1, Sort::Tile), (2, Sort::Tile), (1, Sort::Pixel)] {
-            let (once, singly) = both(samples, sort, &left);
+            let once = importance(samples, sort, &[Some(&left)]);
+            let pixels = single_pixels(&left);
+            let masks: Vec<_> = pixels.iter().map(|mask| Some(mask.as_slice())).collect();
+            let singly = importance(samples, sort, &masks);
             assert_eq!(once.max_weight, singly.max_weight);
             assert_eq!(once.pixels, singly.pixels);
             let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5 * b.max(1.0);
@@ -179,24 +181,8 @@ mod tests {
 
     #[test]
     fn without_a_mask_every_pixel_counts() {
-        let size = PHOTO;
-        let camera = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(40.0),
-            center: size.as_vec2() / 2.0,
-            size,
-        };
-        let options = SoftOptions { importance: true, ..SoftOptions::default() };
-        let (soup, mut soft) = (soup(), SoftRasterizer::new());
-        let alpha = vec![1; size.element_product() as usize];
-        let counted = CountedPixels { alpha: &alpha, width: size.x, samples: 1 };
-        let [all, none] = [Some(counted), None].map(|counted| {
-            let mut out = Importance::new(soup.len());
-            soft.render_counting(&SoupRef::from(&soup), &camera, &options, counted);
-            soft.accumulate_importance(&mut out);
-            out
-        });
+        let alpha = vec![1; PHOTO.element_product() as usize];
+        let [all, none] = [Some(alpha.as_slice()), None].map(|mask| importance(1, Sort::Tile, &[mask]));
         assert_eq!(all, none);
         assert!(all.max_weight.iter().all(|weight| *weight > 0.3));
     }

@@ -1,6 +1,6 @@
 // Gradients of a splat, summed over pixels. Needs `step`, shade.wgsl and pixel_grad.wgsl.
 
-// A pixel that the training ignores, among the pixels of a splat: it is drawn, but a million of them count less than two others.
+// A pixel that the training ignores, among the pixels of a splat: it is drawn, but a million of them count less than one pixel of the photo's mask.
 const NOT_COUNTED_PIXEL: f32 = 0x1p-20;
 
 struct SplatSums {
