@@ -1,6 +1,8 @@
 //! The recipe: the stages in their order, with reasons.
 
+mod levels;
 mod package;
+mod pictures;
 
 use super::arrange::arrange;
 use super::backdrop::{BackdropWhen, Sky, backdrop, keep_backdrop, take_sky};
@@ -15,6 +17,7 @@ use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
 use super::misfit::misfit;
 use super::options::BakeOptions;
+use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
@@ -25,124 +28,60 @@ use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
+use levels::Shared;
+use package::Seen;
+use pictures::{Cameras, Pictures};
 use std::ops::ControlFlow::Continue;
-use std::sync::Arc;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
-    camera::{Camera, Viewpoint},
+    camera::Camera,
     mesh::Mesh,
     report::{Outcome, Report, StageDetails, StageEvent, StageObserver},
 };
 use trisplat_surface::{SurfaceDetails, surface};
 
-/// The stages, and their shared state.
+/// Calls the stages: what one finds out reaches the next as an argument.
 pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
-    views: Option<&'a mut Views>,
     report: &'a mut Report,
     observer: StageObserver<'a>,
-    /// Pictures of the soft scene, instead of photos.
-    taught: Option<Views>,
-    /// Cameras of photos, in the frame of the input.
-    cameras: Vec<Camera>,
-    /// Cameras that see the scene: those of photos, or chosen ones.
-    watching: Vec<Camera>,
-    /// The surface for smooth normals.
-    facing: Option<Arc<Mesh>>,
-    /// The backdrop of the input, then that of the output before placement.
-    backdrop: Option<Mesh>,
-    /// What replaces it, if that is asked for.
-    sky: Sky,
-    /// The scene's placement, which its levels share.
-    placement: Option<Placement>,
-    /// The first viewpoint, in the frame of the file.
-    viewpoint: Option<Viewpoint>,
 }
 
 impl<'a> Recipe<'a> {
-    pub(super) fn new(
-        options: &'a BakeOptions,
-        views: Option<&'a mut Views>,
-        report: &'a mut Report,
-        observer: StageObserver<'a>,
-    ) -> Self {
-        let (taught, backdrop, placement) = (None, None, None);
-        let (cameras, watching) = (Vec::new(), Vec::new());
-        let facing = None;
-        Self {
-            options,
-            views,
-            report,
-            observer,
-            taught,
-            cameras,
-            watching,
-            facing,
-            backdrop,
-            sky: Sky::default(),
-            placement,
-            viewpoint: None,
-        }
+    pub(super) fn new(options: &'a BakeOptions, report: &'a mut Report, observer: StageObserver<'a>) -> Self {
+        Self { options, report, observer }
     }
 
-    /// Bakes inputs, merged.
-    pub(super) fn run(mut self, inputs: Vec<ImportedScene>) -> Result<Asset> {
-        let mut inputs: Vec<ImportedScene> =
-            inputs.into_iter().map(|loaded| self.untextured(loaded)).collect();
-        // For each input separately: two scenes side by side have no common middle.
-        let when = self.options.backdrop.backdrop;
-        inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
-        let inputs = self.of_one_kind(inputs)?;
-        let mut loaded = merge(inputs)?;
-        self.backdrop = loaded.take_backdrop();
-        if let Some(views) = self.views.as_deref_mut() {
-            views.transform(&loaded.provenance.placement);
-            views.correct_poses(&loaded.cameras);
+    /// Bakes inputs, merged. `photos` are left in the frame of the scene.
+    pub(super) fn run(mut self, inputs: Vec<ImportedScene>, mut photos: Option<&mut Views>) -> Result<Asset> {
+        let mut loaded = self.merged(inputs, photos.is_some())?;
+        let given = loaded.take_backdrop();
+        if let Some(photos) = photos.as_deref_mut() {
+            photos.transform(&loaded.provenance.placement);
+            photos.correct_poses(&loaded.cameras);
         }
-        let loaded = self.background(loaded)?;
-        let loaded = self.crop(loaded)?;
-        self.teach(&loaded)?;
-        let loaded = self.arrange(loaded)?;
-        let traits = self.traits(&loaded);
-        let collision = self.collide(&loaded)?;
-        self.face(&loaded)?;
-        let ImportedScene { mut scene, provenance, warnings, mut cameras } = loaded;
+        let mut pictures = Pictures { photos, drawn: None };
+        let loaded = self.background(loaded, &pictures)?;
+        let loaded = self.crop(loaded, &pictures)?;
+        pictures.drawn = self.teacher(&loaded, &pictures)?;
+        let loaded = self.arrange(loaded, &pictures)?;
+        let traits = self.traits(&loaded, &pictures);
+        let collision = self.collision(&loaded, &pictures)?;
+        let facing = self.surface(&loaded, &pictures)?;
+        let ImportedScene { mut scene, provenance, warnings, cameras } = loaded;
         self.report.warnings.extend(warnings);
-        if let Some(views) = self.views.as_deref() {
-            // Pictures may be drawn for some of the cameras only.
-            if cameras.is_empty() || !views.is_drawn() {
-                cameras = views.cameras().to_vec();
-            }
-        }
-        self.cameras = cameras.clone();
-        // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
-        let chosen = cameras.is_empty();
-        if let Some(taught) = self.taught.as_ref().filter(|_| chosen) {
-            cameras = taught.cameras().to_vec();
-        }
-        self.watching = cameras.clone();
+        let cameras = Cameras::new(cameras, &pictures);
         if let Scene::Soup(soup) = &mut scene {
             // Only the teacher draws more.
             soup.truncate_sh(0);
         }
-        let mesh = self.solidify(scene, &cameras)?;
-        let mesh = self.cull(mesh, &cameras, chosen, traits.is_soft)?;
-        // Drawn pictures always show their scene, so the check is for photos only.
-        if let Some(views) = self.views.as_deref_mut().filter(|views| !views.is_drawn()) {
-            match misfit(&mesh, !self.options.crop.crop.is_empty(), views)? {
-                Some(misfit) if self.options.force_dataset => {
-                    self.report.warnings.push(format!("`dataset` has {misfit}"));
-                }
-                Some(misfit) => {
-                    let wants = "the data set it was trained on, in the same coordinates, or `force_dataset`";
-                    return Err(Error::invalid("dataset", misfit, wants));
-                }
-                None => {}
-            }
-        }
-        let mesh = self.expose(mesh)?;
-        let mesh = self.reshape(mesh, traits)?;
-        let mesh = self.part_shell(mesh)?;
+        let mesh = self.solidify(scene, &cameras.watching)?;
+        let mesh = self.unseen(mesh, pictures.any(), &cameras, traits.is_soft)?;
+        self.misfit(&mesh, pictures.photos.as_deref_mut())?;
+        let mesh = self.exposure(mesh, pictures.photos.as_deref_mut())?;
+        let mesh = self.reshape(mesh, pictures.any(), traits)?;
+        let (mesh, shell) = self.part_shell(mesh, pictures.any().is_some(), &cameras.watching);
+        let behind = joined(given, shell)?;
 
         // Levels are made from the scene at this point, and placed like it.
         let faces = mesh.face_count();
@@ -151,39 +90,51 @@ impl<'a> Recipe<'a> {
             false => self.options.lod.clone(),
         };
         let unpainted = if lod.lod.is_empty() { Mesh::default() } else { mesh.clone() };
-        let mesh = self.back(mesh)?;
-        let (mesh, unseen) = self.paint(mesh, faces)?;
-        let behind = mesh.face_count() - faces;
-        if behind > 0 && !lod.lod.is_empty() {
-            self.backdrop = Some(mesh.clone().split_off(faces));
-        }
-        let mesh = self.texture(mesh, unseen)?;
+        let sky = self.sky(&mesh, behind.as_ref(), pictures.any(), &cameras.watching)?;
+        let mesh = self.backdrop(mesh, behind, pictures.any())?;
+        let (mesh, unseen) = self.refit(mesh, faces, pictures.any())?;
+        let of_levels = mesh.face_count() > faces && !lod.lod.is_empty();
+        let behind = of_levels.then(|| mesh.clone().split_off(faces));
+        let count_behind = (mesh.face_count() - faces) as u32;
+        let mesh = self.texture(mesh, unseen, pictures.any())?;
         let closer = self.report.details::<TextureDetails>().and_then(|details| details.warning());
         self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
-        let asset = self.package(mesh, Provenance { backdrop: behind as u32, ..provenance.clone() })?;
-        let source =
-            LevelSource { mesh: &unpainted, cameras: &cameras, enlarge: self.options.unseen.enlarge };
-        let levels = self.levels(&source, &lod, &provenance)?;
+
+        let seen = Seen { watching: &cameras.watching, facing: facing.as_ref() };
+        let from = Provenance { backdrop: count_behind, ..provenance.clone() };
+        let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
+        let (asset, frame) = self.package(mesh, from, evidence, seen, None)?;
+        let source = LevelSource {
+            mesh: &unpainted,
+            cameras: &cameras.watching,
+            enlarge: self.options.unseen.enlarge,
+        };
+        let shared = Shared { provenance, seen, frame, backdrop: behind };
+        let levels = self.levels(&source, &lod, &shared, pictures.any())?;
         // From the finished scene: tiles hold final triangles.
-        let collision = collision.map(|mesh| self.placed(mesh));
+        let collision = collision.map(|mesh| placed(mesh, &frame.placement));
         let backdrop_apart = self.options.backdrop.backdrop == BackdropWhen::File;
         let mut asset = Asset { levels, collision, backdrop_apart, ..asset };
-        if self.options.backdrop.backdrop == BackdropWhen::Sky {
-            let placement = self.placement.unwrap_or_default();
-            if !take_sky(&mut asset, std::mem::take(&mut self.sky), &placement) {
-                let warning = "no sky is written: it needs photos (`dataset`), or a scene with a shell";
-                self.report.warnings.push(warning.to_owned());
-            }
-        }
+        self.put_sky(&mut asset, sky, &frame.placement);
         let options = &self.options.tiles;
         self.report
             .stage(self.observer, asset, Asset::counts, |asset, details| tiles(asset, options, details))
     }
 
+    /// The inputs as one scene.
+    fn merged(&mut self, inputs: Vec<ImportedScene>, photos: bool) -> Result<ImportedScene> {
+        let inputs = inputs.into_iter().map(|loaded| self.untextured(loaded, photos));
+        let mut inputs: Vec<ImportedScene> = inputs.collect();
+        // For each input separately: two scenes side by side have no common middle.
+        let when = self.options.backdrop.backdrop;
+        inputs.iter_mut().for_each(|loaded| recognise_shell(&mut loaded.scene, when));
+        merge(self.of_one_kind(inputs)?)
+    }
+
     /// A mesh keeps its texture unless photos decide what triangles show: then its faces get the mean of their texels first.
-    fn untextured(&mut self, mut loaded: ImportedScene) -> ImportedScene {
+    fn untextured(&mut self, mut loaded: ImportedScene, photos: bool) -> ImportedScene {
         if let Scene::Mesh(mesh) = &mut loaded.scene
-            && self.views.is_some()
+            && photos
             && mesh.drop_texture()
             && !self.options.texture.is_wanted()
         {
@@ -208,7 +159,7 @@ impl<'a> Recipe<'a> {
         options.prune.max_triangles = None;
         let mut unread = Report::default();
         let mut nobody = |_: StageEvent<'_>| Continue(());
-        let mut of_soup = Recipe::new(&options, None, &mut unread, &mut nobody);
+        let mut of_soup = Recipe::new(&options, &mut unread, &mut nobody);
         let mut solidified = |mut loaded: ImportedScene| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
@@ -220,12 +171,12 @@ impl<'a> Recipe<'a> {
     }
 
     /// On the scene as it was trained and in full, because the borders of its pictures show the background.
-    fn background(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+    fn background(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         // Hardening looked for it before it trained.
         if self.report.stages.iter().any(|stage| stage.name == BackgroundDetails::STAGE) {
             return Ok(loaded);
         }
-        let (options, photos) = (&self.options.background, self.views.is_some());
+        let (options, photos) = (&self.options.background, pictures.photos.is_some());
         let draws_none =
             self.options.teacher.teacher == TeacherWhen::Off && options.background == BackgroundFrom::Auto;
         let measure = |loaded: &ImportedScene| count(&loaded.scene);
@@ -238,10 +189,10 @@ impl<'a> Recipe<'a> {
     }
 
     /// Before all that costs: a budget of triangles is for the region, and removed parts must not hide it in pictures.
-    fn crop(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+    fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
-        let seen_by = self.views.as_deref().map_or(&cameras[..], Views::cameras);
+        let seen_by = pictures.photos.as_deref().map_or(&cameras[..], Views::cameras);
         let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
             crop(scene, seen_by, provenance.up, options, details)
         })?;
@@ -255,9 +206,9 @@ impl<'a> Recipe<'a> {
 
     /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the triangles in
     /// their original order.
-    fn arrange(&mut self, loaded: ImportedScene) -> Result<ImportedScene> {
+    fn arrange(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
-        let is_drawn = self.views.is_some() || self.taught.is_some() || !cameras.is_empty();
+        let is_drawn = pictures.photos.is_some() || pictures.drawn.is_some() || !cameras.is_empty();
         let order = self.options.order.order;
         let scene = self.report.stage(self.observer, scene, count, |scene, details| {
             Ok(arrange(scene, is_drawn, order, details))
@@ -266,20 +217,19 @@ impl<'a> Recipe<'a> {
     }
 
     /// On the scene as it was trained: all other stages try to keep this look.
-    fn teach(&mut self, loaded: &ImportedScene) -> Result<()> {
-        let (options, photos) = (self.options, self.views.is_some());
+    fn teacher(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Views>> {
+        let (options, photos) = (self.options, pictures.photos.is_some());
         let measure = |_: &Option<Views>| count(&loaded.scene);
         let behind = self.report.details::<BackgroundDetails>().and_then(|found| found.behind());
-        self.taught = self.report.stage(self.observer, None, measure, |views, details| {
+        self.report.stage(self.observer, None, measure, |views, details| {
             teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details)
-        })?;
-        Ok(())
+        })
     }
 
     /// On the scene as it was trained, because all its triangles give better depths than fewer would.
-    fn collide(&mut self, loaded: &ImportedScene) -> Result<Option<Mesh>> {
+    fn collision(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Mesh>> {
         let (options, observer) = (&self.options.collision, &mut *self.observer);
-        let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
+        let cameras = pictures.of_photos();
         let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
         self.report.long_stage(observer, None, measure, |found, details, progress| {
             collision(found, loaded, cameras, options, details, progress)
@@ -287,13 +237,13 @@ impl<'a> Recipe<'a> {
     }
 
     /// The surface for smooth normals, from the scene as it was trained.
-    fn face(&mut self, loaded: &ImportedScene) -> Result<()> {
+    fn surface(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Mesh>> {
         if self.options.lit.lit != Lit::Smooth {
-            return Ok(());
+            return Ok(None);
         }
-        let cameras = self.views.as_deref().map_or(&[][..], Views::cameras);
+        let cameras = pictures.of_photos();
         let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
-        let found = self.report.long_stage(
+        self.report.long_stage(
             self.observer,
             None,
             measure,
@@ -305,16 +255,7 @@ impl<'a> Recipe<'a> {
                     None => Outcome::Skipped("the cameras see no connected surface"),
                 })
             },
-        )?;
-        self.facing = found.map(Arc::new);
-        Ok(())
-    }
-
-    /// Moves results of earlier stages to where the scene was placed.
-    fn placed(&self, mut mesh: Mesh) -> Mesh {
-        let transform = self.placement.unwrap_or_default().transform();
-        mesh.positions.iter_mut().for_each(|position| *position = transform(*position));
-        mesh
+        )
     }
 
     /// The part of the recipe that turns the input into opaque, coloured triangles.
@@ -352,16 +293,23 @@ impl<'a> Recipe<'a> {
     }
 
     /// As soon as triangles are opaque and hide each other, before later stages work on hidden ones.
-    fn cull(&mut self, mesh: Mesh, cameras: &[Camera], chosen: bool, is_soft: bool) -> Result<Mesh> {
+    fn unseen(
+        &mut self,
+        mesh: Mesh,
+        mut views: Option<&mut Views>,
+        cameras: &Cameras,
+        is_soft: bool,
+    ) -> Result<Mesh> {
         let options = self.options;
-        let mut views = either(&mut self.views, &mut self.taught);
+        // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
+        let chosen = cameras.of_photos.is_empty();
         let budget = match &views {
             Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
             None => options.prune.max_triangles,
         };
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
-        let cameras = if chosen && budget.is_none() { &[] } else { cameras };
+        let cameras = if chosen && budget.is_none() { &[] } else { &cameras.watching[..] };
         self.report.long_stage(
             self.observer,
             mesh,
@@ -386,28 +334,44 @@ impl<'a> Recipe<'a> {
         )
     }
 
+    /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn pictures always show their scene.
+    fn misfit(&mut self, mesh: &Mesh, photos: Option<&mut Views>) -> Result<()> {
+        let Some(photos) = photos.filter(|photos| !photos.is_drawn()) else {
+            return Ok(());
+        };
+        let Some(misfit) = misfit(mesh, !self.options.crop.crop.is_empty(), photos)? else {
+            return Ok(());
+        };
+        if self.options.force_dataset {
+            self.report.warnings.push(format!("`dataset` has {misfit}"));
+            return Ok(());
+        }
+        let wants = "the data set it was trained on, in the same coordinates, or `force_dataset`";
+        Err(Error::invalid("dataset", misfit, wants))
+    }
+
     /// As soon as drawings resemble the photos, and before anything is fitted to them.
-    fn expose(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let (views, options) = (self.views.as_deref_mut(), &self.options.exposure);
+    fn exposure(&mut self, mesh: Mesh, photos: Option<&mut Views>) -> Result<Mesh> {
+        let options = &self.options.exposure;
         self.report
-            .stage(self.observer, mesh, count_mesh, |mesh, details| exposure(mesh, views, options, details))
+            .stage(self.observer, mesh, count_mesh, |mesh, details| exposure(mesh, photos, options, details))
     }
 
     /// Inputs of the fitting; not computed when it is off.
-    fn traits(&self, loaded: &ImportedScene) -> SceneTraits {
+    fn traits(&self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> SceneTraits {
         let asks = self.options.reshape.reshape == ReshapeWhen::Auto;
         let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         SceneTraits {
             // Only soft scenes have a teacher.
-            is_soft: self.taught.is_some() || asks && looks_soft(),
+            is_soft: pictures.drawn.is_some() || asks && looks_soft(),
             is_closed: loaded.scene.shell_count() > 0,
         }
     }
 
     /// On the remaining triangles, by the cameras' pictures: before the backdrop, and before colours are
     /// fitted exactly.
-    fn reshape(&mut self, mesh: Mesh, traits: SceneTraits) -> Result<Mesh> {
-        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.reshape);
+    fn reshape(&mut self, mesh: Mesh, views: Option<&mut Views>, traits: SceneTraits) -> Result<Mesh> {
+        let options = &self.options.reshape;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             reshape(mesh, views, traits, options, details, progress)
         })
@@ -415,50 +379,69 @@ impl<'a> Recipe<'a> {
 
     /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a
     /// backdrop, keeps its shell as part of the scene.
-    fn part_shell(&mut self, mut mesh: Mesh) -> Result<Mesh> {
+    fn part_shell(&self, mut mesh: Mesh, has_pictures: bool, watching: &[Camera]) -> (Mesh, Mesh) {
         let when = self.options.backdrop.backdrop;
-        let cropped = !self.options.crop.crop.is_empty() && when == BackdropWhen::Auto;
-        if cropped || when == BackdropWhen::Off {
+        if self.is_cropped() || when == BackdropWhen::Off {
             // It is part of the scene from here on.
             mesh.shell.clear();
-            return Ok(mesh);
+            return (mesh, Mesh::default());
         }
-        let mut behind = take_shell(&mut mesh, &self.watching);
-        if either(&mut self.views, &mut self.taught).is_none() && self.options.refit.refit != RefitColors::Off
-        {
+        let mut behind = take_shell(&mut mesh, watching);
+        if !has_pictures && self.options.refit.refit != RefitColors::Off {
             smooth_shell(&mut behind);
         }
-        if mesh.face_count() == 0 {
-            // Without other triangles the shell is the scene.
-            return Ok(behind);
+        // Without other triangles the shell is the scene.
+        if mesh.face_count() == 0 { (behind, mesh) } else { (mesh, behind) }
+    }
+
+    /// Whether a region of the scene is baked, to which surroundings do not belong.
+    fn is_cropped(&self) -> bool {
+        !self.options.crop.crop.is_empty() && self.options.backdrop.backdrop == BackdropWhen::Auto
+    }
+
+    /// The panorama that replaces the backdrop, if that is asked for.
+    fn sky(
+        &self,
+        mesh: &Mesh,
+        behind: Option<&Mesh>,
+        views: Option<&mut Views>,
+        watching: &[Camera],
+    ) -> Result<Sky> {
+        match self.options.backdrop.backdrop {
+            BackdropWhen::Sky => Sky::behind(mesh, behind, views, watching),
+            _ => Ok(Sky::default()),
         }
-        match &mut self.backdrop {
-            Some(backdrop) => backdrop.append(behind)?,
-            None => self.backdrop = Some(behind).filter(|behind| behind.face_count() > 0),
+    }
+
+    /// Gives the scene and its levels the panorama, if that is asked for.
+    fn put_sky(&mut self, asset: &mut Asset, sky: Sky, placement: &Placement) {
+        let wants_sky = self.options.backdrop.backdrop == BackdropWhen::Sky;
+        if wants_sky && !take_sky(asset, sky, placement) {
+            let warning = "no sky is written: it needs photos (`dataset`), or a scene with a shell";
+            self.report.warnings.push(warning.to_owned());
         }
-        Ok(mesh)
     }
 
     /// Behind the remaining triangles, and before colours are taken from the photos: colours of holes belong
     /// to the sphere.
-    fn back(&mut self, mesh: Mesh) -> Result<Mesh> {
-        let options = &self.options.backdrop;
-        let (given, mut views) = (self.backdrop.take(), either(&mut self.views, &mut self.taught));
-        if options.backdrop == BackdropWhen::Sky {
-            self.sky = Sky::behind(&mesh, given.as_ref(), views.as_deref_mut(), &self.watching)?;
-        }
-        let cropped = !self.options.crop.crop.is_empty() && options.backdrop == BackdropWhen::Auto;
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match given {
+    fn backdrop(&mut self, mesh: Mesh, behind: Option<Mesh>, views: Option<&mut Views>) -> Result<Mesh> {
+        let (options, cropped) = (&self.options.backdrop, self.is_cropped());
+        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match behind {
             _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
-            Some(given) => keep_backdrop(mesh, given, options, details),
+            Some(behind) => keep_backdrop(mesh, behind, options, details),
             None => backdrop(mesh, views, options, details),
         })
     }
 
     /// On the remaining triangles, because colours depend on which parts of them are visible. Faces from
     /// `behind` on are the backdrop.
-    fn paint(&mut self, mesh: Mesh, behind: usize) -> Result<(Mesh, Option<UnseenColors>)> {
-        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.refit);
+    fn refit(
+        &mut self,
+        mesh: Mesh,
+        behind: usize,
+        views: Option<&mut Views>,
+    ) -> Result<(Mesh, Option<UnseenColors>)> {
+        let options = &self.options.refit;
         let mut unseen = None;
         let mesh = self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             let found = refit(mesh, behind, views, options, details, progress)?;
@@ -469,15 +452,34 @@ impl<'a> Recipe<'a> {
     }
 
     /// On fitted colours: texels store differences from them.
-    pub(super) fn texture(&mut self, mesh: Mesh, unseen: Option<UnseenColors>) -> Result<Mesh> {
-        let (views, options) = (either(&mut self.views, &mut self.taught), &self.options.texture);
+    fn texture(
+        &mut self,
+        mesh: Mesh,
+        unseen: Option<UnseenColors>,
+        views: Option<&mut Views>,
+    ) -> Result<Mesh> {
+        let options = &self.options.texture;
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             texture(mesh, views, unseen, options, details, progress)
         })
     }
 }
 
-/// The photos, or the pictures that replace them.
-fn either<'v>(photos: &'v mut Option<&mut Views>, taught: &'v mut Option<Views>) -> Option<&'v mut Views> {
-    photos.as_deref_mut().or(taught.as_mut())
+/// The backdrop of the input with the shell of the scene.
+fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
+    match given {
+        Some(mut behind) if shell.face_count() > 0 => {
+            behind.append(shell)?;
+            Ok(Some(behind))
+        }
+        Some(behind) => Ok(Some(behind)),
+        None => Ok(Some(shell).filter(|shell| shell.face_count() > 0)),
+    }
+}
+
+/// Moves a result of an earlier stage to where the scene was placed.
+fn placed(mut mesh: Mesh, placement: &Placement) -> Mesh {
+    let transform = placement.transform();
+    mesh.positions.iter_mut().for_each(|position| *position = transform(*position));
+    mesh
 }

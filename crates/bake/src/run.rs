@@ -100,7 +100,7 @@ impl<'a> Bake<'a> {
             None => &mut |_| ControlFlow::Continue(()),
         };
         let report = self.report.unwrap_or(&mut own_report);
-        let recipe = Recipe::new(self.options, self.views, report, observer);
-        recipe.run(inputs.into_iter().map(Into::into).collect())
+        let recipe = Recipe::new(self.options, report, observer);
+        recipe.run(inputs.into_iter().map(Into::into).collect(), self.views)
     }
 }
