@@ -21,7 +21,7 @@ use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::{recognise_shell, spared, take_shell};
+use super::shell::{cut, recognise_shell, spared, take_shell};
 use super::solid::solid;
 use super::teacher::{TeacherWhen, is_solid, teacher};
 use super::texture::{TextureDetails, texture};
@@ -387,11 +387,19 @@ impl<'a> Recipe<'a> {
             return (mesh, Mesh::default());
         }
         let mut behind = take_shell(&mut mesh, watching);
-        if !has_pictures && self.options.refit.refit != RefitColors::Off {
+        let fits_colors = self.options.refit.refit != RefitColors::Off;
+        if fits_colors && !has_pictures {
             smooth_shell(&mut behind);
         }
-        // Without other triangles the shell is the scene.
-        if mesh.face_count() == 0 { (behind, mesh) } else { (mesh, behind) }
+        if mesh.face_count() == 0 {
+            // Without other triangles the shell is the scene.
+            return (behind, mesh);
+        }
+        // A panorama has the shape of the shell only.
+        if fits_colors && has_pictures && when != BackdropWhen::Sky {
+            behind = cut(behind, mesh.face_count(), self.options.prune.max_triangles);
+        }
+        (mesh, behind)
     }
 
     /// Whether a region of the scene is baked, to which surroundings do not belong.

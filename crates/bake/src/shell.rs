@@ -9,8 +9,16 @@
 use super::backdrop::BackdropWhen;
 use glam::Vec3;
 use trisplat_raster::framing::far_shell::far_shell;
-use trisplat_scene::{Scene, camera::Camera, mesh::Mesh};
+use trisplat_scene::{
+    Scene,
+    camera::Camera,
+    mesh::{Colors, Mesh},
+};
 
+/// Most triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
+const MOST_CUT: usize = 8192;
+/// Least triangles of the scene for each triangle of a cut shell.
+const SCENE_PER_CUT: usize = 3;
 /// A shell stays whole if the budget of triangles is at least this many times its size.
 const LEAST_SHELLS: u64 = 8;
 
@@ -44,6 +52,32 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
+/// Cuts each face of `shell` into four, if there is room for them beside the `scene_faces` of the scene, in a `budget` too. Colours that are then
+/// fitted to pictures run softly through them; those of large faces look like gems.
+pub(super) fn cut(shell: Mesh, scene_faces: usize, budget: Option<u64>) -> Mesh {
+    let count = 4 * shell.face_count();
+    let fits = budget.is_none_or(|most| (scene_faces + count) as u64 <= most);
+    if count > MOST_CUT || count * SCENE_PER_CUT > scene_faces || !fits {
+        return shell;
+    }
+    let (mut positions, mut colors) = (Vec::with_capacity(3 * count), Vec::with_capacity(3 * count));
+    for face in 0..shell.face_count() {
+        // Neighbours compute the same middle of their edge, bit for bit.
+        let places = quarters(shell.corners(face), |a, b| (a + b) / 2.0);
+        positions.extend(places);
+        let mean = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|channel| (a[channel] + b[channel]) / 2.0);
+        colors.extend(quarters(shell.corner_colors(face), mean));
+    }
+    let opacity = shell.opacity.iter().flat_map(|opacity| [*opacity; 4]).collect();
+    Mesh { positions, colors: Colors::Vertex(colors), opacity, ..Mesh::default() }
+}
+
+/// The corners of the four triangles between the corners and the middles of the edges of one, wound as it is.
+fn quarters<T: Copy>([a, b, c]: [T; 3], middle: impl Fn(T, T) -> T) -> [T; 12] {
+    let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+    [a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]
+}
+
 /// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
 /// of them, unless the mesh is larger than `budget` and the shell takes a large part of it: small budgets are
 /// spent on visible triangles. `[F]`
@@ -59,7 +93,6 @@ pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::mesh::Colors;
 
     /// An octahedron of radius 10 as a shell, wound outward, and `within` triangles near its middle.
     fn scene(within: usize) -> Mesh {
