@@ -127,6 +127,35 @@ mod tests {
     }
 
     #[test]
+    fn a_cut_shell_has_the_same_surface_in_quarters_and_no_gap() {
+        let shell = take_shell(&mut scene(0), &[]);
+        let quarters = cut(shell.clone(), 96, None);
+        assert_eq!(quarters.face_count(), 4 * shell.face_count());
+        let mut edges = std::collections::HashMap::new();
+        for face in 0..quarters.face_count() {
+            let (part, whole) = (quarters.area(face), shell.area(face / 4));
+            assert!((4.0 * part - whole).abs() < 1e-4 * whole, "{part} of {whole}");
+            assert!(quarters.flat_normal(face).dot(shell.flat_normal(face / 4)) > 0.999);
+            let corners = quarters.corners(face).map(|corner| (corner + 0.0).to_array().map(f32::to_bits));
+            for k in 0..3 {
+                *edges.entry((corners[k], corners[(k + 1) % 3])).or_insert(0) += 1;
+            }
+        }
+        // Every edge has a neighbour on its other side.
+        assert!(edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1)));
+    }
+
+    #[test]
+    fn a_shell_is_cut_only_where_there_is_room() {
+        let shell = take_shell(&mut scene(0), &[]);
+        let count = |scene_faces, budget| cut(shell.clone(), scene_faces, budget).face_count();
+        assert_eq!([count(96, None), count(95, None)], [32, 8]);
+        assert_eq!([count(96, Some(128)), count(96, Some(127))], [32, 8]);
+        let large = (0..9).fold(shell.clone(), |shell, _| cut(shell, usize::MAX, None));
+        assert_eq!(large.face_count(), 8192);
+    }
+
+    #[test]
     fn a_shell_is_kept_whole_unless_it_is_a_large_part_of_a_budget() {
         let mut whole = scene(100);
         for (budget, count) in [(None, 8), (Some(108), 8), (Some(107), 8), (Some(64), 8), (Some(63), 0)] {
