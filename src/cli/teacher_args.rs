@@ -11,7 +11,7 @@ pub struct TeacherArgs {
     /// train one first and keep it as OUT.teacher.ply; if there is time, train up to two more and use their
     /// mean picture. off: no teacher. Solid scenes of fewer than 18 photos have auto, with less weight for
     /// each photo beyond 10, unless --max-cpu-secs is given. In a run that is long enough, short trial
-    /// trainings may decide for a teacher for up to 100 photos, and choose its training time.
+    /// trainings may decide for a teacher for up to 100 photos.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between the

@@ -44,8 +44,6 @@ pub(super) struct TaughtRun<'a> {
     pub(super) file: Option<&'a Path>,
     /// Weight of the teacher, 0 to 1.
     pub(super) weight: f64,
-    /// Training time of the teacher, from 0 (shortest) to 1 (longest).
-    pub(super) length: f64,
 }
 
 /// The teachers of a run that are still to be trained.
@@ -102,7 +100,7 @@ impl TaughtRun<'_> {
         let spending = self.storing.spending;
         let budget = self.budget.map(|budget| teacher_budget(budget, weight, spending.seconds()));
         let mut options = teacher_options(self.options, budget.is_some(), weight)?;
-        let mut enough = enough_for_teacher(photos, weight, self.length);
+        let mut enough = enough_for_teacher(photos, weight);
         // Steps given for the run also hold for its teacher.
         enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
         if budget.is_none() {

@@ -31,10 +31,9 @@ const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 const LEAST_WEIGHT: f64 = 0.1;
 /// Most teachers of a run. The mean picture of several is closer to the photos than the picture of one.
 pub(super) const MOST_TEACHERS: usize = 3;
-/// Steps per training photo after which a teacher, and its run, only memorise these photos: the shortest and
-/// longest that watched photos choose. Divided by the teacher's weight.
-const TEACHER_STEPS_PER_PHOTO: [f64; 2] = [40.0, 85.0];
-const STEPS_PER_PHOTO: [f64; 2] = [100.0, 180.0];
+/// Steps per training photo after which a teacher, and its run, only memorise these photos. Divided by the teacher's weight.
+const TEACHER_STEPS_PER_PHOTO: f64 = 85.0;
+const STEPS_PER_PHOTO: f64 = 180.0;
 
 /// Source of the teacher.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -134,25 +133,22 @@ fn weight(photos: usize) -> f64 {
     ((MANY_PHOTOS - photos as f64) / (MANY_PHOTOS - FEW_PHOTOS)).clamp(0.0, 1.0)
 }
 
-/// Limits of a run on `photos` with a teacher of this `weight`; `length` is the teacher's training time as a share of the longest.
-pub(super) fn enough(photos: usize, weight: f64, length: f64) -> StepLimit {
-    let (steps, triangles_per_step) = worth(STEPS_PER_PHOTO, photos, weight, length);
-    StepLimit { steps: Some(steps), triangles_per_step, ..StepLimit::default() }
+/// Limits of a run on `photos` with a teacher of this `weight`.
+pub(super) fn enough(photos: usize, weight: f64) -> StepLimit {
+    StepLimit { steps: Some(worth(STEPS_PER_PHOTO, photos, weight)), ..StepLimit::default() }
 }
 
-/// Most steps and triangles per step: shorter runs keep the number of triangles.
-fn worth([short, long]: [f64; 2], photos: usize, weight: f64, length: f64) -> (u64, f64) {
-    let per_photo = short + length * (long - short);
+/// Most steps.
+fn worth(per_photo: f64, photos: usize, weight: f64) -> u64 {
     // A float that is too large becomes the largest integer.
-    let steps = (per_photo * photos as f64 / weight) as u64;
-    (steps, StepLimit::default().triangles_per_step * long / per_photo)
+    (per_photo * photos as f64 / weight) as u64
 }
 
 /// Limits of a teacher.
-pub(super) fn enough_for_teacher(photos: usize, weight: f64, length: f64) -> StepLimit {
-    let (steps, triangles_per_step) = worth(TEACHER_STEPS_PER_PHOTO, photos, weight, length);
+pub(super) fn enough_for_teacher(photos: usize, weight: f64) -> StepLimit {
+    let steps = worth(TEACHER_STEPS_PER_PHOTO, photos, weight);
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
-    StepLimit { steps: Some(steps), triangles_per_step, steps_of_full_photos: steps }
+    StepLimit { steps: Some(steps), steps_of_full_photos: steps, ..StepLimit::default() }
 }
 
 /// Default share of the steps on pictures of a teacher of this weight; at least a minimum if `asked` for.
@@ -347,26 +343,18 @@ mod tests {
 
     #[test]
     fn few_photos_have_an_end_and_many_have_none() {
-        let most = |photos| enough(photos, weight(photos), 1.0).steps.unwrap();
+        let most = |photos| enough(photos, weight(photos)).steps.unwrap();
         assert_eq!([5, 10, 14].map(most), [900, 1800, 5040]);
         assert_eq!(most(18), u64::MAX);
         assert!((2..18).all(|photos| most(photos) < most(photos + 1)));
     }
 
     #[test]
-    fn fewer_steps_are_made_with_as_many_triangles() {
-        for (enough, steps) in
-            [(enough_for_teacher as fn(_, _, _) -> StepLimit, [800, 1700]), (enough, [2000, 3600])]
-        {
-            let [short, long] = [0.0, 1.0].map(|length| enough(20, 1.0, length));
-            assert_eq!([short, long].map(|enough| enough.steps), steps.map(Some));
-            assert_eq!(long.triangles_per_step, StepLimit::default().triangles_per_step);
-            let triangles = |enough: StepLimit| enough.triangles_per_step * enough.steps.unwrap() as f64;
-            assert!((triangles(short) - triangles(long)).abs() < 1e-6);
-            assert_eq!(enough(20, 0.5, 1.0).steps, Some(2 * steps[1]));
-        }
+    fn less_weight_trains_longer() {
+        assert_eq!([1.0, 0.5].map(|weight| enough(20, weight).steps), [3600, 7200].map(Some));
+        let of_teacher = enough_for_teacher(20, 1.0);
         // A teacher without time for its steps on full photos gets smaller photos.
-        assert_eq!(enough_for_teacher(20, 1.0, 1.0).steps_of_full_photos, 1700);
+        assert_eq!((of_teacher.steps, of_teacher.steps_of_full_photos), (Some(1700), 1700));
     }
 
     #[test]

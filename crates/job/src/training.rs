@@ -198,7 +198,7 @@ impl TrainJob {
     }
 
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
-    /// photos does not, and about its training time. [`TrainJob::run`] calls this unless it was called before.
+    /// photos does not. [`TrainJob::run`] calls this unless it was called before.
     ///
     /// Errors: options that the budget chooses, undecodable photos, a stopped training, a checkpoint of another run.
     pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
@@ -210,23 +210,14 @@ impl TrainJob {
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
-        let wanted = unsure || self.teacher_plan() == TeacherPlan::Train;
-        let fits_both = self.has_time_to_watch(2);
         let is_over = self.resume.is_some() || self.watched.is_some() || self.is_teaching();
-        if !self.has_time_to_watch(1) || !wanted || cut || is_over {
+        if !unsure || !self.has_time_to_watch() || cut || is_over {
             return Ok(());
         }
         let (how, began) = (self.dataset_options.clone(), self.began.unwrap_or_else(Instant::now));
         let (earlier, seed) = (self.earlier_trials(), self.options.options.seed);
         let mut watching = Watching::new(&self.dataset, &how, seed, self.storing(began), earlier)?;
-        let mut watched = watching.nothing_yet();
-        if unsure {
-            watched.solid = Some(watching.solid(observer)?);
-            self.watched = Some(watched.clone());
-        }
-        if self.teacher_plan() == TeacherPlan::Train && (fits_both || !unsure) {
-            watched.soft = Some(watching.soft(observer)?);
-        }
+        let watched = watching.run(observer)?;
         // The teacher or the run, which come next, ask whether to go on.
         let _ = observer(Event::Watched(&watched));
         self.watch_secs = watching.seconds();
@@ -310,13 +301,13 @@ impl TrainJob {
         self.preparation.as_ref().map_or(self.outputs.max_cpu_secs, |resumed| resumed.max_cpu_secs)
     }
 
-    /// Whether there are photos to watch, and time for `pairs` of short trainings.
-    fn has_time_to_watch(&self, pairs: usize) -> bool {
+    /// Whether there are photos to watch, and time for short trainings.
+    fn has_time_to_watch(&self) -> bool {
         match self.budget {
-            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count(), pairs),
+            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count()),
             // Short trainings do not obey the run's limit.
             None if self.max_cpu_secs() > 0.0 => false,
-            None => watched::fits_beside(&self.options.options, &self.dataset, pairs),
+            None => watched::fits_beside(&self.options.options, &self.dataset),
         }
     }
 
@@ -335,8 +326,7 @@ impl TrainJob {
         let photos = self.dataset.train().count();
         let gain = |watched: &TrialRun| {
             let steps_per_photo = self.steps() / photos.max(1) as f64;
-            let (decibels, teacher_weight) =
-                (watched.solid_gain()?, watched.teacher_weight(steps_per_photo)?);
+            let (decibels, teacher_weight) = (watched.gain()?, watched.teacher_weight(steps_per_photo)?);
             Some(WatchedGain { decibels, teacher_weight })
         };
         UndecidedRun {
@@ -354,11 +344,6 @@ impl TrainJob {
             Some(budget) => watched::STEPS_PER_SEC * budget.seconds.0,
             None => self.options.options.steps as f64,
         }
-    }
-
-    /// Training time of the teacher, as a share of the longest.
-    fn teacher_length(&self) -> f64 {
-        self.watched.as_ref().and_then(TrialRun::teacher_length).unwrap_or(1.0)
     }
 
     /// Weight of the teacher: 1 if requested.
@@ -383,7 +368,7 @@ impl TrainJob {
             TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
             TeacherPlan::Train => {
                 if !self.options.is_given("steps") {
-                    enough = teacher::enough(self.dataset.train().count(), weight, self.teacher_length());
+                    enough = teacher::enough(self.dataset.train().count(), weight);
                 }
                 let stopped = self.stopped_teacher();
                 let teachers = self.taught(began, weight).train_teachers(stopped, observer)?;
@@ -456,7 +441,6 @@ impl TrainJob {
             watched: self.watched.clone(),
             file: self.teacher_file.as_deref(),
             weight,
-            length: self.teacher_length(),
         }
     }
 }

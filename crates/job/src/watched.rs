@@ -1,9 +1,8 @@
 //! Short trainings that leave some photos out: do more steps improve views beyond the training photos? The left-out photos are drawn
 //! at the end.
 //!
-//! Two scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
-//! decibel or more; if it memorises photos, they gain little or lose. Solid scenes decide about a teacher, soft
-//! ones about its training time. See docs/benchmarks/few-photos.md.
+//! Two solid scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
+//! decibel or more; if it memorises photos, they gain little or lose, and a teacher helps. See docs/benchmarks/few-photos.md.
 
 use glam::UVec2;
 use schemars::JsonSchema;
@@ -14,7 +13,7 @@ use trisplat_scene::{
     report::{Counts, StageDetails, StageReport, counted, to_json},
 };
 use trisplat_train::{
-    TrainOptions, TrainPreset,
+    TrainOptions,
     budget::{CostModel, Workload, part_secs},
 };
 
@@ -28,16 +27,15 @@ const FEWEST_WATCHED: usize = 3;
 const FEWEST_PHOTOS: usize = 8;
 /// Most photos for which photos are watched: with more, memorising starts much later.
 pub(super) const MOST_PHOTOS: usize = 100;
-/// Least budget per photo, seconds, for a pair of trainings, which take about a quarter of a second per photo.
+/// Least budget per photo, seconds, for the trainings, which take about a quarter of a second per photo.
 const LEAST_SECS_PER_PHOTO: f64 = 2.0;
 /// Least budget, seconds: in shorter runs all steps pay.
 const LEAST_SECS: f64 = 50.0;
-/// Largest share of a pair of trainings in a run without a budget.
+/// Largest share of the trainings in a run without a budget.
 const MOST_SHARE: f64 = 0.1;
-/// Steps per photo of the two solid scenes, and of the two soft ones.
+/// Steps per photo of the two scenes.
 pub(super) const SOLID_STEPS: [u64; 2] = [25, 75];
-pub(super) const SOFT_STEPS: [u64; 2] = [40, 120];
-/// Gains of solid scenes, dB, for which a teacher has weight 1 and 0.
+/// Gains, dB, for which a teacher has weight 1 and 0.
 const SOLID_GAINS: [f64; 2] = [0.0, 0.4];
 /// Steps per photo of a run without a teacher. From the second on, gains count as they are; at the first, `HURRY` dB are added, because
 /// the teacher's own training takes time from the run.
@@ -45,22 +43,18 @@ const RUN_STEPS_PER_PHOTO: [f64; 2] = [80.0, 150.0];
 const HURRY: f64 = 1.0;
 /// Approximate number of steps per second of a budget.
 pub(super) const STEPS_PER_SEC: f64 = 30.0;
-/// Gains of soft scenes, dB, for the shortest and the longest training of a teacher.
-const SOFT_GAINS: [f64; 2] = [0.0, 0.6];
 
 /// What short trainings say of photos that they left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct TrialRun {
     /// The photos that were left out.
     pub photos: Vec<String>,
-    /// How close two solid trainings came to them; null where it was clear that there is a teacher.
-    pub solid: Option<[WatchedTraining; 2]>,
-    /// How close two soft trainings came to them; null where there is no teacher.
-    pub soft: Option<[WatchedTraining; 2]>,
+    /// How close two solid trainings came to them.
+    pub solid: [WatchedTraining; 2],
 }
 
 /// How close a short training came to the photos that it left out.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct WatchedTraining {
     /// Its steps.
     pub steps: u64,
@@ -72,46 +66,32 @@ impl StageDetails for TrialRun {
     const STAGE: &str = "watched";
 }
 
-/// Gain of more steps, dB; `None` if not measured.
-fn gain(pair: Option<[WatchedTraining; 2]>) -> Option<f64> {
-    pair.map(|[few, many]| many.psnr - few.psnr).filter(|gain| gain.is_finite())
-}
-
 /// 0 with the first of `gains` or less, 1 with the second or more.
 fn rise(gain: f64, [little, much]: [f64; 2]) -> f64 {
     ((gain - little) / (much - little)).clamp(0.0, 1.0)
 }
 
 impl TrialRun {
-    /// Gain of more steps in solid scenes, dB; `None` if not measured.
-    pub fn solid_gain(&self) -> Option<f64> {
-        gain(self.solid)
+    /// Gain of more steps, dB; `None` without any finite one.
+    pub fn gain(&self) -> Option<f64> {
+        let [few, many] = self.solid;
+        Some(many.psnr - few.psnr).filter(|gain| gain.is_finite())
     }
 
     /// Weight of a teacher, 0 to 1, of a run that has time for this many steps per photo without one: 1 where more steps of a solid scene
     /// gain nothing, and the run has them.
     pub fn teacher_weight(&self, steps_per_photo: f64) -> Option<f64> {
         let hurry = HURRY * (1.0 - rise(steps_per_photo, RUN_STEPS_PER_PHOTO));
-        self.solid_gain().map(|gain| 1.0 - rise(gain + hurry, SOLID_GAINS))
-    }
-
-    /// Training time of a teacher, from 0 (shortest) to 1 (longest).
-    pub fn teacher_length(&self) -> Option<f64> {
-        gain(self.soft).map(|gain| rise(gain, SOFT_GAINS))
+        self.gain().map(|gain| 1.0 - rise(gain + hurry, SOLID_GAINS))
     }
 
     /// A sentence with the results.
     pub fn summary(&self) -> String {
-        let said = |what: &str, pair: Option<[WatchedTraining; 2]>| {
-            let ([few, many], gain) = (pair?, gain(pair)?);
-            Some(format!("a {what} scene by {gain:+.2} dB ({} → {} steps)", few.steps, many.steps))
-        };
-        let gains = [said("solid", self.solid), said("soft", self.soft)];
-        let gains: Vec<String> = gains.into_iter().flatten().collect();
+        let ([few, many], photos) = (self.solid, counted(self.photos.len() as u64, "photo"));
+        let gain = many.psnr - few.psnr;
         format!(
-            "on {} left out of training, more steps change {}",
-            counted(self.photos.len() as u64, "photo"),
-            gains.join(", ")
+            "on {photos} left out of training, more steps change a solid scene by {gain:+.2} dB ({} → {} steps)",
+            few.steps, many.steps
         )
     }
 
@@ -123,9 +103,9 @@ impl TrialRun {
     }
 }
 
-/// Whether some of `photos` can be spared, and `secs` of a budget suffice for `pairs` of trainings.
-pub(super) fn fits(secs: f64, photos: usize, pairs: usize) -> bool {
-    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * (pairs * photos) as f64);
+/// Whether some of `photos` can be spared, and `secs` of a budget suffice for the trainings.
+pub(super) fn fits(secs: f64, photos: usize) -> bool {
+    let needed = LEAST_SECS.max(LEAST_SECS_PER_PHOTO * photos as f64);
     (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&photos) && secs >= needed
 }
 
@@ -149,9 +129,9 @@ pub fn left_out(photos: &Dataset) -> Result<Dataset> {
     Ok(Dataset { views, ..photos.clone() })
 }
 
-/// Whether some of `photos` can be spared, and `pairs` of trainings take little time compared with a run of `options` without a budget.
+/// Whether some of `photos` can be spared, and the trainings take little time compared with a run of `options` without a budget.
 /// A cost model decides instead of a clock, so equal runs decide alike.
-pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize) -> bool {
+pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset) -> bool {
     let count = photos.train().count();
     let secs = |options: &TrainOptions, photo: UVec2| -> f64 {
         let first = options.max_triangles.min(photos.points.len() as u64);
@@ -160,12 +140,10 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset, pairs: usize
     let camera = photos.train().map(|view| &view.camera).max_by_key(|camera| camera.size.element_product());
     camera.is_some_and(|camera| {
         let small = camera.within(LONGEST_PX).size;
-        // Soft trainings have more steps than solid ones.
-        let steps = SOFT_STEPS.iter().sum::<u64>() * count as u64;
-        let pair =
-            TrainOptions { steps, max_triangles: TRIANGLES, ..TrainOptions::preset(TrainPreset::Outdoor) };
-        let share = secs(&pair, small) / secs(options, camera.size);
-        (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&count) && share * pairs as f64 <= MOST_SHARE
+        let steps = SOLID_STEPS.iter().sum::<u64>() * count as u64;
+        let trainings = TrainOptions { steps, max_triangles: TRIANGLES, ..TrainOptions::default() };
+        let share = secs(&trainings, small) / secs(options, camera.size);
+        (FEWEST_PHOTOS..=MOST_PHOTOS).contains(&count) && share <= MOST_SHARE
     })
 }
 
@@ -175,50 +153,39 @@ mod tests {
     use trisplat_dataset::DatasetOptions;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
-    fn pair(gain: f64) -> Option<[WatchedTraining; 2]> {
-        Some([(40, 20.0), (120, 20.0 + gain)].map(|(steps, psnr)| WatchedTraining { steps, psnr }))
+    fn gaining(gain: f64) -> TrialRun {
+        let photos = ["a", "b", "c"].map(String::from).to_vec();
+        let solid = [(40, 20.0), (120, 20.0 + gain)].map(|(steps, psnr)| WatchedTraining { steps, psnr });
+        TrialRun { photos, solid }
     }
 
     #[test]
     fn a_teacher_counts_where_more_steps_gain_little() {
-        let within =
-            |gain, steps| TrialRun { solid: pair(gain), ..TrialRun::default() }.teacher_weight(steps);
+        let within = |gain, steps| gaining(gain).teacher_weight(steps);
         let weight = |gain| within(gain, 200.0);
         assert_eq!([-1.0, 0.0, 0.5, 3.0].map(weight), [1.0, 1.0, 0.0, 0.0].map(Some));
         assert!(weight(0.2).is_some_and(|weight| (weight - 0.5).abs() < 1e-9));
-        assert_eq!((weight(f64::NAN), TrialRun::default().teacher_weight(200.0)), (None, None));
+        assert_eq!(weight(f64::NAN), None);
         // It counts less the fewer steps there are, and only where more of them lose.
         assert_eq!([40.0, 80.0, 150.0].map(|steps| within(-0.2, steps)), [0.0, 0.0, 1.0].map(Some));
         assert_eq!(within(-1.0, 40.0), Some(1.0));
     }
 
     #[test]
-    fn a_teacher_trains_longer_where_more_steps_gain_more() {
-        let length = |gain| TrialRun { soft: pair(gain), ..TrialRun::default() }.teacher_length();
-        assert_eq!([-1.0, 0.7, 3.0].map(length), [0.0, 1.0, 1.0].map(Some));
-        assert!(length(0.3).is_some_and(|length| (length - 0.5).abs() < 1e-9));
-    }
-
-    #[test]
     fn the_summary_says_what_was_measured() {
-        let photos = ["a", "b", "c"].map(String::from).to_vec();
-        let watched = TrialRun { photos, solid: pair(-0.25), soft: pair(1.0) };
-        let said = "on 3 photos left out of training, more steps change a solid scene by -0.25 dB (40 → 120 steps), \
-                    a soft scene by +1.00 dB (40 → 120 steps)";
-        assert_eq!(watched.summary(), said);
+        let said =
+            "on 3 photos left out of training, more steps change a solid scene by -0.25 dB (40 → 120 steps)";
+        assert_eq!(gaining(-0.25).summary(), said);
     }
 
     #[test]
     fn photos_are_watched_where_some_can_be_spared_and_there_is_time() {
-        assert!(
-            [(50.0, 8), (74.0, 37), (200.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos, 1))
-        );
+        assert!([(50.0, 8), (74.0, 37), (200.0, 100)].into_iter().all(|(secs, photos)| fits(secs, photos)));
         assert!(
             ![(49.0, 8), (500.0, 7), (73.0, 37), (1e6, 101)]
                 .into_iter()
-                .any(|(secs, photos)| fits(secs, photos, 1))
+                .any(|(secs, photos)| fits(secs, photos))
         );
-        assert!(fits(84.0, 21, 2) && !fits(83.0, 21, 2));
     }
 
     #[test]
@@ -228,13 +195,10 @@ mod tests {
         synthetic::write(folder.path(), &options)?;
         let photos = Dataset::load(folder.path(), &DatasetOptions::default())?;
         let run = |steps| TrainOptions { steps, max_triangles: 20_000, ..TrainOptions::default() };
-        let most = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos, 1));
+        let most = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos));
         assert!(most.is_some_and(|thousands| thousands > 1));
-        // Both questions take twice the time.
-        let both = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos, 2));
-        assert!(both > most);
         let few = Dataset { views: photos.views[..7].to_vec(), ..photos };
-        assert!(!fits_beside(&run(1_000_000), &few, 1));
+        assert!(!fits_beside(&run(1_000_000), &few));
         Ok(())
     }
 }

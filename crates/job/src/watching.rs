@@ -2,13 +2,11 @@
 
 use super::event::{Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{PreparationPart, Storing, stopped};
-use super::watched::{
-    LONGEST_PX, SOFT_STEPS, SOLID_STEPS, TRIANGLES, TrialRun, WatchedTraining, is_left_out,
-};
+use super::watched::{LONGEST_PX, SOLID_STEPS, TRIANGLES, TrialRun, WatchedTraining, is_left_out};
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_scene::Result;
-use trisplat_train::{Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun};
+use trisplat_train::{Checkpoint, RunOptions, TrainOptions, TrainRun};
 
 /// Fewest pixels of a photo per triangle.
 const PIXELS_PER_TRIANGLE: u64 = 4;
@@ -52,64 +50,35 @@ impl<'a> Watching<'a> {
         Ok(Self { photos, how, seed, storing, earlier, resume, done: Vec::new(), began })
     }
 
-    /// A result without trainings.
-    pub(super) fn nothing_yet(&self) -> TrialRun {
-        let photos = self.photos.test().map(|view| view.name.clone()).collect();
-        TrialRun { photos, solid: None, soft: None }
-    }
-
     /// Seconds since this began.
     pub(super) fn seconds(&self) -> f64 {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// Two solid scenes.
+    /// Trains both scenes.
     ///
     /// Errors: a training that was stopped.
-    pub(super) fn solid(&mut self, observer: Observer<'_>) -> Result<[WatchedTraining; 2]> {
+    pub(super) fn run(&mut self, observer: Observer<'_>) -> Result<TrialRun> {
+        let photos = self.photos.test().map(|view| view.name.clone()).collect();
         let [few, many] = SOLID_STEPS;
-        Ok([
-            self.training(TrainPreset::Solid, few, observer)?,
-            self.training(TrainPreset::Solid, many, observer)?,
-        ])
-    }
-
-    /// Two soft scenes.
-    ///
-    /// Errors: a training that was stopped.
-    pub(super) fn soft(&mut self, observer: Observer<'_>) -> Result<[WatchedTraining; 2]> {
-        let [few, many] = SOFT_STEPS;
-        Ok([
-            self.training(TrainPreset::Outdoor, few, observer)?,
-            self.training(TrainPreset::Outdoor, many, observer)?,
-        ])
+        Ok(TrialRun { photos, solid: [self.training(few, observer)?, self.training(many, observer)?] })
     }
 
     /// The result of the next training, unless an earlier process has it.
-    fn training(
-        &mut self,
-        preset: TrainPreset,
-        steps_per_photo: u64,
-        observer: Observer<'_>,
-    ) -> Result<WatchedTraining> {
+    fn training(&mut self, steps_per_photo: u64, observer: Observer<'_>) -> Result<WatchedTraining> {
         let result = match self.earlier.next() {
             Some(known) => known,
-            None => self.train(preset, steps_per_photo, observer)?,
+            None => self.train(steps_per_photo, observer)?,
         };
         self.done.push(result);
         Ok(result)
     }
 
-    fn train(
-        &mut self,
-        preset: TrainPreset,
-        steps_per_photo: u64,
-        observer: Observer<'_>,
-    ) -> Result<WatchedTraining> {
+    fn train(&mut self, steps_per_photo: u64, observer: Observer<'_>) -> Result<WatchedTraining> {
         let steps = steps_per_photo * self.photos.views.len() as u64;
         let pixels = self.photos.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
         let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
-        let options = TrainOptions { steps, max_triangles, seed: self.seed, ..TrainOptions::preset(preset) };
+        let options = TrainOptions { steps, max_triangles, seed: self.seed, ..TrainOptions::default() };
         let run = TrainRun::new(&self.photos, &options).with_dataset_options(self.how);
         let run =
             self.storing.stored(run, PreparationPart::Watching(self.done.clone()), self.resume.take())?;
