@@ -8,8 +8,7 @@ use trisplat_job::{TEACHER_FILE, TeacherSource};
 #[derive(Debug, clap::Args)]
 pub struct TeacherArgs {
     /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos. auto:
-    /// train one first and keep it as OUT.teacher.ply; if there is time, train up to two more and use their
-    /// mean picture. off: no teacher. Solid scenes of fewer than 18 photos have auto, with less weight for
+    /// train one first and keep it as OUT.teacher.ply. off: no teacher. Solid scenes of fewer than 18 photos have auto, with less weight for
     /// each photo beyond 10, unless --max-cpu-secs is given. In a run that is long enough, short trial
     /// trainings may decide for a teacher for up to 100 photos.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]

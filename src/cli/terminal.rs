@@ -54,7 +54,7 @@ impl<'a> Terminal<'a> {
                 }
             }
             Event::Watched(watched) => self.line(&watched.summary()),
-            Event::Teacher(..) => {}
+            Event::Teacher(_) => {}
             Event::Drew { done, all } => {
                 let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
                 progress.note(&format!("drawing soft pictures: {done} of {all}"));

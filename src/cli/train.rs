@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::TrackedPoses};
 use trisplat_formats as formats;
-use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading, teacher_files};
+use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
 use trisplat_scene::{
     Error, ImportedScene, Result,
     atomic::AtomicFile,
@@ -81,10 +81,8 @@ pub fn run(
     if args.teacher.teacher.is_none() {
         terminal.hint = " (--teacher off skips it)";
     }
-    let teacher_files = teacher_files(&teacher_file);
-    let (claimed, written, failed) = (false, Vec::new(), None);
-    let mut shown =
-        Shown { args, terminal, files, teacher_files, watcher, warnings, claimed, written, failed };
+    let (written, failed) = (None, None);
+    let mut shown = Shown { args, terminal, files, teacher_file, watcher, warnings, written, failed };
     let done = job.run(&mut |event| shown.tell(event));
     let Shown { mut terminal, mut files, mut warnings, written, failed, mut watcher, .. } = shown;
     if let Some(error) = failed {
@@ -132,19 +130,17 @@ pub trait Watcher {
     fn ended(&mut self, what: &str, scene: ImportedScene);
 }
 
-/// Shows the training, and writes its teachers.
+/// Shows the training, and writes its teacher.
 struct Shown<'a, 'b> {
     args: &'a TrainArgs,
     terminal: Terminal<'a>,
     files: Outputs<'b>,
-    teacher_files: Vec<PathBuf>,
+    teacher_file: PathBuf,
     watcher: Option<Box<dyn Watcher>>,
     /// Notes on the checkpoint.
     warnings: Vec<String>,
-    /// Whether the files of teachers that are trained by default are claimed.
-    claimed: bool,
-    /// The teachers that were written.
-    written: Vec<OutputReport>,
+    /// The teacher, once it was written.
+    written: Option<OutputReport>,
     /// Why it stopped the job.
     failed: Option<Error>,
 }
@@ -158,7 +154,7 @@ impl Shown<'_, '_> {
                     return ControlFlow::Break(());
                 }
             }
-            Event::Teacher(which, teacher) => self.keep(which, teacher),
+            Event::Teacher(teacher) => self.keep(teacher),
             Event::Train(_, TrainEvent::Scene(sample, scene)) => {
                 if let Some(watcher) = &mut self.watcher {
                     watcher.scene(sample, scene);
@@ -179,9 +175,9 @@ impl Shown<'_, '_> {
         match begins.part {
             TrainPart::Trial => return self.terminal.begin(begins, None),
             TrainPart::Teacher => {
-                // Requested ones are claimed already.
-                if self.args.teacher.teacher.is_none() && !std::mem::replace(&mut self.claimed, true) {
-                    self.teacher_files.iter().try_for_each(|path| self.files.claim("--teacher", path))?;
+                // The file of a requested one is claimed already.
+                if self.args.teacher.teacher.is_none() {
+                    self.files.claim("--teacher", &self.teacher_file)?;
                 }
                 return self.terminal.begin(begins, None);
             }
@@ -200,15 +196,12 @@ impl Shown<'_, '_> {
         Ok(())
     }
 
-    /// Writes a teacher.
-    fn keep(&mut self, which: usize, teacher: &Trained) {
-        let path = &self.teacher_files[which];
+    /// Writes the teacher.
+    fn keep(&mut self, teacher: &Trained) {
+        let path = &self.teacher_file;
         match self.files.take(path).and_then(|file| teacher.save_to(file)) {
             Ok(bytes) => {
-                self.written.push(OutputReport { path: path.display().to_string(), bytes });
-                // A later reading as this run's teachers would change the result; files that cannot be removed
-                // stay.
-                self.teacher_files[which + 1..].iter().for_each(|old| drop(std::fs::remove_file(old)));
+                self.written = Some(OutputReport { path: path.display().to_string(), bytes });
             }
             // The run has the scene in memory.
             Err(error) => {
@@ -327,16 +320,15 @@ fn guard<'a>(
     let plan = |source| TeacherPlan::asked(source, has_teacher, Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
-    let trained = match teacher {
-        Some(TeacherPlan::Train) => teacher_files(&teacher_file),
-        _ => Vec::new(),
-    };
+    let trains = teacher == Some(TeacherPlan::Train);
     let mut files = Outputs::new(inputs, args.force);
     read.into_iter().for_each(|path| files.add_input(path));
     args.resume.iter().for_each(|path| files.add_resumed(path));
     files.claim("--output", out)?;
     let [report, curve] = [&args.report, &args.curve].map(Option::as_deref);
-    trained.iter().try_for_each(|path| files.claim("--teacher", path))?;
+    if trains {
+        files.claim("--teacher", &teacher_file)?;
+    }
     for (option, path) in [("--report", report), ("--curve", curve)] {
         path.map_or(Ok(()), |path| files.claim(option, path))?;
     }

@@ -53,7 +53,7 @@ fn a_training_of_few_photos() {
     assert!(bytes(folder, &trisplat::train(&photos, &options, &mut |_| Continue(())).unwrap()) == scene);
     let mut teacher = None;
     let mut observer = |event: Event<'_>| {
-        if let Event::Teacher(_, trained) = event {
+        if let Event::Teacher(trained) = event {
             teacher = Some(trained.clone());
         }
         Continue(())

@@ -68,8 +68,8 @@ pub enum Event<'a> {
     Train(TrainPart, TrainEvent<'a>),
     /// The result of the short trainings.
     Watched(&'a TrialRun),
-    /// A teacher, counted from 0, is trained: time to write its file.
-    Teacher(usize, &'a Trained),
+    /// The teacher is trained: time to write its file.
+    Teacher(&'a Trained),
     /// Soft pictures are drawn.
     Drew {
         /// Pictures drawn.

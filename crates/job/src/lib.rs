@@ -40,5 +40,5 @@ pub use meshing::MeshJob;
 pub use plain::{Baked, Draw, bake, draw, read, score};
 pub use rendering::{PictureKind, SHARE, WIDTH};
 pub use rendering::{ReadyRender, RenderJob};
-pub use teacher::{TEACHER_FILE, TeacherPlan, TeacherSource, teacher_files};
+pub use teacher::{TEACHER_FILE, TeacherPlan, TeacherSource};
 pub use training::{TrainDone, TrainJob, reading, train};

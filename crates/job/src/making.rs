@@ -2,7 +2,6 @@
 
 use super::baking::{BakeInput, BakeJob};
 use super::event::{Event, MakePart, Observer, add, stages};
-use super::teacher::teacher_files;
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::io::Write;
@@ -179,9 +178,7 @@ impl MakeJob {
         }
         // A checkpoint made from other photos or options is ignored, and so is a damaged one.
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
-        let teachers = teacher_files(Path::new(TEACHER));
-        let teachers = teachers.iter().filter_map(|file| file.to_str());
-        ours.begin(&[SCENE, CHECKPOINT, NOTES].into_iter().chain(teachers).collect::<Vec<_>>())?;
+        ours.begin(&[SCENE, CHECKPOINT, NOTES, TEACHER])?;
         if resume.is_none() && point.exists() {
             // From here on the notes name this training, and a checkpoint beside them would pass for its own.
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
@@ -218,12 +215,10 @@ impl MakeJob {
         if observer(Event::Part(MakePart::Train)).is_break() {
             return Ok(false);
         }
-        let (files, mut unwritten) = (teacher_files(&teacher), None);
+        let mut unwritten = None;
         let mut keeping = |event: Event<'_>| {
-            if let Event::Teacher(which, teacher) = &event {
-                // A resumed run would take those of an earlier run for its own.
-                files.iter().skip(which + 1).for_each(|old| drop(std::fs::remove_file(old)));
-                unwritten = teacher.save(&files[*which]).err();
+            if let Event::Teacher(trained) = &event {
+                unwritten = trained.save(&teacher).err();
             }
             let told = observer(event);
             if unwritten.is_some() { ControlFlow::Break(()) } else { told }

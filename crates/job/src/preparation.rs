@@ -29,27 +29,13 @@ pub(super) struct Preparation {
 pub(super) enum PreparationPart {
     /// Short trainings; the results of finished ones, in their order.
     Watching(Vec<WatchedTraining>),
-    /// The training of teachers.
-    Teachers {
+    /// The training of the teacher.
+    Teacher {
         /// Result of the short trainings, if there were any.
         watched: Option<TrialRun>,
-        /// The teacher under way.
-        place: TeacherPlace,
+        /// The size of photos that the budget chose for it.
+        max_size: Option<u32>,
     },
-}
-
-/// The place of a teacher among those of its run.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TeacherPlace {
-    /// Which one, counted from 0.
-    pub(super) which: usize,
-    /// How many there will be; 0 while the first one is trained, whose time decides.
-    pub(super) count: usize,
-    /// Seconds of a budget spent when the first one began.
-    pub(super) began_secs: f64,
-    /// The size of photos that the budget chose for them.
-    pub(super) max_size: Option<u32>,
 }
 
 /// A preparation that goes on.

@@ -1,4 +1,4 @@
-//! Teachers: soft scenes that are trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
+//! The teacher: a soft scene that is trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
 use super::event::{Observer, drew};
 use super::harden;
@@ -18,9 +18,8 @@ use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::StepLimit};
 /// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;
 const TRIANGLES_SHARE: f64 = 0.67;
-/// Time of one teacher, and of all teachers at most, as a share of the budget.
-pub(super) const BUDGET_SHARE: f64 = 0.4;
-pub(super) const ALL_TEACHERS_SHARE: f64 = 0.55;
+/// Time of a teacher as a share of the budget.
+const BUDGET_SHARE: f64 = 0.4;
 /// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
 /// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
 const FEW_PHOTOS: f64 = 10.0;
@@ -29,8 +28,6 @@ const MANY_PHOTOS: f64 = 18.0;
 const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
 /// The least weight that is worth the teacher's training.
 const LEAST_WEIGHT: f64 = 0.1;
-/// Most teachers of a run. The mean picture of several is closer to the photos than the picture of one.
-pub(super) const MOST_TEACHERS: usize = 3;
 /// Steps per training photo after which a teacher, and its run, only memorise these photos. Divided by the teacher's weight.
 const TEACHER_STEPS_PER_PHOTO: f64 = 85.0;
 const STEPS_PER_PHOTO: f64 = 180.0;
@@ -158,7 +155,7 @@ pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
     if asked { by_weight.max(least) } else { by_weight }
 }
 
-/// Budget for the first teacher of this `weight` after `spent` seconds of the run's budget.
+/// Budget for a teacher of this `weight` after `spent` seconds of the run's budget.
 pub(super) fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
 }
@@ -224,46 +221,22 @@ impl TeacherPlan {
     }
 }
 
-/// Extension of teacher files.
+/// Extension of a teacher's file.
 pub const TEACHER_FILE: &str = "teacher.ply";
 
-/// Names of a run's teacher files, beginning with `first`: `a.teacher.ply`, `a.teacher-2.ply`, `a.teacher-3.ply`.
-pub fn teacher_files(first: &Path) -> Vec<PathBuf> {
-    let name = |i: usize| {
-        let stem = first.file_stem().unwrap_or_default().to_string_lossy();
-        first
-            .with_file_name(format!("{stem}-{i}.{}", first.extension().unwrap_or_default().to_string_lossy()))
-    };
-    std::iter::once(first.to_owned()).chain((2..=MOST_TEACHERS).map(name)).collect()
-}
-
-/// `photos` and mean pictures of the soft `scenes`, which get `share` of the steps of a run with `options`.
+/// `photos` and pictures of the soft `scene`, which get `share` of the steps of a run with `options`.
 ///
 /// Errors: no room on the disk.
 pub(super) fn with_pictures(
     photos: &Dataset,
-    scenes: &[ImportedScene],
+    scene: &ImportedScene,
     share: f64,
     options: &TrainOptions,
     how: &DatasetOptions,
     observer: Observer<'_>,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
-    teacher::beside(photos, scenes, &drawing, share, how.photo_bytes(), &mut drew(observer))
-}
-
-/// The soft scene of a file, and further teachers beside it if a run named it.
-///
-/// Errors: a file that cannot be read, a scene that is solid.
-pub(super) fn soft_scenes(path: &Path, how: &DatasetOptions) -> Result<Vec<ImportedScene>> {
-    let mut scenes = vec![soft_scene(path, how)?];
-    // Files beside any other name may be unrelated.
-    if path.to_string_lossy().ends_with(TEACHER_FILE) {
-        for file in teacher_files(path).iter().skip(1).filter(|file| file.exists()) {
-            scenes.push(soft_scene(file, how)?);
-        }
-    }
-    Ok(scenes)
+    teacher::beside(photos, scene, &drawing, share, how.photo_bytes(), &mut drew(observer))
 }
 
 /// The soft scene of a file.

@@ -2,7 +2,7 @@
 
 use super::budget::{self, Budgeted};
 use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
-use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing, TeacherPlace};
+use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing};
 use super::taught::TaughtRun;
 use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
 use super::tracked;
@@ -240,7 +240,7 @@ impl TrainJob {
         (self.options, self.budget) = (options, budget);
         self.teacher = asked.then_some(TeacherSource::Auto);
         self.teacher_share = self.teacher_share.or(teacher_share);
-        if let PreparationPart::Teachers { watched, .. } = &part {
+        if let PreparationPart::Teacher { watched, .. } = &part {
             self.watched.clone_from(watched);
         }
         let checkpoint = self.resume.take();
@@ -251,7 +251,7 @@ impl TrainJob {
     /// Whether the preparation goes on at a teacher.
     fn is_teaching(&self) -> bool {
         let part = self.preparation.as_ref().map(|resumed| &resumed.part);
-        matches!(part, Some(PreparationPart::Teachers { .. }))
+        matches!(part, Some(PreparationPart::Teacher { .. }))
     }
 
     /// Results of the short trainings of an earlier process, and the one that it was stopped in.
@@ -264,11 +264,11 @@ impl TrainJob {
         }
     }
 
-    /// The teacher that an earlier process was stopped in.
-    fn stopped_teacher(&mut self) -> Option<(Checkpoint, TeacherPlace)> {
+    /// The teacher that an earlier process was stopped in, and the size of its photos.
+    fn stopped_teacher(&mut self) -> Option<(Checkpoint, Option<u32>)> {
         let Resumed { part, checkpoint, .. } = self.preparation.as_mut()?;
-        let PreparationPart::Teachers { place, .. } = part else { return None };
-        Some((checkpoint.take()?, *place))
+        let PreparationPart::Teacher { max_size, .. } = part else { return None };
+        Some((checkpoint.take()?, *max_size))
     }
 
     /// Where and how trainings of the preparation are stored.
@@ -365,14 +365,14 @@ impl TrainJob {
             TeacherPlan::Without(why) => {
                 (None, Some(StageReport::skipped(TeacherDetails::STAGE, why.clone())))
             }
-            TeacherPlan::Read(path) => (Some(teacher::soft_scenes(path, &self.dataset_options)?), None),
+            TeacherPlan::Read(path) => (Some(teacher::soft_scene(path, &self.dataset_options)?), None),
             TeacherPlan::Train => {
                 if !self.options.is_given("steps") {
                     enough = teacher::enough(self.dataset.train().count(), weight);
                 }
                 let stopped = self.stopped_teacher();
-                let teachers = self.taught(began, weight).train_teachers(stopped, observer)?;
-                (Some(teachers.scenes), Some(teachers.stage))
+                let (teacher, stage) = self.taught(began, weight).train_teacher(stopped, observer)?;
+                (Some(teacher), Some(stage))
             }
         };
         if self.preparation.as_ref().is_some_and(|resumed| resumed.checkpoint.is_some()) {
@@ -393,7 +393,7 @@ impl TrainJob {
         let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
         let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
         let (dataset, photos, teacher_share) = match teacher {
-            Some(scenes) => {
+            Some(teacher) => {
                 let asked = self.teacher.is_some();
                 let by_default = || teacher::picture_share(by_default, asked);
                 // A resumed run keeps its number of pictures.
@@ -401,8 +401,8 @@ impl TrainJob {
                     1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
                 });
                 let share = self.teacher_share.or(begun).unwrap_or_else(by_default);
-                let beside = teacher::with_pictures(&dataset, &scenes, share, &options, &how, observer)?;
-                warnings.extend(scenes.into_iter().flat_map(|scene| scene.warnings));
+                let beside = teacher::with_pictures(&dataset, &teacher, share, &options, &how, observer)?;
+                warnings.extend(teacher.warnings);
                 (beside, Some(dataset), Some(share))
             }
             None => (dataset, None, None),
@@ -439,7 +439,6 @@ impl TrainJob {
             backend: &self.backend,
             storing: self.storing(began),
             watched: self.watched.clone(),
-            file: self.teacher_file.as_deref(),
             weight,
         }
     }

@@ -65,22 +65,22 @@ pub fn drawn_for(
 }
 
 /// The photos of `photos` and soft pictures from between the training cameras, up to `share`, 0 to 1, of all
-/// training pictures. Each is the mean of the drawings of `scenes`, so that false surfaces of one scene are
-/// faint. `options`, `max_bytes` and `drawn` as for [`dataset`].
+/// training pictures. `options`, `max_bytes` and `drawn` as for [`dataset`].
 ///
 /// Errors: a full disk.
 pub fn beside(
     photos: &Dataset,
-    scenes: &[ImportedScene],
+    scene: &ImportedScene,
     options: &SoftOptions,
     share: f64,
     max_bytes: u64,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
-    let mut teachers: Vec<_> =
-        scenes.iter().map(|scene| Placed::new(scene, &cameras, photos.origin, options)).collect();
-    drawn_beside(photos, share, max_bytes, |camera| mean_picture(&mut teachers, camera), drawn)
+    let to_file = |camera: &Camera| placed::to_file(camera, &scene.provenance.placement, photos.origin);
+    let near: Vec<Camera> = cameras.iter().map(to_file).collect();
+    let mut teacher = Teacher::new(scene.scene.to_soup(), &near, options);
+    drawn_beside(photos, share, max_bytes, |camera| teacher.picture(&to_file(camera)), drawn)
 }
 
 /// The same with any `picture`, of a camera in the world of `photos`.
@@ -99,39 +99,6 @@ pub fn drawn_beside(
     let chosen: Vec<Camera> = evenly_spaced(between.len(), wanted).map(|i| between[i]).collect();
     let pictures = draw(&chosen, max_bytes, picture, drawn)?;
     Ok(Dataset { views: [photos.views.clone(), pictures].concat(), ..photos.clone() })
-}
-
-/// A scene that is drawn for cameras of a data set.
-struct Placed<'a> {
-    scene: &'a ImportedScene,
-    origin: DVec3,
-    teacher: Teacher,
-}
-
-impl<'a> Placed<'a> {
-    /// Draws `scene` for `cameras` of a data set whose world has its origin at `origin`, and others near them.
-    fn new(scene: &'a ImportedScene, cameras: &[Camera], origin: DVec3, options: &SoftOptions) -> Self {
-        let to_file = |camera| placed::to_file(camera, &scene.provenance.placement, origin);
-        let near: Vec<Camera> = cameras.iter().map(to_file).collect();
-        Self { scene, origin, teacher: Teacher::new(scene.scene.to_soup(), &near, options) }
-    }
-
-    /// The view of `camera` of the data set. `[H * W]`
-    fn rgb(&mut self, camera: &Camera) -> &[[f32; 3]] {
-        &self.teacher.frame(&placed::to_file(camera, &self.scene.provenance.placement, self.origin)).rgb
-    }
-}
-
-/// The mean of the pictures that `camera` takes of several scenes.
-fn mean_picture(teachers: &mut [Placed<'_>], camera: &Camera) -> RgbImage {
-    let share = 1.0 / teachers.len() as f32;
-    let mut mean = vec![[0.0; 3]; camera.size.element_product() as usize];
-    for teacher in teachers {
-        for (sum, rgb) in mean.iter_mut().zip(teacher.rgb(camera)) {
-            *sum = std::array::from_fn(|c| sum[c] + share * rgb[c].clamp(0.0, 1.0));
-        }
-    }
-    RgbImage::from_rgb(camera.size, &mean)
 }
 
 /// A view of each of `cameras` with its `picture`, none held out. A picture with an alpha shows an object without background.
