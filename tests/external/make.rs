@@ -54,6 +54,9 @@ fn photos_alone_become_a_file_through_pycolmap() {
     let stages = report["stages"].as_array().unwrap();
     let details = |name: &str| &stages.iter().find(|stage| stage["name"] == name).unwrap()["details"];
     assert!(details("model")["registered"].as_u64().unwrap() >= 20, "{}", details("model"));
+    // Features of the killed run would have left photos with a camera of their own.
+    let cameras = std::fs::read(folder.path().join("scene.make/photos/sparse/0/cameras.bin")).unwrap();
+    assert_eq!(cameras[..8], 1u64.to_le_bytes(), "all photos share a camera");
     let psnr = details("train")["psnr"].as_f64().unwrap();
     assert!(psnr > 12.0, "{psnr} dB: the poses are wrong");
     let triangles = stages.last().unwrap()["after"]["triangles"].as_u64().unwrap();

@@ -1,4 +1,4 @@
-//! The steps that a pose program performs: features, matches, model. Each continues where an earlier run stopped.
+//! The steps that a pose program performs: features, matches, model. Matching continues where an earlier run stopped; others begin again.
 
 use super::logged::{Ended, Log};
 use super::options::{CaptureOptions, Mapper};
@@ -106,7 +106,7 @@ pub(super) struct FoundModel {
 }
 
 impl Poses<'_> {
-    /// Finds features in every photo that has none yet.
+    /// Finds features in every photo, in an empty database.
     pub(super) fn features(
         &mut self,
         details: &mut FeaturesDetails,

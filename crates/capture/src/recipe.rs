@@ -175,7 +175,8 @@ impl Run<'_> {
             models: place(path, "models"),
         };
         let log = Log::open(&place(path, "poses.log"))?;
-        if steps.features.key != keys.features || !places.database.is_file() {
+        // Photos that a second process adds to a database would get a camera of their own: its lens, found from a few photos, may be absurd.
+        if !steps.features.is_done(&keys.features) || !places.database.is_file() {
             folder.remove_database()?;
             steps = StoredSteps::default();
         }
