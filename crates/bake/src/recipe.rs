@@ -21,7 +21,7 @@ use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::{cut, recognise_shell, spared, take_shell};
+use super::shell::{cut, is_cut, recognise_shell, spared, take_shell};
 use super::solid::solid;
 use super::teacher::{TeacherWhen, is_solid, teacher};
 use super::texture::{TextureDetails, texture};
@@ -387,17 +387,18 @@ impl<'a> Recipe<'a> {
             return (mesh, Mesh::default());
         }
         let mut behind = take_shell(&mut mesh, watching);
-        let fits_colors = self.options.refit.refit != RefitColors::Off;
-        if fits_colors && !has_pictures {
-            smooth_shell(&mut behind);
-        }
-        if mesh.face_count() == 0 {
-            // Without other triangles the shell is the scene.
-            return (behind, mesh);
-        }
+        let keeps_colors = self.options.refit.refit == RefitColors::Off;
         // A panorama has the shape of the shell only.
-        if fits_colors && has_pictures && when != BackdropWhen::Sky {
-            behind = cut(behind, mesh.face_count(), self.options.prune.max_triangles);
+        let cuts =
+            when != BackdropWhen::Sky && is_cut(&behind, mesh.face_count(), self.options.prune.max_triangles);
+        match (keeps_colors, cuts, has_pictures) {
+            (true, ..) | (_, false, true) => {}
+            (_, true, _) => behind = cut(&behind),
+            (_, false, false) => smooth_shell(&mut behind),
+        }
+        // Without other triangles the shell is the scene.
+        if mesh.face_count() == 0 {
+            return (behind, mesh);
         }
         (mesh, behind)
     }

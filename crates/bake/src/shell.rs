@@ -8,6 +8,7 @@
 
 use super::backdrop::BackdropWhen;
 use glam::Vec3;
+use std::collections::HashMap;
 use trisplat_raster::framing::far_shell::far_shell;
 use trisplat_scene::{
     Scene,
@@ -18,7 +19,7 @@ use trisplat_scene::{
 /// Most triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
 const MOST_CUT: usize = 8192;
 /// Least triangles of the scene for each triangle of a cut shell.
-const SCENE_PER_CUT: usize = 3;
+const SCENE_PER_CUT: usize = 2;
 /// A shell stays whole if the budget of triangles is at least this many times its size.
 const LEAST_SHELLS: u64 = 8;
 
@@ -52,30 +53,36 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     shell
 }
 
-/// Cuts each face of `shell` into four, if there is room for them beside the `scene_faces` of the scene, in a `budget` too. Colours that are then
-/// fitted to pictures run softly through them; those of large faces look like gems.
-pub(super) fn cut(shell: Mesh, scene_faces: usize, budget: Option<u64>) -> Mesh {
+/// Whether a `shell` that is cut has room beside the `scene_faces` of the scene, in a `budget` too.
+pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> bool {
     let count = 4 * shell.face_count();
     let fits = budget.is_none_or(|most| (scene_faces + count) as u64 <= most);
-    if count > MOST_CUT || count * SCENE_PER_CUT > scene_faces || !fits {
-        return shell;
-    }
-    let (mut positions, mut colors) = (Vec::with_capacity(3 * count), Vec::with_capacity(3 * count));
-    for face in 0..shell.face_count() {
-        // Neighbours compute the same middle of their edge, bit for bit.
-        let places = quarters(shell.corners(face), |a, b| (a + b) / 2.0);
-        positions.extend(places);
-        let mean = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|channel| (a[channel] + b[channel]) / 2.0);
-        colors.extend(quarters(shell.corner_colors(face), mean));
-    }
-    let opacity = shell.opacity.iter().flat_map(|opacity| [*opacity; 4]).collect();
-    Mesh { positions, colors: Colors::Vertex(colors), opacity, ..Mesh::default() }
+    count <= MOST_CUT && count * SCENE_PER_CUT <= scene_faces && fits
 }
 
-/// The corners of the four triangles between the corners and the middles of the edges of one, wound as it is.
-fn quarters<T: Copy>([a, b, c]: [T; 3], middle: impl Fn(T, T) -> T) -> [T; 12] {
-    let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
-    [a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]
+/// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is part of, so colours run softly; faces of one
+/// colour each look like gems.
+pub(super) fn cut(shell: &Mesh) -> Mesh {
+    let key = |place: Vec3| (place + 0.0).to_array().map(f32::to_bits);
+    let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
+    let mut positions = Vec::with_capacity(12 * shell.face_count());
+    for face in 0..shell.face_count() {
+        let ([a, b, c], colors) = (shell.corners(face), shell.corner_colors(face).map(Vec3::from));
+        // Neighbours compute the same middle of their edge, bit for bit.
+        let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+        positions.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
+        for place in [a, b, c, ab, bc, ca] {
+            let (sum, count) = sums.entry(key(place)).or_default();
+            (*sum, *count) = (*sum + (colors[0] + colors[1] + colors[2]) / 3.0, *count + 1.0);
+        }
+    }
+    let color = |place: &Vec3| {
+        let (sum, count) = sums[&key(*place)];
+        (sum / count).to_array()
+    };
+    let colors = Colors::Vertex(positions.iter().map(color).collect());
+    let opacity = shell.opacity.iter().flat_map(|opacity| [*opacity; 4]).collect();
+    Mesh { positions, colors, opacity, ..Mesh::default() }
 }
 
 /// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
@@ -129,9 +136,9 @@ mod tests {
     #[test]
     fn a_cut_shell_has_the_same_surface_in_quarters_and_no_gap() {
         let shell = take_shell(&mut scene(0), &[]);
-        let quarters = cut(shell.clone(), 96, None);
+        let quarters = cut(&shell);
         assert_eq!(quarters.face_count(), 4 * shell.face_count());
-        let mut edges = std::collections::HashMap::new();
+        let mut edges = HashMap::new();
         for face in 0..quarters.face_count() {
             let (part, whole) = (quarters.area(face), shell.area(face / 4));
             assert!((4.0 * part - whole).abs() < 1e-4 * whole, "{part} of {whole}");
@@ -146,12 +153,32 @@ mod tests {
     }
 
     #[test]
+    fn colours_of_a_cut_shell_run_from_face_to_face() {
+        let mut shell = take_shell(&mut scene(0), &[]);
+        shell.colors = Colors::Face((0..8).map(|face| [face as f32 / 8.0; 3]).collect());
+        let quarters = cut(&shell);
+        let mut at = HashMap::new();
+        for face in 0..quarters.face_count() {
+            for (place, color) in quarters.corners(face).into_iter().zip(quarters.corner_colors(face)) {
+                let known = *at.entry((place + 0.0).to_array().map(f32::to_bits)).or_insert(color);
+                assert_eq!(known, color, "{place}");
+            }
+        }
+        // The middle of an edge is between its two faces, and the middle of the shell's colours stays.
+        assert_eq!(at.len(), 18);
+        let mean = at.values().map(|color| color[0]).sum::<f32>() / 18.0;
+        assert!((mean - 3.5 / 8.0).abs() < 1e-6, "{mean}");
+    }
+
+    #[test]
     fn a_shell_is_cut_only_where_there_is_room() {
         let shell = take_shell(&mut scene(0), &[]);
-        let count = |scene_faces, budget| cut(shell.clone(), scene_faces, budget).face_count();
-        assert_eq!([count(96, None), count(95, None)], [32, 8]);
-        assert_eq!([count(96, Some(128)), count(96, Some(127))], [32, 8]);
-        let large = (0..9).fold(shell.clone(), |shell, _| cut(shell, usize::MAX, None));
+        assert!(is_cut(&shell, 64, None) && !is_cut(&shell, 63, None));
+        assert!(is_cut(&shell, 64, Some(96)) && !is_cut(&shell, 64, Some(95)));
+        let mut large = shell;
+        while is_cut(&large, 1 << 20, None) {
+            large = cut(&large);
+        }
         assert_eq!(large.face_count(), 8192);
     }
 
