@@ -18,8 +18,16 @@ fn bake(output: &Path, flags: &[&str]) -> Output {
     done
 }
 
+/// Compression may begin a triangle with another of its corners.
 fn scene(path: &Path) -> Scene {
-    read(path, &ReadOptions::with_degree(0)).unwrap().scene
+    let mut scene = read(path, &ReadOptions::with_degree(0)).unwrap().scene;
+    if let Scene::Mesh(mesh) = &mut scene {
+        for face in mesh.indices.as_chunks_mut::<3>().0 {
+            let least = (0..3).min_by_key(|k| face[*k]).unwrap();
+            face.rotate_left(least);
+        }
+    }
+    scene
 }
 
 #[test]
@@ -55,11 +63,11 @@ fn a_page_is_described_and_checked_like_any_scene() {
     let path = folder.path().join("scene.html");
     bake(&path, &["--set", "bvh=true"]);
     let (info, _) = info::info(&path, &trisplat::ReadOptions::default()).unwrap();
-    assert_eq!((info.format, info.triangles), (Format::Html, 7_982));
+    assert_eq!((info.format, info.triangles), (Format::Html, 9_188));
     assert_eq!(info.bytes, std::fs::metadata(&path).unwrap().len());
     assert_eq!(info.gltf.unwrap().extensions_required, ["EXT_meshopt_compression"]);
     let checked = check::check(&path, &trisplat::ReadOptions::default()).unwrap();
-    assert_eq!(checked.triangles, Some(7_982));
+    assert_eq!(checked.triangles, Some(9_188));
     let places: Vec<&str> = checked.findings.iter().map(|finding| finding.place.as_str()).collect();
     assert!(places.iter().all(|place| place.ends_with("scene.bvh")), "{:?}", checked.findings);
 }
