@@ -8,6 +8,7 @@
 //!
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
+mod closed;
 mod fill;
 mod known;
 mod limits;
@@ -15,6 +16,7 @@ mod panorama;
 mod sky;
 mod surface;
 
+pub(super) use closed::{closed, is_scattered};
 pub(super) use sky::{Sky, take_sky};
 
 use super::views::Views;

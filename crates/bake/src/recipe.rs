@@ -1,11 +1,12 @@
 //! The recipe: the stages in their order, with reasons.
 
+mod behind;
 mod levels;
 mod package;
 mod pictures;
 
 use super::arrange::arrange;
-use super::backdrop::{BackdropWhen, Sky, backdrop, keep_backdrop, take_sky};
+use super::backdrop::BackdropWhen;
 use super::background::{BackgroundDetails, BackgroundFrom, background};
 use super::collision::collision;
 use super::color::color;
@@ -19,15 +20,16 @@ use super::misfit::misfit;
 use super::options::BakeOptions;
 use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
-use super::refit::{RefitColors, UnseenColors, refit, smooth_shell};
+use super::refit::{UnseenColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::{cut, is_cut, recognise_shell, spared, take_shell};
+use super::shell::{recognise_shell, spared};
 use super::solid::solid;
 use super::teacher::{TeacherWhen, is_solid, teacher};
 use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
+use behind::joined;
 use levels::Shared;
 use package::Seen;
 use pictures::{Cameras, Pictures};
@@ -54,6 +56,7 @@ impl<'a> Recipe<'a> {
 
     /// Bakes inputs, merged. `photos` are left in the frame of the scene.
     pub(super) fn run(mut self, inputs: Vec<ImportedScene>, mut photos: Option<&mut Views>) -> Result<Asset> {
+        let is_single = inputs.len() == 1;
         let mut loaded = self.merged(inputs, photos.is_some())?;
         let given = loaded.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
@@ -80,7 +83,12 @@ impl<'a> Recipe<'a> {
         self.misfit(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
-        let (mesh, shell) = self.part_shell(mesh, pictures.any().is_some(), &cameras.watching);
+        let (mesh, shell) = self.part_shell(mesh, &cameras.watching);
+        let shell = match is_single {
+            true => self.whole_shell(shell, &mesh, &cameras.watching),
+            false => shell,
+        };
+        let shell = self.soft_shell(shell, mesh.face_count(), pictures.any().is_some());
         let behind = joined(given, shell)?;
 
         // Levels are made from the scene at this point, and placed like it.
@@ -377,71 +385,6 @@ impl<'a> Recipe<'a> {
         })
     }
 
-    /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a
-    /// backdrop, keeps its shell as part of the scene.
-    fn part_shell(&self, mut mesh: Mesh, has_pictures: bool, watching: &[Camera]) -> (Mesh, Mesh) {
-        let when = self.options.backdrop.backdrop;
-        if self.is_cropped() || when == BackdropWhen::Off {
-            // It is part of the scene from here on.
-            mesh.shell.clear();
-            return (mesh, Mesh::default());
-        }
-        let mut behind = take_shell(&mut mesh, watching);
-        let keeps_colors = self.options.refit.refit == RefitColors::Off;
-        // A panorama has the shape of the shell only.
-        let cuts =
-            when != BackdropWhen::Sky && is_cut(&behind, mesh.face_count(), self.options.prune.max_triangles);
-        match (keeps_colors, cuts, has_pictures) {
-            (true, ..) | (_, false, true) => {}
-            (_, true, _) => behind = cut(&behind),
-            (_, false, false) => smooth_shell(&mut behind),
-        }
-        // Without other triangles the shell is the scene.
-        if mesh.face_count() == 0 {
-            return (behind, mesh);
-        }
-        (mesh, behind)
-    }
-
-    /// Whether a region of the scene is baked, to which surroundings do not belong.
-    fn is_cropped(&self) -> bool {
-        !self.options.crop.crop.is_empty() && self.options.backdrop.backdrop == BackdropWhen::Auto
-    }
-
-    /// The panorama that replaces the backdrop, if that is asked for.
-    fn sky(
-        &self,
-        mesh: &Mesh,
-        behind: Option<&Mesh>,
-        views: Option<&mut Views>,
-        watching: &[Camera],
-    ) -> Result<Sky> {
-        match self.options.backdrop.backdrop {
-            BackdropWhen::Sky => Sky::behind(mesh, behind, views, watching),
-            _ => Ok(Sky::default()),
-        }
-    }
-
-    /// Gives the scene and its levels the panorama, if that is asked for.
-    fn put_sky(&mut self, asset: &mut Asset, sky: Sky, placement: &Placement) {
-        let wants_sky = self.options.backdrop.backdrop == BackdropWhen::Sky;
-        if wants_sky && !take_sky(asset, sky, placement) {
-            let warning = "no sky is written: it needs photos (`dataset`), or a scene with a shell";
-            self.report.warnings.push(warning.to_owned());
-        }
-    }
-
-    /// Behind the remaining triangles, and before colours are taken from the photos: colours of holes belong
-    /// to the sphere.
-    fn backdrop(&mut self, mesh: Mesh, behind: Option<Mesh>, views: Option<&mut Views>) -> Result<Mesh> {
-        let (options, cropped) = (&self.options.backdrop, self.is_cropped());
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match behind {
-            _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
-            Some(behind) => keep_backdrop(mesh, behind, options, details),
-            None => backdrop(mesh, views, options, details),
-        })
-    }
-
     /// On the remaining triangles, because colours depend on which parts of them are visible. Faces from
     /// `behind` on are the backdrop.
     fn refit(
@@ -471,18 +414,6 @@ impl<'a> Recipe<'a> {
         self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
             texture(mesh, views, unseen, options, details, progress)
         })
-    }
-}
-
-/// The backdrop of the input with the shell of the scene.
-fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
-    match given {
-        Some(mut behind) if shell.face_count() > 0 => {
-            behind.append(shell)?;
-            Ok(Some(behind))
-        }
-        Some(behind) => Ok(Some(behind)),
-        None => Ok(Some(shell).filter(|shell| shell.face_count() > 0)),
     }
 }
 

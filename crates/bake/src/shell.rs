@@ -36,15 +36,7 @@ pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
 pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
     let mut shell = mesh.take_shell();
     shell.shell.clear();
-    let mean = |points: &mut dyn ExactSizeIterator<Item = Vec3>| {
-        let count = points.len().max(1) as f32;
-        points.sum::<Vec3>() / count
-    };
-    // The middle of a shell that is open to one side may lie behind some of it.
-    let middle = match cameras.is_empty() {
-        true => mean(&mut (0..shell.face_count()).map(|face| shell.centroid(face))),
-        false => mean(&mut cameras.iter().map(Camera::position)),
-    };
+    let middle = middle(&shell, cameras);
     for face in 0..shell.face_count() {
         if shell.flat_normal(face).dot(middle - shell.centroid(face)) < 0.0 {
             shell.flip(face);
@@ -83,6 +75,18 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
     let colors = Colors::Vertex(positions.iter().map(color).collect());
     let opacity = shell.opacity.iter().flat_map(|opacity| [*opacity; 4]).collect();
     Mesh { positions, colors, opacity, ..Mesh::default() }
+}
+
+/// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind some of it.
+pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
+    let mean = |points: &mut dyn ExactSizeIterator<Item = Vec3>| {
+        let count = points.len().max(1) as f32;
+        points.sum::<Vec3>() / count
+    };
+    match cameras.is_empty() {
+        true => mean(&mut (0..shell.face_count()).map(|face| shell.centroid(face))),
+        false => mean(&mut cameras.iter().map(Camera::position)),
+    }
 }
 
 /// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
