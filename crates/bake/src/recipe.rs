@@ -4,6 +4,7 @@ mod behind;
 mod levels;
 mod package;
 mod pictures;
+mod shared;
 
 use super::arrange::arrange;
 use super::backdrop::BackdropWhen;
@@ -22,17 +23,15 @@ use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{UnseenColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
-use super::shell::{recognise_shell, spared};
+use super::shell::{joined, recognise_shell, spared};
 use super::solid::solid;
 use super::teacher::{TeacherWhen, is_solid, teacher};
 use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
-use behind::joined;
-use levels::Shared;
-use package::Seen;
 use pictures::{Cameras, Pictures};
+use shared::{Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,

@@ -11,7 +11,7 @@ use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell::far_shell;
 use trisplat_scene::{
-    Scene,
+    Result, Scene,
     camera::Camera,
     mesh::{Colors, Mesh},
 };
@@ -86,6 +86,18 @@ pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
     match cameras.is_empty() {
         true => mean(&mut (0..shell.face_count()).map(|face| shell.centroid(face))),
         false => mean(&mut cameras.iter().map(Camera::position)),
+    }
+}
+
+/// The backdrop of the input with the shell of the scene.
+pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
+    match given {
+        Some(mut behind) if shell.face_count() > 0 => {
+            behind.append(shell)?;
+            Ok(Some(behind))
+        }
+        Some(behind) => Ok(Some(behind)),
+        None => Ok(Some(shell).filter(|shell| shell.face_count() > 0)),
     }
 }
 

@@ -90,15 +90,3 @@ impl Recipe<'_> {
         })
     }
 }
-
-/// The backdrop of the input with the shell of the scene.
-pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
-    match given {
-        Some(mut behind) if shell.face_count() > 0 => {
-            behind.append(shell)?;
-            Ok(Some(behind))
-        }
-        Some(behind) => Ok(Some(behind)),
-        None => Ok(Some(shell).filter(|shell| shell.face_count() > 0)),
-    }
-}

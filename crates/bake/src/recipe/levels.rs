@@ -1,7 +1,7 @@
 //! Levels of detail, each painted and packaged like its scene.
 
 use super::Recipe;
-use super::package::{Frame, Seen};
+use super::shared::Shared;
 use crate::bvh::BvhOptions;
 use crate::chunk::ChunkOptions;
 use crate::counts::count_levels;
@@ -23,15 +23,6 @@ const LEAST_DENSITY: f64 = 0.05;
 /// How often the texture of a scene is halved for a level with this share of its triangles: it is seen from farther away.
 fn halvings(share: f64) -> usize {
     (-0.5 * share.clamp(1e-6, 1.0).log2()).round() as usize
-}
-
-/// What levels have in common with their scene.
-pub(super) struct Shared<'a> {
-    pub provenance: Provenance,
-    pub seen: Seen<'a>,
-    pub frame: Frame,
-    /// Before placement.
-    pub backdrop: Option<Mesh>,
 }
 
 impl Recipe<'_> {

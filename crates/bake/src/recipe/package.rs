@@ -1,6 +1,7 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
+use super::shared::{Frame, Seen};
 use crate::bvh::bvh;
 use crate::chunk::{ChunkDetails, chunk};
 use crate::counts::count_mesh;
@@ -13,27 +14,11 @@ use crate::weld::weld;
 use glam::DVec3;
 use trisplat_scene::{
     Asset, Placement, Provenance, Result,
-    camera::{Camera, Viewpoint},
+    camera::Camera,
     mesh::Mesh,
     placed,
     report::{Outcome, generator},
 };
-
-/// What is known of a scene besides its triangles, in the frame of the input.
-#[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    /// Cameras that see it.
-    pub watching: &'a [Camera],
-    /// The surface for smooth normals.
-    pub facing: Option<&'a Mesh>,
-}
-
-/// The frame of a file, and its first viewpoint.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    pub placement: Placement,
-    viewpoint: Option<Viewpoint>,
-}
 
 impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their scene.
