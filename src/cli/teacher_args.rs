@@ -9,12 +9,12 @@ use trisplat_job::{TEACHER_FILE, TeacherSource};
 pub struct TeacherArgs {
     /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos. auto:
     /// train one first and keep it as OUT.teacher.ply. off: no teacher. Solid scenes of fewer than 18 photos have auto, with less weight for
-    /// each photo beyond 10, unless --max-cpu-secs is given. In a run that is long enough, short trial
+    /// each photo beyond 14, unless --max-cpu-secs is given. In a run that is long enough, short trial
     /// trainings may decide for a teacher for up to 100 photos.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between the
-    /// photos. By default two thirds with 10 photos or fewer, and less with more photos; at least half if a
+    /// photos. By default two thirds with 14 photos or fewer, and less with more photos; at least half if a
     /// teacher is requested.
     #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
     pub teacher_share: Option<f64>,

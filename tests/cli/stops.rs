@@ -58,11 +58,11 @@ fn without_shell() -> TrainOptions {
     options
 }
 
-/// Fourteen photos decide by two short trainings.
+/// Fifteen photos decide by two short trainings.
 #[test]
 fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
     let folder = tempfile::tempdir().unwrap();
-    let photos = photos(folder.path(), 16);
+    let photos = photos(folder.path(), 18);
     let point = folder.path().join("a.checkpoint");
     let mut straight = job(&photos, TrainOptions::default(), &point);
     let mut observer = Stopper::default();
@@ -71,7 +71,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
     assert!(observer.training == 2 && figures.gain().is_some(), "{figures:?}");
 
     // Each process resumes one training, so the next is its second.
-    for (training, what) in [(0, "of 350 steps"), (1, "of 1050 steps")] {
+    for (training, what) in [(0, "of 375 steps"), (1, "of 1125 steps")] {
         let mut observer = Stopper { at: Some((training, 100)), ..Stopper::default() };
         // With other options: the checkpoint holds those that the run began with.
         let options = TrainOptions { steps: 10, ..TrainOptions::default() };
@@ -92,7 +92,7 @@ fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
 #[test]
 fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
-    let photos = photos(folder.path(), 13);
+    let photos = photos(folder.path(), 18);
     let point = folder.path().join("a.checkpoint");
     let mut observer = Stopper::default();
     let straight =
@@ -102,7 +102,7 @@ fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
 
     for (training, step, what) in [
         (0, 1, "a short training"),
-        (0, 274, "a short training"),
+        (0, 374, "a short training"),
         (1, 7, "a short training"),
         (1, 9, "soft teacher"),
     ] {
@@ -162,7 +162,7 @@ const TEACHER: &str = "a soft teacher scene is trained first";
 fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_continues() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    photos(folder, 13);
+    photos(folder, 18);
     // The shell alone would be a poor witness.
     let options = "--set init.shell_subdivisions=0";
     succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
@@ -284,7 +284,7 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
 fn a_make_with_a_budget_that_is_stopped_goes_on_with_what_is_left_of_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    photos(folder, 13);
+    photos(folder, 18);
     let state = || {
         let meta = checkpoint::read(&folder.join("scene.make/scene.checkpoint")).unwrap().meta;
         let prepares = meta.prepares.expect("a preparation");

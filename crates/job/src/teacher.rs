@@ -22,7 +22,7 @@ const TRIANGLES_SHARE: f64 = 0.67;
 const BUDGET_SHARE: f64 = 0.4;
 /// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
 /// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
-const FEW_PHOTOS: f64 = 10.0;
+const FEW_PHOTOS: f64 = 14.0;
 const MANY_PHOTOS: f64 = 18.0;
 /// Share of the steps on the teacher's pictures: with few photos, and at least if requested with many.
 const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
@@ -281,11 +281,11 @@ mod tests {
 
     #[test]
     fn a_teacher_counts_less_the_more_photos_there_are_without_a_step() {
-        assert_eq!([2, 10, 14, 18, 200].map(weight), [1.0, 1.0, 0.5, 0.0, 0.0]);
+        assert_eq!([2, 14, 16, 18, 200].map(weight), [1.0, 1.0, 0.5, 0.0, 0.0]);
         for photos in 2..100 {
-            assert!((weight(photos) - weight(photos + 1)).abs() <= 0.125 + 1e-9, "{photos}");
+            assert!((weight(photos) - weight(photos + 1)).abs() <= 0.25 + 1e-9, "{photos}");
             let shares = [photos, photos + 1].map(|photos| picture_share(weight(photos), false));
-            assert!((shares[0] - shares[1]).abs() < 0.09, "{photos}: {shares:?}");
+            assert!((shares[0] - shares[1]).abs() < 0.17, "{photos}: {shares:?}");
         }
         assert_eq!(picture_share(weight(100), true), 0.5);
         assert!(UndecidedRun { photos: 17, ..FEW }.needs_none().is_none());
@@ -303,7 +303,7 @@ mod tests {
         let why = watched(1.5, 0.0).needs_none();
         assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
         // Watched photos never remove a teacher.
-        assert_eq!(UndecidedRun { photos: 11, ..watched(1.5, 0.0) }.weight(), weight(11));
+        assert_eq!(UndecidedRun { photos: 15, ..watched(1.5, 0.0) }.weight(), weight(15));
         for sure in [
             FEW,
             UndecidedRun { photos: 101, ..FEW },
@@ -317,7 +317,7 @@ mod tests {
     #[test]
     fn few_photos_have_an_end_and_many_have_none() {
         let most = |photos| enough(photos, weight(photos)).steps.unwrap();
-        assert_eq!([5, 10, 14].map(most), [900, 1800, 5040]);
+        assert_eq!([5, 14, 16].map(most), [900, 2520, 5760]);
         assert_eq!(most(18), u64::MAX);
         assert!((2..18).all(|photos| most(photos) < most(photos + 1)));
     }
