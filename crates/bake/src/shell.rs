@@ -7,6 +7,7 @@
 //! signs that no wall shows.
 
 use super::backdrop::BackdropWhen;
+use super::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell::far_shell;
@@ -55,7 +56,6 @@ pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> b
 /// Cuts each face of `shell` into four. Each vertex gets the mean colour of the faces that it is part of, so colours run softly; faces of one
 /// colour each look like gems.
 pub(super) fn cut(shell: &Mesh) -> Mesh {
-    let key = |place: Vec3| (place + 0.0).to_array().map(f32::to_bits);
     let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
     let mut positions = Vec::with_capacity(12 * shell.face_count());
     for face in 0..shell.face_count() {
@@ -64,12 +64,12 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
         let [ab, bc, ca] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
         positions.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
         for place in [a, b, c, ab, bc, ca] {
-            let (sum, count) = sums.entry(key(place)).or_default();
+            let (sum, count) = sums.entry(place_bits(place)).or_default();
             (*sum, *count) = (*sum + (colors[0] + colors[1] + colors[2]) / 3.0, *count + 1.0);
         }
     }
     let color = |place: &Vec3| {
-        let (sum, count) = sums[&key(*place)];
+        let (sum, count) = sums[&place_bits(*place)];
         (sum / count).to_array()
     };
     let colors = Colors::Vertex(positions.iter().map(color).collect());
@@ -159,7 +159,7 @@ mod tests {
             let (part, whole) = (quarters.area(face), shell.area(face / 4));
             assert!((4.0 * part - whole).abs() < 1e-4 * whole, "{part} of {whole}");
             assert!(quarters.flat_normal(face).dot(shell.flat_normal(face / 4)) > 0.999);
-            let corners = quarters.corners(face).map(|corner| (corner + 0.0).to_array().map(f32::to_bits));
+            let corners = quarters.corners(face).map(place_bits);
             for k in 0..3 {
                 *edges.entry((corners[k], corners[(k + 1) % 3])).or_insert(0) += 1;
             }
@@ -176,7 +176,7 @@ mod tests {
         let mut at = HashMap::new();
         for face in 0..quarters.face_count() {
             for (place, color) in quarters.corners(face).into_iter().zip(quarters.corner_colors(face)) {
-                let known = *at.entry((place + 0.0).to_array().map(f32::to_bits)).or_insert(color);
+                let known = *at.entry(place_bits(place)).or_insert(color);
                 assert_eq!(known, color, "{place}");
             }
         }

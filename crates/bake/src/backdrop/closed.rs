@@ -3,6 +3,7 @@
 use super::limits::MOST_SUBDIVISIONS;
 use super::panorama::panorama;
 use super::surface::{place, surface};
+use crate::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashSet;
 use trisplat_scene::{
@@ -18,8 +19,7 @@ const ROWS_PER_FACE: u32 = 4;
 
 /// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces, separate faces have three times as many.
 pub(crate) fn is_scattered(shell: &Mesh) -> bool {
-    let places: HashSet<[u32; 3]> =
-        shell.positions.iter().map(|place| (*place + 0.0).to_array().map(f32::to_bits)).collect();
+    let places: HashSet<[u32; 3]> = shell.positions.iter().map(|place| place_bits(*place)).collect();
     shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
 }
 

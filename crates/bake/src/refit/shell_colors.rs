@@ -13,6 +13,7 @@
 //! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history.md`.
 
 use super::equations::{Equations, Fit};
+use crate::weld::place_bits;
 use std::collections::HashMap;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -83,8 +84,7 @@ impl System {
         let mut counts: Vec<f64> = Vec::new();
         let corners = (first..mesh.face_count()).flat_map(|face| mesh.corners(face));
         let vertices = corners.map(|position| {
-            // 0 and -0 are one place.
-            let vertex = *known.entry((position + 0.0).to_array().map(f32::to_bits)).or_insert_with(|| {
+            let vertex = *known.entry(place_bits(position)).or_insert_with(|| {
                 counts.push(0.0);
                 counts.len() as u32 - 1
             });
