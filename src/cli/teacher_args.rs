@@ -8,14 +8,13 @@ use trisplat_job::{TEACHER_FILE, TeacherSource};
 #[derive(Debug, clap::Args)]
 pub struct TeacherArgs {
     /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos. auto:
-    /// train one first and keep it as OUT.teacher.ply. off: no teacher. Solid scenes of fewer than 18 photos have auto, with less weight for
-    /// each photo beyond 14, unless --max-cpu-secs is given. In a run that is long enough, short trial
-    /// trainings may decide for a teacher for up to 100 photos.
+    /// train one first and keep it as OUT.teacher.ply. off: no teacher. Solid scenes of up to 16 photos
+    /// have auto, unless --max-cpu-secs is given. With 17 to 100 photos, a run that is long enough
+    /// decides by short trial trainings.
     #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
     pub teacher: Option<TeacherSource>,
     /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between the
-    /// photos. By default two thirds with 14 photos or fewer, and less with more photos; at least half if a
-    /// teacher is requested.
+    /// photos. Two thirds by default.
     #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
     pub teacher_share: Option<f64>,
 }

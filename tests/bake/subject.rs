@@ -2,7 +2,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::ControlFlow::Continue;
-use trisplat_bake::{Bake, BakeOptions, BakePreset, MeshOptions, mesh};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, CropDetails, MeshOptions, mesh};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     ImportedScene, Limits, Scene,
@@ -64,12 +64,18 @@ fn cameras() -> Vec<Camera> {
 }
 
 fn baked(crop: &[&str]) -> Mesh {
+    bake(Scene::Mesh(studio()), crop).0
+}
+
+fn bake(scene: Scene, crop: &[&str]) -> (Mesh, Report) {
     let mut options = BakeOptions::preset(BakePreset::Fast);
     // Of a small scene more triangles go that no camera sees.
     options.unseen.keep_unseen = true;
     options.crop.crop = crop.iter().map(|text| text.parse().unwrap()).collect();
-    let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(Scene::Mesh(studio())) };
-    Bake::new(&options).run([scene]).unwrap().mesh
+    let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(scene) };
+    let mut report = Report::default();
+    let asset = Bake::new(&options).report(&mut report).run([scene]).unwrap();
+    (asset.mesh, report)
 }
 
 fn is(mesh: &Mesh, face: usize, grey: f32) -> bool {
@@ -125,6 +131,34 @@ fn a_viewer_that_frames_the_file_shows_it_on_a_quarter_of_the_picture() {
     assert!(after[1] > 0.25 && after[0] > 0.18, "{after:?}");
 }
 
+/// The farthest place of the table in each of 16 directions.
+fn rim(mesh: &Mesh) -> [f32; 16] {
+    let mut edge = [0.0f32; 16];
+    for v in mesh.positions.iter().filter(|v| v.y < 0.1) {
+        let turn = v.z.atan2(v.x) / std::f32::consts::TAU + 0.5;
+        let ray = &mut edge[((turn * 16.0) as usize).min(15)];
+        *ray = ray.max(Vec2::new(v.x, v.z).length());
+    }
+    edge
+}
+
+/// Triangles of a soup that reach over the edge are cut there, so the table is a disc.
+#[test]
+fn a_soup_is_cut_along_its_edge() {
+    let (mesh, report) = bake(Scene::Soup(Scene::Mesh(studio()).to_soup()), &["subject"]);
+    assert_eq!((count(&mesh, BALL), count(&mesh, ELSE)), (512, 0));
+    let details = report.details::<CropDetails>().unwrap();
+    assert!(details.cut > 16 && details.outside > 3000, "{details:?}");
+    let edge = rim(&mesh);
+    let (least, most) =
+        edge.iter().fold((f32::MAX, 0.0f32), |(least, most), r| (least.min(*r), most.max(*r)));
+    assert!((0.5..0.75).contains(&most) && least > 0.98 * most, "{edge:?}");
+    let table = (0..mesh.face_count()).filter(|face| is(&mesh, *face, TABLE));
+    let area: f64 = table.map(|face| mesh.area(face)).sum();
+    let disc = std::f64::consts::PI * f64::from(most).powi(2);
+    assert!((area / disc - 1.0).abs() < 0.02, "{area} of {disc}");
+}
+
 /// The surface is cut, not the scene: triangles of the table that reach over the edge leave no holes, and there are no crumbs.
 #[test]
 fn the_surface_of_the_thing_ends_in_an_even_edge() {
@@ -138,13 +172,7 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
     let details = report.details::<SurfaceDetails>().unwrap();
     assert_eq!(details.components, 2, "the ball, and its piece of the table: {details:?}");
     assert!((0..found.face_count()).all(|face| !is(&found, face, ELSE)), "no wall, no crumbs");
-    // The farthest place of the table in each of 16 directions.
-    let mut edge = [0.0f32; 16];
-    for v in found.positions.iter().filter(|v| v.y < 0.1) {
-        let turn = v.z.atan2(v.x) / std::f32::consts::TAU + 0.5;
-        let ray = &mut edge[((turn * 16.0) as usize).min(15)];
-        *ray = ray.max(Vec2::new(v.x, v.z).length());
-    }
+    let edge = rim(&found);
     let most = edge.iter().fold(0.0f32, |most, r| most.max(*r));
     let even = |i: usize| edge[i].min(edge[(i + 1) % 16]) > 0.85 * edge[i].max(edge[(i + 1) % 16]);
     assert!((0.5..0.75).contains(&most) && (0..16).all(even), "{edge:?}");

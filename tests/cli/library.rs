@@ -105,19 +105,19 @@ fn with_budget(folder: &Path, views: u32, seconds: f64) -> TrainJob {
 #[test]
 fn photos_are_watched_where_a_budget_has_time() {
     let folder = tempfile::tempdir().unwrap();
-    let (asked, mut observer) = (with_budget(folder.path(), 18, 120.0), Watching::default());
+    let (asked, mut observer) = (with_budget(folder.path(), 20, 120.0), Watching::default());
     let mut job = asked.clone();
     job.watch(&mut |event| observer.tell(&event)).unwrap();
     job.watch(&mut |event| observer.tell(&event)).unwrap();
     let watched = job.watched.clone().unwrap();
-    assert_eq!((observer.trainings, watched.solid.map(|training| training.steps)), (2, [375, 1125]));
+    assert_eq!((observer.trainings, watched.solid.map(|training| training.steps)), (2, [425, 1275]));
     assert!(
         observer.said == watched.summary() && observer.said.contains("on 3 photos left out of training"),
         "{}",
         observer.said
     );
     let trained: Vec<&String> = job.dataset.train().map(|view| &view.name).collect();
-    assert_eq!((trained.len(), watched.photos.len()), (15, 3));
+    assert_eq!((trained.len(), watched.photos.len()), (17, 3));
     assert!(watched.photos.iter().all(|name| trained.contains(&name)), "{:?}", watched.photos);
     // Without the time, and without a teacher, nothing is watched.
     let (mut without, mut hurried) = (asked.clone(), asked);

@@ -7,7 +7,7 @@ mod subject;
 use glam::{DVec3, Vec3};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
-    Error, Region, Result, Scene, UpAxis,
+    Error, Region, Result, Scene, Soup, UpAxis,
     camera::Camera,
     mesh::Mesh,
     report::{Outcome, StageDetails},
@@ -43,6 +43,8 @@ impl CropOptions {
 pub struct CropDetails {
     /// Triangles outside the region.
     pub outside: u64,
+    /// Triangles of the subject, or of what it stands on, that ended beyond the region and were cut there.
+    pub cut: u64,
 }
 
 impl StageDetails for CropDetails {
@@ -78,12 +80,26 @@ pub(crate) fn crop_and_volume(
     if kept == total {
         return Ok((Outcome::Skipped("every triangle is inside"), volume));
     }
-    match scene {
-        Scene::Soup(soup) => soup.retain(|i| keep[i]),
-        Scene::Mesh(mesh) => mesh.retain(|i| keep[i]),
+    match (scene, &volume) {
+        (Scene::Soup(soup), Some(volume)) => details.cut = keep_parts(soup, &keep, volume),
+        (Scene::Soup(soup), None) => soup.retain(|i| keep[i]),
+        (Scene::Mesh(mesh), _) => mesh.retain(|i| keep[i]),
     }
     details.outside = (total - kept) as u64;
     Ok((Outcome::Changed(()), volume))
+}
+
+/// Keeps what is in the `volume` of the triangles that have `keep`. Returns the number of those that were cut.
+fn keep_parts(soup: &mut Soup, keep: &[bool], volume: &SubjectVolume) -> u64 {
+    let (mut order, mut corners, mut cut) = (Vec::new(), Vec::new(), 0);
+    for i in (0..soup.len()).filter(|i| keep[*i]) {
+        let parts = volume.parts(soup.vertices[i]);
+        cut += u64::from(parts != [soup.vertices[i]]);
+        order.extend(parts.iter().map(|_| i));
+        corners.extend(parts);
+    }
+    *soup = Soup { vertices: corners, ..soup.picked(&order) };
+    cut
 }
 
 /// Which triangles of `scene` are in the region, at least one, and the space of the subject, if it is asked for.

@@ -28,8 +28,6 @@ pub(super) struct TaughtRun<'a> {
     pub(super) storing: Storing,
     /// Result of the short trainings.
     pub(super) watched: Option<TrialRun>,
-    /// Weight of the teacher, 0 to 1.
-    pub(super) weight: f64,
 }
 
 /// The training of a teacher.
@@ -80,11 +78,11 @@ impl TaughtRun<'_> {
 
     /// A new teacher.
     fn planned(&self) -> Result<Planned> {
-        let (mut how, photos, weight) = (self.how.clone(), self.photos.train().count(), self.weight);
+        let (mut how, photos) = (self.how.clone(), self.photos.train().count());
         let spending = self.storing.spending;
-        let budget = self.budget.map(|budget| teacher_budget(budget, weight, spending.seconds()));
-        let mut options = teacher_options(self.options, budget.is_some(), weight)?;
-        let mut enough = enough_for_teacher(photos, weight);
+        let budget = self.budget.map(|budget| teacher_budget(budget, spending.seconds()));
+        let mut options = teacher_options(self.options, budget.is_some())?;
+        let mut enough = enough_for_teacher(photos);
         // Steps given for the run also hold for its teacher.
         enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
         if budget.is_none() {

@@ -20,17 +20,16 @@ const STEPS_SHARE: f64 = 0.55;
 const TRIANGLES_SHARE: f64 = 0.67;
 /// Time of a teacher as a share of the budget.
 const BUDGET_SHARE: f64 = 0.4;
-/// Numbers of training photos up to which a teacher has weight 1, and from which on weight 0; linear in between.
-/// Watched photos may ask for more: see `watched.rs` and docs/benchmarks/few-photos.md.
-const FEW_PHOTOS: f64 = 14.0;
-const MANY_PHOTOS: f64 = 18.0;
-/// Share of the steps on the teacher's pictures: with few photos, and at least if requested with many.
-const PICTURE_SHARES: [f64; 2] = [2.0 / 3.0, 0.5];
-/// The least weight that is worth the teacher's training.
-const LEAST_WEIGHT: f64 = 0.1;
-/// Steps per training photo after which a teacher, and its run, only memorise these photos. Divided by the teacher's weight.
-const TEACHER_STEPS_PER_PHOTO: f64 = 85.0;
-const STEPS_PER_PHOTO: f64 = 180.0;
+/// Default share of the steps on the teacher's pictures.
+pub(super) const PICTURE_SHARE: f64 = 2.0 / 3.0;
+/// Most training photos with which a run has a teacher by default. With more, watched photos may ask for one: see `watched.rs` and
+/// docs/benchmarks/few-photos.md.
+const FEW_PHOTOS: usize = 16;
+/// Gain on watched photos, dB, below which a run has a teacher: more steps without one would memorise photos.
+const LITTLE_GAIN: f64 = 0.2;
+/// Steps per training photo after which a teacher, and its run, only memorise these photos.
+const TEACHER_STEPS_PER_PHOTO: u64 = 85;
+const STEPS_PER_PHOTO: u64 = 180;
 
 /// Source of the teacher.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -72,8 +71,8 @@ pub enum TeacherPlan {
 pub struct UndecidedRun {
     /// Photos to train on.
     pub photos: usize,
-    /// Result of the watched photos; `None` without them.
-    pub watched: Option<WatchedGain>,
+    /// Gain of more steps on watched photos, dB; `None` without them.
+    pub watched_gain: Option<f64>,
     /// The preset of its options.
     pub preset: TrainPreset,
     /// Whether it starts from photos and their points instead of a scene.
@@ -91,87 +90,50 @@ impl UndecidedRun {
         if self.max_cpu_secs > 0.0 {
             return Some("by default a run that `max_cpu_secs` may end early has none".into());
         }
-        match self.photos {
-            0 | 1 => Some("there is nothing between so few photos".into()),
-            count if self.weight() < LEAST_WEIGHT => Some(match self.watched {
-                Some(WatchedGain { decibels, .. }) => {
-                    format!("more steps gain {decibels:.1} dB on watched photos without one")
-                }
-                None => format!("{count} photos are enough without one"),
-            }),
-            _ => None,
+        match (self.photos, self.watched_gain) {
+            (0 | 1, _) => Some("there is nothing between so few photos".into()),
+            (..=FEW_PHOTOS, _) => None,
+            (_, Some(gain)) if gain < LITTLE_GAIN => None,
+            (_, Some(gain)) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
+            (photos, None) => Some(format!("{photos} photos are enough without one")),
         }
     }
 
     /// Whether to watch photos, because their number alone does not decide.
     pub(super) fn is_unsure(&self) -> bool {
-        let without = Self { watched: None, ..*self };
-        let possible = Self { photos: 2, ..without }.needs_none().is_none();
-        possible && without.weight() < 1.0 && self.photos <= watched::MOST_PHOTOS
-    }
-
-    /// Weight of the teacher: the larger of the weights by number of photos and by watched photos.
-    pub(super) fn weight(&self) -> f64 {
-        weight(self.photos).max(self.watched.map_or(0.0, |watched| watched.teacher_weight))
+        let with_few = Self { photos: 2, ..*self };
+        with_few.needs_none().is_none() && (FEW_PHOTOS + 1..=watched::MOST_PHOTOS).contains(&self.photos)
     }
 }
 
-/// Result of watched photos for a run.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WatchedGain {
-    /// Gain of more steps on them, dB.
-    pub decibels: f64,
-    /// Weight of a teacher, 0 to 1.
-    pub teacher_weight: f64,
-}
-
-/// Default weight of a teacher for this number of training photos: 1 with few, 0 with many.
-fn weight(photos: usize) -> f64 {
-    ((MANY_PHOTOS - photos as f64) / (MANY_PHOTOS - FEW_PHOTOS)).clamp(0.0, 1.0)
-}
-
-/// Limits of a run on `photos` with a teacher of this `weight`.
-pub(super) fn enough(photos: usize, weight: f64) -> StepLimit {
-    StepLimit { steps: Some(worth(STEPS_PER_PHOTO, photos, weight)), ..StepLimit::default() }
-}
-
-/// Most steps.
-fn worth(per_photo: f64, photos: usize, weight: f64) -> u64 {
-    // A float that is too large becomes the largest integer.
-    (per_photo * photos as f64 / weight) as u64
+/// Limits of a run on `photos` with a teacher.
+pub(super) fn enough(photos: usize) -> StepLimit {
+    StepLimit { steps: Some(STEPS_PER_PHOTO * photos as u64), ..StepLimit::default() }
 }
 
 /// Limits of a teacher.
-pub(super) fn enough_for_teacher(photos: usize, weight: f64) -> StepLimit {
-    let steps = worth(TEACHER_STEPS_PER_PHOTO, photos, weight);
+pub(super) fn enough_for_teacher(photos: usize) -> StepLimit {
+    let steps = TEACHER_STEPS_PER_PHOTO * photos as u64;
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
     StepLimit { steps: Some(steps), steps_of_full_photos: steps, ..StepLimit::default() }
 }
 
-/// Default share of the steps on pictures of a teacher of this weight; at least a minimum if `asked` for.
-pub(super) fn picture_share(weight: f64, asked: bool) -> f64 {
-    let [few, least] = PICTURE_SHARES;
-    let by_weight = few * weight;
-    if asked { by_weight.max(least) } else { by_weight }
+/// Budget for a teacher after `spent` seconds of the run's budget.
+pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
+    Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE), ..run }
 }
 
-/// Budget for a teacher of this `weight` after `spent` seconds of the run's budget.
-pub(super) fn teacher_budget(run: Budget, weight: f64, spent: f64) -> Budget {
-    Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE * weight), ..run }
-}
-
-/// Training options of a teacher of this `weight`. A budget chooses its triangles unless the run's are given.
+/// Training options of a teacher. A budget chooses its triangles unless the run's are given.
 ///
 /// Errors: none if options are in range.
 pub(super) fn teacher_options(
     run: &Layered<TrainOptions>,
     has_budget: bool,
-    weight: f64,
 ) -> Result<Layered<TrainOptions>> {
     let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
     let mut given = serde_json::json!({
         "preset": TrainPreset::Outdoor,
-        "steps": share(run.options.steps, STEPS_SHARE * weight),
+        "steps": share(run.options.steps, STEPS_SHARE),
         "seed": run.options.seed,
         "poses": run.options.poses,
     });
@@ -259,7 +221,7 @@ mod tests {
 
     const FEW: UndecidedRun = UndecidedRun {
         photos: 8,
-        watched: None,
+        watched_gain: None,
         preset: TrainPreset::Solid,
         starts_from_photos: true,
         max_cpu_secs: 0.0,
@@ -280,32 +242,18 @@ mod tests {
     }
 
     #[test]
-    fn a_teacher_counts_less_the_more_photos_there_are_without_a_step() {
-        assert_eq!([2, 14, 16, 18, 200].map(weight), [1.0, 1.0, 0.5, 0.0, 0.0]);
-        for photos in 2..100 {
-            assert!((weight(photos) - weight(photos + 1)).abs() <= 0.25 + 1e-9, "{photos}");
-            let shares = [photos, photos + 1].map(|photos| picture_share(weight(photos), false));
-            assert!((shares[0] - shares[1]).abs() < 0.17, "{photos}: {shares:?}");
-        }
-        assert_eq!(picture_share(weight(100), true), 0.5);
-        assert!(UndecidedRun { photos: 17, ..FEW }.needs_none().is_none());
-    }
-
-    #[test]
     fn watched_photos_may_ask_for_a_teacher_that_the_number_of_photos_does_not() {
-        let many = UndecidedRun { photos: 37, ..FEW };
-        let watched = |decibels, teacher_weight| UndecidedRun {
-            watched: Some(WatchedGain { decibels, teacher_weight }),
-            ..many
-        };
-        assert!(many.needs_none().is_some() && many.is_unsure());
-        assert_eq!((watched(-0.5, 1.0).needs_none(), watched(-0.5, 1.0).weight()), (None, 1.0));
-        let why = watched(1.5, 0.0).needs_none();
+        let most = UndecidedRun { photos: FEW_PHOTOS, ..FEW };
+        let many = UndecidedRun { photos: FEW_PHOTOS + 1, ..FEW };
+        assert!(most.needs_none().is_none() && many.needs_none().is_some() && many.is_unsure());
+        let watched = |gain| UndecidedRun { watched_gain: Some(gain), ..many };
+        assert_eq!([-0.5, 0.1].map(|gain| watched(gain).needs_none()), [None, None]);
+        let why = watched(1.5).needs_none();
         assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
         // Watched photos never remove a teacher.
-        assert_eq!(UndecidedRun { photos: 15, ..watched(1.5, 0.0) }.weight(), weight(15));
+        assert_eq!(UndecidedRun { photos: FEW_PHOTOS, ..watched(1.5) }.needs_none(), None);
         for sure in [
-            FEW,
+            most,
             UndecidedRun { photos: 101, ..FEW },
             UndecidedRun { preset: TrainPreset::Outdoor, ..many },
             UndecidedRun { starts_from_photos: false, ..many },
@@ -315,17 +263,9 @@ mod tests {
     }
 
     #[test]
-    fn few_photos_have_an_end_and_many_have_none() {
-        let most = |photos| enough(photos, weight(photos)).steps.unwrap();
-        assert_eq!([5, 14, 16].map(most), [900, 2520, 5760]);
-        assert_eq!(most(18), u64::MAX);
-        assert!((2..18).all(|photos| most(photos) < most(photos + 1)));
-    }
-
-    #[test]
-    fn less_weight_trains_longer() {
-        assert_eq!([1.0, 0.5].map(|weight| enough(20, weight).steps), [3600, 7200].map(Some));
-        let of_teacher = enough_for_teacher(20, 1.0);
+    fn runs_with_a_teacher_and_teachers_have_an_end() {
+        assert_eq!([5, 14].map(|photos| enough(photos).steps), [900, 2520].map(Some));
+        let of_teacher = enough_for_teacher(20);
         // A teacher without time for its steps on full photos gets smaller photos.
         assert_eq!((of_teacher.steps, of_teacher.steps_of_full_photos), (Some(1700), 1700));
     }
@@ -334,15 +274,15 @@ mod tests {
     fn a_teacher_is_smaller_than_what_it_teaches() -> Result<()> {
         let steps = serde_json::json!({ "steps": 1000, "seed": 7 });
         let run = Layers::default().given(steps).resolve(TrainOptions::preset)?;
-        let teacher = teacher_options(&run, false, 1.0)?.options;
+        let teacher = teacher_options(&run, false)?.options;
         let preset = TrainOptions::preset(TrainPreset::Outdoor);
         assert_eq!((teacher.steps, teacher.max_triangles, teacher.seed), (550, 100_500, 7));
         assert_eq!(
-            teacher_options(&run, true, 1.0)?.options,
+            teacher_options(&run, true)?.options,
             TrainOptions { max_triangles: preset.max_triangles, ..teacher }
         );
         let given = Layers::default().given(serde_json::json!({ "max_triangles": 1000 }));
-        let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true, 1.0)?;
+        let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true)?;
         assert!(teacher.is_given("max_triangles") && teacher.options.max_triangles == 670);
         Ok(())
     }

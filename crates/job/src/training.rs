@@ -4,7 +4,7 @@ use super::budget::{self, Budgeted};
 use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing};
 use super::taught::TaughtRun;
-use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun, WatchedGain};
+use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun};
 use super::tracked;
 use super::watched::{self, TrialRun, WatchedTraining};
 use super::watching::Watching;
@@ -323,32 +323,13 @@ impl TrainJob {
 
     /// The run without the request for or against a teacher.
     fn undecided(&self) -> UndecidedRun {
-        let photos = self.dataset.train().count();
-        let gain = |watched: &TrialRun| {
-            let steps_per_photo = self.steps() / photos.max(1) as f64;
-            let (decibels, teacher_weight) = (watched.gain()?, watched.teacher_weight(steps_per_photo)?);
-            Some(WatchedGain { decibels, teacher_weight })
-        };
         UndecidedRun {
-            photos,
-            watched: self.watched.as_ref().and_then(gain),
+            photos: self.dataset.train().count(),
+            watched_gain: self.watched.as_ref().and_then(TrialRun::gain),
             preset: self.options.options.preset,
             starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
             max_cpu_secs: self.max_cpu_secs(),
         }
-    }
-
-    /// Approximate number of steps: from the options, or from the time in the budget.
-    fn steps(&self) -> f64 {
-        match self.budget {
-            Some(budget) => watched::STEPS_PER_SEC * budget.seconds.0,
-            None => self.options.options.steps as f64,
-        }
-    }
-
-    /// Weight of the teacher: 1 if requested.
-    fn teacher_weight(&self) -> f64 {
-        if self.teacher.is_some() { 1.0 } else { self.undecided().weight() }
     }
 
     /// Prepares the training pictures: photos in the size that the budget allows, and pictures of the teacher.
@@ -358,8 +339,7 @@ impl TrainJob {
     fn prepare(mut self, observer: Observer<'_>) -> Result<(Dataset, ReadyTrain)> {
         let began = self.began.unwrap_or_else(Instant::now);
         self.watch(observer)?;
-        let (plan, weight, by_default) =
-            (self.teacher_plan(), self.teacher_weight(), self.undecided().weight());
+        let plan = self.teacher_plan();
         let mut enough = StepLimit::default();
         let (teacher, stage) = match &plan {
             TeacherPlan::Without(why) => {
@@ -368,10 +348,10 @@ impl TrainJob {
             TeacherPlan::Read(path) => (Some(teacher::soft_scene(path, &self.dataset_options)?), None),
             TeacherPlan::Train => {
                 if !self.options.is_given("steps") {
-                    enough = teacher::enough(self.dataset.train().count(), weight);
+                    enough = teacher::enough(self.dataset.train().count());
                 }
                 let stopped = self.stopped_teacher();
-                let (teacher, stage) = self.taught(began, weight).train_teacher(stopped, observer)?;
+                let (teacher, stage) = self.taught(began).train_teacher(stopped, observer)?;
                 (Some(teacher), Some(stage))
             }
         };
@@ -394,13 +374,11 @@ impl TrainJob {
         let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
         let (dataset, photos, teacher_share) = match teacher {
             Some(teacher) => {
-                let asked = self.teacher.is_some();
-                let by_default = || teacher::picture_share(by_default, asked);
                 // A resumed run keeps its number of pictures.
                 let begun = self.resume.as_ref().map(|checkpoint| {
                     1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
                 });
-                let share = self.teacher_share.or(begun).unwrap_or_else(by_default);
+                let share = self.teacher_share.or(begun).unwrap_or(teacher::PICTURE_SHARE);
                 let beside = teacher::with_pictures(&dataset, &teacher, share, &options, &how, observer)?;
                 warnings.extend(teacher.warnings);
                 (beside, Some(dataset), Some(share))
@@ -429,7 +407,7 @@ impl TrainJob {
     }
 
     /// The run as its teacher needs it.
-    fn taught(&self, began: Instant, weight: f64) -> TaughtRun<'_> {
+    fn taught(&self, began: Instant) -> TaughtRun<'_> {
         TaughtRun {
             photos: &self.dataset,
             how: &self.dataset_options,
@@ -439,7 +417,6 @@ impl TrainJob {
             backend: &self.backend,
             storing: self.storing(began),
             watched: self.watched.clone(),
-            weight,
         }
     }
 }

@@ -8,6 +8,7 @@ use crate::place::up::{Confidence, Evidence, estimate};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Scene, UpAxis, camera::Camera, math::sets::Sets, mesh::Mesh};
 
 /// What is farther from the middle than this many radii of the subject's ball is not looked at.
@@ -52,20 +53,27 @@ impl Piece {
     }
 }
 
+/// Sides of the polygon that stands for the outline where triangles are cut.
+const SIDES: usize = 64;
+
 /// The space that the subject and its support take.
 pub(crate) struct SubjectVolume {
     frame: Frame,
     outline: Outline,
     /// Height of the support, if it stands on one.
     support: Option<f32>,
+    /// Where the support of the scene ends, as a share of the outline.
+    edge: f32,
 }
 
 /// Rings that tell how much of the support was seen.
 const RINGS: usize = 20;
-/// A ring of the support is whole when this share of it is there.
+/// A ring of the support is whole when this share of it, or of the object above, is there.
 const WHOLE: f32 = 0.95;
+/// Least share of the outline up to which rings must be whole: less of a support looks like crumbs.
+const LEAST_WHOLE: f32 = 0.5;
 /// Cells along the radius of the support that tell what is there.
-const CELLS_OF_SUPPORT: usize = 40;
+const CELLS_OF_SUPPORT: usize = 80;
 
 impl SubjectVolume {
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
@@ -84,18 +92,47 @@ impl SubjectVolume {
         keep
     }
 
+    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where all of it is outside.
+    pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
+        let Some(piece) = self.frame.piece(0, corners) else { return Vec::new() };
+        let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
+        let low = self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER);
+        let is_whole = |corner: Vec3| {
+            corner.z >= low && corner.z <= self.outline.top && self.outline.place(corner).length() <= edge
+        };
+        if piece.corners.into_iter().all(is_whole) {
+            return vec![corners];
+        }
+        let heights: [&dyn Fn(Vec3) -> f32; 2] = [&|at| at.z - low, &|at| self.outline.top - at.z];
+        let mut inside = heights.into_iter().fold(corners.to_vec(), |polygon, inside| {
+            beyond(&polygon, |corner| inside(self.frame.within(corner)))
+        });
+        let apothem = edge * libm::cosf(std::f32::consts::PI / SIDES as f32);
+        for side in 0..SIDES {
+            let turn = std::f32::consts::TAU * side as f32 / SIDES as f32;
+            let out = Vec2::new(libm::cosf(turn), libm::sinf(turn));
+            let within = |corner| apothem - self.outline.place(self.frame.within(corner)).dot(out);
+            inside = beyond(&inside, within);
+        }
+        (2..inside.len()).map(|i| [inside[0], inside[i - 1], inside[i]]).collect()
+    }
+
     fn is_level(&self, piece: &Piece) -> bool {
         self.support.is_some_and(|height| piece.middle.z < height + LAYER)
     }
 
-    /// Where the last whole ring of the support ends, as a share of the outline; 1 where none is whole.
+    /// Where the support ends that is whole from the middle on, as a share of the outline; 0 where hardly any is. `pieces` are its triangles
+    /// and those of the object.
     fn whole(&self, pieces: &[Piece]) -> f32 {
         let side = 2 * CELLS_OF_SUPPORT;
-        let cell = |along: f32| (((along + 1.0) * CELLS_OF_SUPPORT as f32) as usize).min(side - 1);
+        let cell = |along: f32| ((along + 1.0) * CELLS_OF_SUPPORT as f32).floor() as i32;
         let mut there = vec![false; side * side];
-        for piece in pieces.iter().filter(|piece| self.is_level(piece)) {
+        for piece in pieces {
             for at in spread(piece.corners.map(|corner| self.outline.place(corner))) {
-                there[cell(at.y) * side + cell(at.x)] = true;
+                let (x, y) = (cell(at.x), cell(at.y));
+                if (0..side as i32).contains(&x) && (0..side as i32).contains(&y) {
+                    there[y as usize * side + x as usize] = true;
+                }
             }
         }
         let (mut seen, mut all) = ([0u32; RINGS], [0u32; RINGS]);
@@ -107,9 +144,26 @@ impl SubjectVolume {
                 seen[ring] += u32::from(*is_there);
             }
         }
-        let last = (0..RINGS).rev().find(|ring| seen[*ring] as f32 >= WHOLE * all[*ring] as f32);
-        last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32)
+        let is_whole = |ring: &usize| seen[*ring] as f32 >= WHOLE * all[*ring] as f32;
+        let edge = (0..RINGS).take_while(is_whole).count() as f32 / RINGS as f32;
+        if edge < LEAST_WHOLE { 0.0 } else { edge }
     }
+}
+
+/// The part of a convex polygon where the affine function `inside` is not negative.
+fn beyond(polygon: &[Vec3], inside: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, here) in polygon.iter().enumerate() {
+        let next = polygon[(i + 1) % polygon.len()];
+        let (a, b) = (inside(*here), inside(next));
+        if a >= 0.0 {
+            kept.push(*here);
+        }
+        if (a < 0.0) != (b < 0.0) {
+            kept.push(here.lerp(next, a / (a - b)));
+        }
+    }
+    kept
 }
 
 /// Places on a triangle, less than a cell of the support apart.
@@ -139,13 +193,20 @@ pub(super) fn subject(
     let standing: Vec<Piece> = pieces.iter().filter(above).copied().collect();
     let object = object(&standing)?;
     let outline = Outline::new(&object)?;
-    let volume = SubjectVolume { frame, outline, support };
+    let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
     // The object, and the support around it: what else is within floats.
+    let is_deep = |piece: &Piece| support.is_some_and(|height| piece.middle.z < height - LAYER);
+    let level = || pieces.iter().filter(|piece| volume.is_level(piece) && !is_deep(piece));
+    let both: Vec<Piece> = object.iter().chain(level()).copied().collect();
     let mut belongs = vec![false; count];
-    object.iter().for_each(|piece| belongs[piece.number] = true);
-    pieces.iter().filter(|piece| volume.is_level(piece)).for_each(|piece| belongs[piece.number] = true);
-    let within = volume.faces(count, |i| scene.corners(i));
-    let keep = belongs.iter().zip(&within).map(|(belongs, within)| *belongs && *within).collect();
+    both.iter().for_each(|piece| belongs[piece.number] = true);
+    volume.edge = volume.whole(&both);
+    let within = |i: usize| match scene {
+        // What a soup's triangles have beyond the edge is cut off.
+        Scene::Soup(_) => !volume.parts(scene.corners(i)).is_empty(),
+        Scene::Mesh(_) => volume.parts(scene.corners(i)) == [scene.corners(i)],
+    };
+    let keep = parallel::collect(count, GRAIN, |i| belongs[i] && within(i));
     Some((keep, volume))
 }
 
@@ -174,11 +235,14 @@ impl Frame {
         Self { ball, axes: [along, up.cross(along), up] }
     }
 
+    /// A place in these coordinates.
+    fn within(&self, at: Vec3) -> Vec3 {
+        Vec3::from(self.axes.map(|axis| axis.dot(at - self.ball.center))) / self.ball.radius
+    }
+
     /// A triangle that is near enough and not too large.
     fn piece(&self, number: usize, corners: [Vec3; 3]) -> Option<Piece> {
-        let within =
-            |v: Vec3| Vec3::from(self.axes.map(|axis| axis.dot(v - self.ball.center))) / self.ball.radius;
-        let corners = corners.map(within);
+        let corners = corners.map(|corner| self.within(corner));
         let [a, b, c] = corners;
         let middle = (a + b + c) / 3.0;
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
