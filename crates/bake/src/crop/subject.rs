@@ -68,9 +68,9 @@ pub(crate) struct SubjectVolume {
 
 /// Rings that tell how much of the support was seen.
 const RINGS: usize = 20;
-/// A ring of the support is whole when this share of it, or of the object above, is there.
+/// A ring is whole when this share of it is covered.
 const WHOLE: f32 = 0.95;
-/// Least share of the outline up to which rings must be whole: less of a support looks like crumbs.
+/// Least share of the outline up to which the rings of a soup must be whole: less of a support looks like crumbs.
 const LEAST_WHOLE: f32 = 0.5;
 /// Cells along the radius of the support that tell what is there.
 const CELLS_OF_SUPPORT: usize = 80;
@@ -85,7 +85,9 @@ impl SubjectVolume {
             (above && self.outline.holds(&piece)).then_some(piece)
         };
         let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
-        let edge = self.whole(&pieces);
+        let level = pieces.iter().filter(|piece| self.is_level(piece));
+        let last = self.whole_rings(level).iter().rposition(|is_whole| *is_whole);
+        let edge = last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32);
         let mut keep = vec![false; count];
         let stays = |piece: &&Piece| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
         pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
@@ -121,9 +123,8 @@ impl SubjectVolume {
         self.support.is_some_and(|height| piece.middle.z < height + LAYER)
     }
 
-    /// Where the support ends that is whole from the middle on, as a share of the outline; 0 where hardly any is. `pieces` are its triangles
-    /// and those of the object.
-    fn whole(&self, pieces: &[Piece]) -> f32 {
+    /// Which rings around the middle `pieces` cover.
+    fn whole_rings<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> [bool; RINGS] {
         let side = 2 * CELLS_OF_SUPPORT;
         let cell = |along: f32| ((along + 1.0) * CELLS_OF_SUPPORT as f32).floor() as i32;
         let mut there = vec![false; side * side];
@@ -144,9 +145,7 @@ impl SubjectVolume {
                 seen[ring] += u32::from(*is_there);
             }
         }
-        let is_whole = |ring: &usize| seen[*ring] as f32 >= WHOLE * all[*ring] as f32;
-        let edge = (0..RINGS).take_while(is_whole).count() as f32 / RINGS as f32;
-        if edge < LEAST_WHOLE { 0.0 } else { edge }
+        std::array::from_fn(|ring| seen[ring] as f32 >= WHOLE * all[ring] as f32)
     }
 }
 
@@ -197,10 +196,13 @@ pub(super) fn subject(
     // The object, and the support around it: what else is within floats.
     let is_deep = |piece: &Piece| support.is_some_and(|height| piece.middle.z < height - LAYER);
     let level = || pieces.iter().filter(|piece| volume.is_level(piece) && !is_deep(piece));
-    let both: Vec<Piece> = object.iter().chain(level()).copied().collect();
+    let both = || object.iter().chain(level());
     let mut belongs = vec![false; count];
-    both.iter().for_each(|piece| belongs[piece.number] = true);
-    volume.edge = volume.whole(&both);
+    both().for_each(|piece| belongs[piece.number] = true);
+    // A trained support has holes far from the middle, where fewer photos look.
+    let rings = volume.whole_rings(both()).iter().take_while(|is_whole| **is_whole).count();
+    let edge = rings as f32 / RINGS as f32;
+    volume.edge = if edge < LEAST_WHOLE { 0.0 } else { edge };
     let within = |i: usize| match scene {
         // What a soup's triangles have beyond the edge is cut off.
         Scene::Soup(_) => !volume.parts(scene.corners(i)).is_empty(),
