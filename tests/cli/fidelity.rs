@@ -32,10 +32,13 @@ pub(super) fn fail(args: &[&str], parts: &[&str]) {
     }
 }
 
-/// A soup file and the sample data set, as strings for the command line, and a folder to write to.
+/// A small soft soup and the sample data set, as strings for the command line, and the folder of the soup to write to.
 pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
     let text = |path: PathBuf| path.to_str().unwrap().to_owned();
-    (text(sample("soups/studio.ply")), text(sample("dataset")), tempfile::tempdir().unwrap())
+    let soup = text(folder.path().join("soup.ply"));
+    succeed(&["sample", "studio", "--triangles", "800", "-o", &soup]);
+    (soup, text(sample("dataset")), folder)
 }
 
 /// Evaluates `file` on the sample's held-out photos: the report, and the folder the drawings are in.
