@@ -20,7 +20,7 @@ const LAYER: f32 = 0.06;
 /// The support is below this height above the middle, in radii ...
 const SUPPORT_BELOW: f32 = 0.3;
 /// ... and has at least this share of the area.
-const LEAST_SUPPORT: f32 = 0.1;
+const LEAST_SUPPORT: f32 = 0.07;
 /// Cells by which connected parts are found, per radius.
 const CELLS: f32 = 14.0;
 /// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
