@@ -78,10 +78,9 @@ const CELLS_OF_SUPPORT: usize = 80;
 impl SubjectVolume {
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
     pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
-        let low = self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER);
         let within = |face: usize| {
             let piece = self.frame.piece(face, corners(face))?;
-            let above = piece.corners.iter().all(|corner| corner.z > low);
+            let above = piece.corners.iter().all(|corner| corner.z > self.low());
             (above && self.outline.holds(&piece)).then_some(piece)
         };
         let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
@@ -98,11 +97,8 @@ impl SubjectVolume {
     pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
         let Some(piece) = self.frame.piece(0, corners) else { return Vec::new() };
         let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
-        let low = self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER);
-        let is_whole = |corner: Vec3| {
-            corner.z >= low && corner.z <= self.outline.top && self.outline.place(corner).length() <= edge
-        };
-        if piece.corners.into_iter().all(is_whole) {
+        let low = self.low();
+        if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge)) {
             return vec![corners];
         }
         let heights: [&dyn Fn(Vec3) -> f32; 2] = [&|at| at.z - low, &|at| self.outline.top - at.z];
@@ -117,6 +113,11 @@ impl SubjectVolume {
             inside = beyond(&inside, within);
         }
         (2..inside.len()).map(|i| [inside[0], inside[i - 1], inside[i]]).collect()
+    }
+
+    /// The height below which nothing is kept.
+    fn low(&self) -> f32 {
+        self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER)
     }
 
     fn is_level(&self, piece: &Piece) -> bool {
@@ -194,8 +195,7 @@ pub(super) fn subject(
     let outline = Outline::new(&object)?;
     let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
     // The object, and the support around it: what else is within floats.
-    let is_deep = |piece: &Piece| support.is_some_and(|height| piece.middle.z < height - LAYER);
-    let level = || pieces.iter().filter(|piece| volume.is_level(piece) && !is_deep(piece));
+    let level = || pieces.iter().filter(|piece| volume.is_level(piece) && piece.middle.z >= volume.low());
     let both = || object.iter().chain(level());
     let mut belongs = vec![false; count];
     both().for_each(|piece| belongs[piece.number] = true);
@@ -366,8 +366,13 @@ impl Outline {
         piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
     }
 
+    /// Whether a corner is below its top and within a share of its half axes.
+    fn has(&self, corner: Vec3, share: f32) -> bool {
+        self.place(corner).length_squared() <= share * share && corner.z <= self.top
+    }
+
     /// Whether a triangle is within it.
     fn holds(&self, piece: &Piece) -> bool {
-        piece.corners.iter().all(|corner| self.place(*corner).length_squared() <= 1.0 && corner.z <= self.top)
+        piece.corners.iter().all(|corner| self.has(*corner, 1.0))
     }
 }
