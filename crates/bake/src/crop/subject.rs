@@ -73,7 +73,7 @@ const WHOLE: f32 = 0.95;
 /// Least share of the outline up to which the rings of a soup must be whole: less of a support looks like crumbs.
 const LEAST_WHOLE: f32 = 0.5;
 /// Cells along the radius of the support that tell what is there.
-const CELLS_OF_SUPPORT: usize = 80;
+const CELLS_OF_SUPPORT: usize = 40;
 
 impl SubjectVolume {
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
