@@ -16,7 +16,11 @@ use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_formats::{info::Softness, output::Output};
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
-use trisplat_scene::{Result, layered::Layers, report::Report};
+use trisplat_scene::{
+    Result,
+    layered::Layers,
+    report::{Report, counted},
+};
 use trisplat_train::{HardenedGain, TrainDetails};
 
 /// Bakes; `matches` says which flags were typed.
@@ -64,7 +68,8 @@ fn say(report: &Report, progress: &Progress) {
     if let Some(HardenedGain { views, psnr_before, psnr_after, photo_size, kept: true }) = hardened {
         let size = ShrunkSize::beside(photo_size);
         progress.line(&format!(
-            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on{size}"
+            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {} not trained on{size}",
+            counted(views, "view")
         ));
     }
     let softness = report.details::<TeacherDetails>().and_then(|details| details.softness);
@@ -85,14 +90,14 @@ fn command() -> clap::Command {
 
 /// The softness of the scene, the score of its solid triangles, and a hint.
 fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
-    let Softness { psnr, pictures } = softness;
+    let (psnr, pictures) = (softness.psnr, counted(softness.pictures, "picture"));
     let gain = reshaped.and_then(|details| Some(details.psnr_last? - details.psnr_first?));
     let fitted = match gain {
         Some(gain) => format!("fitting them to its pictures gained {gain:.1} dB"),
         None => "they were not fitted to its pictures (`reshape`)".to_owned(),
     };
     format!(
-        "soft scene: its solid triangles match its soft pictures to {psnr:.1} dB ({pictures} pictures); {fitted}; \
+        "soft scene: its solid triangles match its soft pictures to {psnr:.1} dB ({pictures}); {fitted}; \
          --harden trains it solid, which takes longer and comes closer"
     )
 }

@@ -5,7 +5,7 @@ use super::bake_args::BakeArgs;
 use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::thousands;
+use super::progress::{many, thousands};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
@@ -36,17 +36,17 @@ pub(super) fn run(
     Outputs::new(inputs, args.force).plan_scene(&output)?;
     let mut say = |index: usize, triangles: u64| {
         if global.verbose {
-            messages::print(&format!("block {index}: {} triangles", thousands(triangles)));
+            messages::print(&format!("block {index}: {}", many(triangles, "triangle")));
         }
     };
     let done = tileset::bake_tiles(&blocks, &args.output, &options, &mut say)?;
     if !global.quiet {
         let (out, folder) = (args.output.display(), done.folder.display());
-        let (triangles, bytes) = (thousands(done.triangles), thousands(done.bytes));
+        let (triangles, bytes) = (many(done.triangles, "triangle"), thousands(done.bytes));
         let seconds = clock.elapsed().as_secs_f64();
-        let count = blocks.len();
+        let count = many(blocks.len() as u64, "block");
         messages::print(&format!(
-            "wrote {out} and {folder}: {triangles} triangles of {count} blocks ({bytes} bytes, {seconds:.2} s)"
+            "wrote {out} and {folder}: {triangles} of {count} ({bytes} bytes, {seconds:.2} s)"
         ));
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::files;
-use super::progress::{Progress, thousands};
+use super::progress::{Progress, many, thousands};
 use trisplat_bench::cost::{self, CostArgs, CostCell, CostEvent, CostReport};
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};
@@ -42,7 +42,8 @@ fn line(cell: &CostCell) -> String {
 /// What was measured with, the front with its bands, and the settings to use.
 fn summary(report: &CostReport) -> Vec<String> {
     let size = ShrunkSize::beside(report.photo_size);
-    let photos = format!("{} photos trained on, {} watched{size}", report.photos, report.watched.len());
+    let photos =
+        format!("{} trained on, {} watched{size}", many(report.photos as u64, "photo"), report.watched.len());
     let mut front: Vec<&CostCell> = report.cells.iter().filter(|cell| cell.on_front).collect();
     front.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
     let row = |cell: &&CostCell| {

@@ -1,5 +1,6 @@
 //! The rows of the stage table for the steps of a capture.
 
+use super::progress::many;
 use indicatif::HumanCount;
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use trisplat_scene::report::{StageReport, counted};
@@ -15,7 +16,7 @@ pub(super) fn row(stage: &StageReport) -> Option<String> {
         return Some(format!("{program}{focal}"));
     }
     if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
-        return Some(pairs.map_or(how.clone(), |pairs| format!("{} pairs, {how}", HumanCount(pairs))));
+        return Some(pairs.map_or(how.clone(), |pairs| format!("{}, {how}", many(pairs, "pair"))));
     }
     if let Some(ModelDetails { mapper, registered, photos, models }) = stage.details_as() {
         let parts = if models > 1 { format!(", in {models} parts") } else { String::new() };
@@ -47,6 +48,6 @@ fn photos(details: &PhotosDetails) -> String {
 
 fn verdict(details: &VerdictDetails) -> String {
     let error = details.error_px.map_or(String::new(), |error| format!(", {error:.2} px"));
-    let (points, track) = (HumanCount(details.points), details.track_length);
-    format!("{}: {points} points, each in {track:.1} photos{error}", details.verdict.word())
+    let (points, track) = (many(details.points, "point"), details.track_length);
+    format!("{}: {points}, each in {track:.1} photos{error}", details.verdict.word())
 }

@@ -4,7 +4,7 @@ use super::Global;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
-use super::progress::{Progress, thousands};
+use super::progress::{Progress, many, thousands};
 use super::{files, messages};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -181,8 +181,8 @@ fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
 /// The line after the means of a step.
 fn remark(step: &StepScore, report: &EvalReport) -> String {
     let samples = report.ssaa;
-    let (count, parts) = step.splats.map_or((step.triangles, "triangles"), |splats| (splats, "splats"));
-    let mut remark = format!("{} photos, {} {parts}", step.images.len(), thousands(count));
+    let (count, part) = step.splats.map_or((step.triangles, "triangle"), |splats| (splats, "splat"));
+    let mut remark = format!("{}, {}", many(step.images.len() as u64, "photo"), many(count, part));
     if let Some(bytes) = step.bytes {
         remark += &format!(", {} bytes", thousands(bytes));
     }

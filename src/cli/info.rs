@@ -1,6 +1,6 @@
 //! `trisplat info FILE`: the content of a file of any format, or of a data set.
 
-use super::progress::thousands;
+use super::progress::{many, thousands};
 use super::{files, info_dataset, info_tileset, messages};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -129,7 +129,7 @@ fn print_origin(info: &Info, out: &mut dyn Write) -> io::Result<()> {
         line(out, "placed", &how)?;
     }
     if origin.backdrop > 0 {
-        line(out, "backdrop", &format!("the last {} triangles", origin.backdrop))?;
+        line(out, "backdrop", &format!("the last {}", many(u64::from(origin.backdrop), "triangle")))?;
     }
     if let Some(gltf) = &info.gltf {
         let counts = format!(
@@ -154,14 +154,13 @@ fn bake_line(info: &Info) -> String {
     }
     let causes: Vec<String> = bake.dropped.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
     let share = 100.0 * dropped as f64 / info.triangles.max(1) as f64;
-    let noun = if dropped == 1 { "triangle" } else { "triangles" };
-    format!("would drop {} {noun} ({share:.1}%: {})", thousands(dropped), causes.join(", "))
+    format!("would drop {} ({share:.1}%: {})", many(dropped, "triangle"), causes.join(", "))
 }
 
 fn soft_line(softness: &Softness) -> String {
-    let Softness { psnr, pictures } = softness;
+    let (psnr, pictures) = (softness.psnr, many(softness.pictures, "picture"));
     format!(
-        "its solid triangles match its soft pictures to {psnr:.1} dB ({pictures} pictures); `bake --harden` trains it solid"
+        "its solid triangles match its soft pictures to {psnr:.1} dB ({pictures}); `bake --harden` trains it solid"
     )
 }
 

@@ -1,7 +1,7 @@
 //! `trisplat info SCENE.tileset.json`: tiles, levels, files.
 
 use super::messages;
-use super::progress::thousands;
+use super::progress::{many, thousands};
 use std::io::Write;
 use trisplat_formats::TilesetInfo;
 use trisplat_scene::{Error, Result};
@@ -14,11 +14,14 @@ pub(super) fn run(info: &TilesetInfo, json: bool, out: &mut dyn Write) -> Result
 
 /// The table, one figure per line.
 fn table(info: &TilesetInfo) -> String {
-    let [tiles, levels, tilesets] = [info.tiles, info.levels, info.tilesets].map(thousands);
-    let within = if info.tilesets == 1 { String::new() } else { format!(", in {tilesets} tilesets") };
+    let (tiles, levels) = (thousands(info.tiles), many(info.levels, "level"));
+    let within = match info.tilesets {
+        1 => String::new(),
+        count => format!(", in {}", many(count, "tileset")),
+    };
     let mut rows = vec![
         ("kind", "3D Tiles; `trisplat validate` reads the tiles, too".to_owned()),
-        ("tiles", format!("{tiles} of {levels} levels{within}")),
+        ("tiles", format!("{tiles} of {levels}{within}")),
         (
             "files",
             format!("{} with triangles, {} bytes in all", thousands(info.files), thousands(info.bytes)),
@@ -26,7 +29,8 @@ fn table(info: &TilesetInfo) -> String {
         ("error", format!("the first tile leaves out detail of {:.4} units", info.geometric_error)),
     ];
     if info.missing > 0 {
-        rows.push(("warning", format!("{} files are missing", thousands(info.missing))));
+        let are = if info.missing == 1 { "is" } else { "are" };
+        rows.push(("warning", format!("{} {are} missing", many(info.missing, "file"))));
     }
     let rows = rows.iter().map(|(name, value)| format!("{name:<10} {value}\n"));
     format!("{}\n", messages::visible(&info.path)) + &rows.collect::<String>()

@@ -5,7 +5,7 @@ use super::files;
 use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::thousands;
+use super::progress::{many, thousands};
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
@@ -65,13 +65,11 @@ pub fn run(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     set.push(scene);
     atomic::publish(set)?;
     if !global.quiet {
-        let (triangles, count) = (thousands(report.triangles), blocks.len());
+        let (triangles, count) = (many(report.triangles, "triangle"), many(blocks.len() as u64, "block"));
         let crossing: u64 = report.blocks.iter().map(|block| block.crossing).sum();
         let crossing = thousands(crossing);
         let out = args.output.display();
-        messages::print(&format!(
-            "wrote {out}: {triangles} triangles of {count} blocks, {crossing} of them across seams"
-        ));
+        messages::print(&format!("wrote {out}: {triangles} of {count}, {crossing} of them across seams"));
         report.quality.iter().for_each(|quality| messages::print(&line(quality)));
     }
     Ok(())

@@ -6,7 +6,7 @@ use super::inputs::Inputs;
 use super::layers;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::thousands;
+use super::progress::{many, thousands};
 use super::signals;
 use super::train_progress::Bar;
 use clap::ArgMatches;
@@ -218,9 +218,9 @@ fn summary(manifest: &Manifest, city: &Path) -> String {
     let most = |of: &dyn Fn(&Expected) -> f64| blocks.iter().map(|b| of(&b.expected)).fold(0.0, f64::max);
     let photos: usize = blocks.iter().map(|block| block.photos.len()).sum();
     format!(
-        "wrote {}: {} blocks, {:.1} of them per photo; a block takes about {:.0} CPU s and {:.1} GB at most, all together {:.0} CPU s",
+        "wrote {}: {}, {:.1} of them per photo; a block takes about {:.0} CPU s and {:.1} GB at most, all together {:.0} CPU s",
         city.join(NAME).display(),
-        blocks.len(),
+        many(blocks.len() as u64, "block"),
         photos as f64 / manifest.photos.len().max(1) as f64,
         most(&|expected| expected.cpu_secs),
         most(&|expected| expected.bytes as f64) / 1e9,
@@ -250,6 +250,6 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
     }
     let done = rows.iter().filter(|row| row.state == status::BlockState::Done).count();
     let spent = rows.iter().filter_map(|row| Some(row.figures.as_ref()?.cpu_secs)).fold(0.0, |a, b| a + b);
-    text += &format!("{done} of {} blocks done, {spent:.0} CPU s\n", rows.len());
+    text += &format!("{done} of {} done, {spent:.0} CPU s\n", many(rows.len() as u64, "block"));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }

@@ -173,8 +173,8 @@ fn row(stage: &StageReport) -> String {
     let name = &stage.name;
     if let Some(train) = stage.details_as::<TrainDetails>() {
         let again = stage.skipped.as_ref().map_or(String::new(), |why| format!(" ({why})"));
-        let (triangles, steps) = (thousands(stage.after.triangles), counted(train.steps, "step"));
-        let text = format!("{triangles} triangles, {steps}, {:.0} CPU s{again}", train.cpu_secs);
+        let (triangles, steps) = (many(stage.after.triangles, "triangle"), counted(train.steps, "step"));
+        let text = format!("{triangles}, {steps}, {:.0} CPU s{again}", train.cpu_secs);
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(why) = &stage.skipped {
@@ -201,15 +201,15 @@ fn row(stage: &StageReport) -> String {
         pictures(&teacher)
     } else if name == TeacherDetails::STAGE && before != after {
         // A training; its first triangles say nothing.
-        format!("a soft scene of {} triangles", thousands(after))
+        format!("a soft scene of {}", many(after, "triangle"))
     } else if let Some(compared) =
         stage.details_as::<TextureDetails>().and_then(|texture| texture.comparison())
     {
-        format!("{} triangles, {compared}", thousands(after))
+        format!("{}, {compared}", many(after, "triangle"))
     } else if name == BackdropDetails::STAGE && after >= before {
-        format!("{} triangles behind {}", thousands(after - before), thousands(before))
+        format!("{} behind {}", many(after - before, "triangle"), thousands(before))
     } else if before == after || before == 0 {
-        format!("{} triangles", thousands(after))
+        many(after, "triangle")
     } else {
         let change = 100.0 * (after as f64 - before as f64) / before as f64;
         format!("{} → {} ({change:+.1}%)", thousands(before), thousands(after))
@@ -219,14 +219,20 @@ fn row(stage: &StageReport) -> String {
 
 /// The teacher's pictures: `106 pictures of 270x480 px`.
 fn pictures(details: &TeacherDetails) -> String {
-    let count = thousands(details.pictures.unwrap_or(0));
+    let count = many(details.pictures.unwrap_or(0), "picture");
     let [width, height] = details.size_px.unwrap_or_default();
-    format!("{count} pictures of {width}x{height} px")
+    format!("{count} of {width}x{height} px")
 }
 
 /// 1234567 as "1,234,567", to be padded like any text.
 pub fn thousands(number: u64) -> String {
     HumanCount(number).to_string()
+}
+
+/// The same with a noun: "1 triangle", "1,234 triangles".
+pub fn many(number: u64, noun: &str) -> String {
+    let (text, end) = (thousands(number), if number == 1 { "" } else { "s" });
+    format!("{text} {noun}{end}")
 }
 
 #[cfg(test)]
@@ -315,5 +321,6 @@ mod tests {
         assert_eq!(thousands(999), "999");
         assert_eq!(thousands(1000), "1,000");
         assert_eq!(thousands(1_234_567), "1,234,567");
+        assert_eq!([0, 1, 1000].map(|n| many(n, "photo")), ["0 photos", "1 photo", "1,000 photos"]);
     }
 }

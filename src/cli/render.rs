@@ -4,7 +4,7 @@ use super::Global;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
-use super::progress::Progress;
+use super::progress::{Progress, many};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_eval::RenderOptions;
@@ -92,7 +92,7 @@ pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
         }
     }
     progress.done();
-    progress.line(&format!("wrote {count} pictures to {}", args.output.display()));
+    progress.line(&format!("wrote {} to {}", many(count as u64, "picture"), args.output.display()));
     Ok(())
 }
 

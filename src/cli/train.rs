@@ -7,7 +7,7 @@ use super::harden;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
-use super::progress::Progress;
+use super::progress::{Progress, many};
 use super::resume;
 use super::signals;
 use super::teacher_args;
@@ -17,7 +17,6 @@ use super::train_block;
 use super::train_curve;
 use super::train_progress::Bar;
 use clap::ArgMatches;
-use indicatif::HumanCount;
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -410,7 +409,7 @@ fn next_command(args: &TrainArgs, solid: bool) -> String {
 /// The result of the run.
 fn written_line(args: &TrainArgs, trained: &Trained) -> String {
     let out = args.output.display();
-    let triangles = HumanCount(trained.soup.len() as u64);
+    let triangles = many(trained.soup.len() as u64, "triangle");
     let held_out = match trained.quality() {
         Some(Quality { psnr, ssim }) => {
             let drawn = match trained.samples {
@@ -426,7 +425,7 @@ fn written_line(args: &TrainArgs, trained: &Trained) -> String {
         None => String::new(),
     };
     let (steps, cpu_secs) = (counted(trained.steps, "step"), trained.cpu_secs);
-    format!("wrote {out}: {triangles} triangles, {steps}, {cpu_secs:.1} CPU s{held_out}")
+    format!("wrote {out}: {triangles}, {steps}, {cpu_secs:.1} CPU s{held_out}")
 }
 
 fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trained: &Trained, bar: &Bar) {
@@ -458,9 +457,9 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
         trained.exposure.as_ref().filter(|e| !e.photos.is_empty())
     {
         let [exposure, balance] = [verdict.exposure, verdict.balance].map(|x| 100.0 * x);
+        let photos = counted(photos.len() as u64, "photo");
         bar.line(&format!(
-            "{} photos differ by {exposure:.0}% in exposure and {balance:.0}% in white balance: corrected (--set exposure=off leaves them unchanged)",
-            photos.len()
+            "exposure differs by {exposure:.0}% and white balance by {balance:.0}% over {photos}: corrected (--set exposure=off leaves them unchanged)"
         ));
     }
     let (all, shell) = (trained.soup.len(), trained.soup.shell_count());
@@ -471,6 +470,7 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
         ));
     }
     if trained.dropped > 0 {
-        bar.line(&format!("warning: {} gradients were not finite and were dropped", trained.dropped));
+        let gradients = counted(trained.dropped, "gradient");
+        bar.line(&format!("warning: dropped {gradients} with numbers that are not finite"));
     }
 }

@@ -4,10 +4,10 @@ use super::Global;
 use super::files;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
+use super::progress::many;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
-use indicatif::HumanCount;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
@@ -75,9 +75,9 @@ pub(super) fn run(
     // The result exists, so the checkpoint is useless.
     let _ = std::fs::remove_file(task.checkpoint());
     bar.line(&format!(
-        "wrote {}: {} triangles, {}, {:.1} CPU s, {:.1} s",
+        "wrote {}: {}, {}, {:.1} CPU s, {:.1} s",
         done.display(),
-        HumanCount(figures.triangles),
+        many(figures.triangles, "triangle"),
         counted(figures.steps, "step"),
         figures.cpu_secs,
         clock.elapsed().as_secs_f64()

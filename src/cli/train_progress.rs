@@ -1,9 +1,10 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
 use super::files::Stdout;
+use super::progress::many;
 use super::signals::Listener;
 use super::{Global, messages};
-use indicatif::{HumanCount, ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
 use std::ops::ControlFlow;
@@ -153,14 +154,13 @@ impl Bar {
         if let Some(from) = self.rate_from.filter(|_| sample.wall_secs >= RATE_SECS) {
             self.rate_from = None;
             let rate = (sample.step - from) as f64 / sample.wall_secs;
-            let photo =
-                format!("{} triangles, photos {} px wide", HumanCount(sample.triangles), sample.width_px);
+            let photo = format!("{}, photos {} px wide", many(sample.triangles, "triangle"), sample.width_px);
             self.line(&format!("{rate:.1} steps per second at first ({photo})"));
         }
-        let triangles = HumanCount(sample.triangles);
+        let triangles = many(sample.triangles, "triangle");
         let held_out = |(p, size)| format!(" ({p:.2} held out{})", ShrunkSize::beside(size));
         let held_out = self.psnr.map_or(String::new(), held_out);
-        let status = || format!("{:.2} dB{held_out}  {triangles} triangles", sample.psnr);
+        let status = || format!("{:.2} dB{held_out}  {triangles}", sample.psnr);
         let now = percent(sample.step, self.steps);
         if let Some(bar) = &self.bar {
             bar.set_position(sample.step);
@@ -186,8 +186,8 @@ impl Bar {
     fn densified(&mut self, step: u64, r: &Densified) {
         if self.verbose {
             self.line(&format!(
-                "step {step}: {} triangles; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
-                HumanCount(r.triangles as u64),
+                "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
+                many(r.triangles as u64, "triangle"),
                 r.cloned,
                 3 * r.split,
                 r.faint,

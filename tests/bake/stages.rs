@@ -48,7 +48,7 @@ fn prune_counts_by_cause() {
     };
     assert_eq!(details, wants);
     let told = details.warning().unwrap();
-    assert!(told.starts_with("dropped 1 triangles farther than 1e15"), "{told}");
+    assert!(told.starts_with("dropped 1 triangle farther than 1e15"), "{told}");
 }
 
 #[test]

@@ -200,7 +200,7 @@ fn a_photo_outside_the_data_set_wants_allow_outside_and_an_absolute_path_is_a_wa
     let absolute = serde_json::json!({ "file_path": folder.path().join("secret.png") });
     let told = trisplat(&[&"info", &transforms(&folder.path().join("set"), absolute)]);
     let text = String::from_utf8(told.stdout).unwrap();
-    assert!(told.status.success() && text.contains("1 files by absolute paths"), "{text}");
+    assert!(told.status.success() && text.contains("names 1 file by an absolute path"), "{text}");
 }
 
 #[test]

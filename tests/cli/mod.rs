@@ -176,7 +176,7 @@ fn a_tileset_of_tilesets_is_described_with_them() {
     // The last by name is a tileset of five tiles.
     std::fs::remove_file(tiles.join(names_in(&tiles).pop().unwrap())).unwrap();
     let said = String::from_utf8(trisplat(&[&"info", &out]).stdout).unwrap();
-    assert!(said.contains("1 files are missing"), "{said}");
+    assert!(said.contains("1 file is missing"), "{said}");
 }
 
 #[test]

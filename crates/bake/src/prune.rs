@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::median::median,
     mesh::Mesh,
     ranges::{self, Called},
-    report::{Outcome, StageDetails},
+    report::{Outcome, StageDetails, counted},
 };
 
 /// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
@@ -160,7 +160,8 @@ impl PruneDetails {
         let far = self.out_of_reach;
         (far > 0).then(|| {
             format!(
-                "dropped {far} triangles farther than {REACH:e} from the origin: engines cannot draw them"
+                "dropped {} farther than {REACH:e} from the origin: engines cannot draw them",
+                counted(far, "triangle")
             )
         })
     }

@@ -371,6 +371,29 @@ mod tests {
     }
 
     #[test]
+    fn one_weak_photo_holds_and_two_hold() {
+        let said = |weak: usize| {
+            let weak = (0..weak).map(|i| format!("{i}.jpg")).collect();
+            let details = VerdictDetails { weak, ..VerdictDetails::default() };
+            advice(&details, &ModelDetails::default()).concat()
+        };
+        assert!(said(1).starts_with("1 photo holds few points (0.jpg): "), "{}", said(1));
+        assert!(said(2).starts_with("2 photos hold few points (0.jpg, 1.jpg): "), "{}", said(2));
+        assert_eq!(said(0), "");
+    }
+
+    #[test]
+    fn one_blurred_photo_is_and_two_are() {
+        let said = |blurred: usize| {
+            let blurred = (0..blurred).map(|i| format!("{i}.jpg")).collect();
+            let details = VerdictDetails { blurred, ..VerdictDetails::default() };
+            advice(&details, &ModelDetails::default()).concat()
+        };
+        assert!(said(1).starts_with("1 photo is blurred"), "{}", said(1));
+        assert!(said(2).starts_with("2 photos are blurred"), "{}", said(2));
+    }
+
+    #[test]
     fn blur_is_less_detail_than_the_neighbours_have() {
         assert_eq!(blurred(&[1.0, 1.1, 0.3, 0.9, 1.0]), [2]);
         assert!(blurred(&[1.0, 0.8, 0.7, 0.6, 0.5]).is_empty(), "what falls slowly is another subject");

@@ -1,7 +1,7 @@
 //! The files that a data set names must be in its own folder, unless the user permits others.
 
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Result, input};
+use trisplat_scene::{Error, Result, input, report::counted};
 
 /// The files of one list, relative to a folder.
 #[derive(Debug)]
@@ -41,8 +41,8 @@ impl<'a> NamedFiles<'a> {
     /// The warning about absolute paths.
     pub(super) fn warning(self) -> Option<String> {
         let (count, first) = self.absolute;
-        let list = self.list.display();
-        first.map(|first| format!("{list} names {count} files by absolute paths, first `{first}`"))
+        let (list, files) = (self.list.display(), counted(count as u64, "file"));
+        first.map(|first| format!("{list} names {files} by an absolute path, first `{first}`"))
     }
 }
 
@@ -63,7 +63,7 @@ mod tests {
         assert_eq!(allowed.find("frame 1", "../a.png").unwrap(), Path::new("set/../a.png"));
         if cfg!(unix) {
             assert_eq!(files.find("frame 2", "/a.png").unwrap(), Path::new("/a.png"));
-            assert!(files.warning().unwrap().contains("1 files by absolute paths, first `/a.png`"));
+            assert!(files.warning().unwrap().contains("names 1 file by an absolute path, first `/a.png`"));
         }
     }
 }

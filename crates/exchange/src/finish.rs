@@ -4,6 +4,7 @@ use std::path::Path;
 use trisplat_scene::{
     Error, ImportedScene, Result, Scene, Soup,
     mesh::{Colors, Mesh},
+    report::counted,
 };
 
 /// The scene without triangles that are not finite; a warning counts these.
@@ -23,7 +24,8 @@ pub fn finish(path: &Path, loaded: ImportedScene) -> Result<ImportedScene> {
     let dropped = total - scene.triangle_count();
     if dropped == total {
         let reason = format!(
-            "none of the {total} triangles is finite: they hold NaN, infinite numbers or ones beyond {:.1e}; scale the scene down where it was made",
+            "none of {} is finite: there are NaN, infinite numbers or ones beyond {:.1e}; scale the scene down where it was made",
+            counted(total as u64, "triangle"),
             f32::MAX
         );
         return Err(Error::malformed(path, "values", reason));
@@ -33,8 +35,8 @@ pub fn finish(path: &Path, loaded: ImportedScene) -> Result<ImportedScene> {
         provenance.backdrop = 0;
     }
     if let Some(first) = first {
-        warnings
-            .push(format!("dropped {dropped} triangles with non-finite values (first: triangle {first})"));
+        let dropped = counted(dropped as u64, "triangle");
+        warnings.push(format!("dropped {dropped} with non-finite values (first: triangle {first})"));
     }
     Ok(ImportedScene { scene, provenance, warnings, cameras })
 }

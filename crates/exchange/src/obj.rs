@@ -237,7 +237,7 @@ impl ObjDraft {
             }
         } else {
             if self.uncolored > 0 {
-                warnings.push(format!("{} vertices without a colour are white", self.uncolored));
+                warnings.push(format!("vertices without a colour are white ({})", self.uncolored));
             }
             let mut clamped = Clamped::default();
             let mut colors = self.colors;

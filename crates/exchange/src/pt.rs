@@ -136,7 +136,7 @@ fn read_mesh(file: &TorchFile, v: usize) -> Result<ImportedScene> {
     let mut warnings = Vec::new();
     let black = dc.iter().filter(|c| !c.iter().all(|x| x.is_finite())).count();
     if black > 0 {
-        warnings.push(format!("{black} vertices have non-finite colours and became black"));
+        warnings.push(format!("vertices with non-finite colours became black ({black})"));
     }
     // `max` turns NaN into 0.
     let linear = |c: f32| linear_from_srgb(rgb_from_sh0(c).max(0.0));

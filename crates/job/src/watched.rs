@@ -104,7 +104,11 @@ pub fn left_out(photos: &Dataset) -> Result<Dataset> {
     let count = photos.train().count();
     if count < FEWEST_PHOTOS {
         let wants = format!("{FEWEST_PHOTOS} photos or more, as some are left out of training");
-        return Err(Error::invalid("dataset", format!("{count} photos to train on"), wants));
+        return Err(Error::invalid(
+            "dataset",
+            format!("{} to train on", counted(count as u64, "photo")),
+            wants,
+        ));
     }
     let views = photos.train().enumerate();
     let views = views.map(|(i, view)| View { test: is_left_out(i, count), ..view.clone() }).collect();

@@ -118,6 +118,21 @@ mod tests {
     }
 
     #[test]
+    fn the_middle_has_the_mean_colour_of_the_ring() {
+        // Red on the left, blue from the middle of the hole on: 2 of 5 columns of its ring are red.
+        let hole: Vec<(u32, u32)> = (8..12).flat_map(|y| (8..12).map(move |x| (x, y))).collect();
+        let mut mesh = sheet(20, &hole);
+        let of_column = |at: &Vec3| if at.x < 9.5 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] };
+        mesh.colors = Colors::Vertex(mesh.positions.iter().map(of_column).collect());
+        assert_eq!(fill(&mut mesh, Holes::Small), 1);
+        // A ring of 16: the left side has 5, the column beside it its two ends.
+        let Colors::Vertex(colors) = &mesh.colors else { panic!("a colour per vertex") };
+        let (middle, wants) = (Vec3::from(*colors.last().unwrap()), Vec3::new(7.0, 0.0, 9.0) / 16.0);
+        assert!(middle.distance(wants) < 1e-5, "{middle}");
+        assert_eq!(*mesh.positions.last().unwrap(), Vec3::new(10.0, 10.0, 1.0));
+    }
+
+    #[test]
     fn a_large_hole_stays_open() {
         let hole: Vec<(u32, u32)> = (5..15).flat_map(|y| (5..15).map(move |x| (x, y))).collect();
         let mut mesh = sheet(20, &hole);

@@ -4,7 +4,7 @@ use crate::far;
 use glam::{DVec3, Quat};
 use std::io::Read;
 use std::path::Path;
-use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats};
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, report::counted};
 
 /// As many Gaussians of zeros.
 pub fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
@@ -69,10 +69,8 @@ pub fn finish(
         }
         splats.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
         if let Some(first) = finite.iter().position(|finite| !finite) {
-            let dropped = total - splats.len();
-            warnings.push(format!(
-                "dropped {dropped} Gaussians with non-finite values (first: Gaussian {first})"
-            ));
+            let dropped = counted((total - splats.len()) as u64, "Gaussian");
+            warnings.push(format!("dropped {dropped} with non-finite values (first: Gaussian {first})"));
         }
     }
     far::note_in(&mut provenance, &mut warnings, origin);

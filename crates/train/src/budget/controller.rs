@@ -298,6 +298,18 @@ mod tests {
     }
 
     #[test]
+    fn seconds_are_told_as_a_person_would() {
+        let base = TrainOptions::default();
+        // `make` gives training 85% of its 90 s, and the rest to the bake.
+        let told = |seconds: f64| {
+            let input = input(&base, seconds);
+            BudgetController::new(&input, &plan(&input).unwrap(), 0.5).summary()
+        };
+        assert!(told(76.63).starts_with("budget 77s of CPU time: "), "{}", told(76.63));
+        assert!(told(8.25).starts_with("budget 8.25s of CPU time: "), "{}", told(8.25));
+    }
+
+    #[test]
     fn a_run_ends_with_its_budget_on_a_machine_that_is_not_as_measured() {
         for scale in [[1.0, 1.0], [0.5, 0.6], [1.6, 1.2], [1.0, 2.0]] {
             let (spent, options, _) = run(60.0, CostModel { scale }, full, None);
