@@ -21,7 +21,7 @@ fn around(direction: Vec3) -> [f32; 3] {
 }
 
 /// A sphere of radius 20 with a colour per corner, or with one per face that has nothing to do with it.
-fn sphere(gems: bool) -> Mesh {
+pub(super) fn sphere(gems: bool) -> Mesh {
     let (corners, faces) = octasphere(if gems { 2 } else { 5 });
     let positions: Vec<Vec3> = faces.iter().flat_map(|f| f.map(|i| 20.0 * corners[i as usize])).collect();
     let colors = match gems {
@@ -147,6 +147,8 @@ fn without_photos_and_shell_no_sky_is_written_and_the_bake_says_so() {
     assert!(report.warnings.iter().any(|warning| warning.starts_with("no sky is written")), "{report:?}");
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(names(&asset, &folder.path().join("a.glb")), ["a.glb"]);
+    // A page that asks for a picture that is not there complains.
+    assert!(!names_sky(&folder.path().join("a.glb"), ""));
 }
 
 #[test]
@@ -158,6 +160,7 @@ fn the_picture_is_a_file_beside_the_scene_or_in_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     assert_eq!(names(&asset, &path("a.glb")), ["a.glb", "a.sky.jpg"]);
+    assert!(names_sky(&path("a.glb"), "a.sky.jpg"));
     let (file, sky) = (RgbImage::load(&path("a.sky.jpg")).unwrap(), asset.sky.as_ref().unwrap());
     let worst = file.rgb.iter().zip(&sky.rgb).map(|(a, b)| apart(*a, *b)).max();
     assert!(file.size == sky.size && worst < Some(8), "{worst:?}");
@@ -169,6 +172,13 @@ fn the_picture_is_a_file_beside_the_scene_or_in_a_page() {
     // A phone shows the room around a scene.
     let phone = trisplat_formats::write(&asset, &path("c.usdz"), &Default::default());
     assert!(phone.unwrap_err().to_string().contains("`backdrop` sky"));
+}
+
+/// Whether a GLB names a panorama whose name begins like this.
+fn names_sky(path: &Path, name: &str) -> bool {
+    let bytes = std::fs::read(path).unwrap();
+    let word = format!("\"sky\":\"{name}");
+    bytes.windows(word.len()).any(|window| window == word.as_bytes())
 }
 
 /// The names of the files that are written.

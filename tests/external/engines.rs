@@ -4,19 +4,24 @@ use super::browser::{chromium, mesh};
 use super::{bake, have, here, runs, runs_with};
 use serde_json::{Value, json};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
 /// A copy of the sample for an engine, with the trained scene in it.
 pub(super) fn sample(engine: &str, flags: &[&str]) -> TempDir {
+    sample_of(&here("samples/soups/trained.ply"), engine, flags)
+}
+
+/// A copy of the sample for an engine, with a scene in it.
+pub(super) fn sample_of(source: &Path, engine: &str, flags: &[&str]) -> TempDir {
     let folder = TempDir::new().unwrap();
     for file in fs::read_dir(here("samples/engines").join(engine)).unwrap() {
         let file = file.unwrap().path();
         fs::copy(&file, folder.path().join(file.file_name().unwrap())).unwrap();
     }
     let scene = folder.path().join("scene.glb");
-    bake(&here("samples/soups/trained.ply"), &scene, &[&["--collision"], flags].concat());
+    bake(source, &scene, &[&["--collision"], flags].concat());
     folder
 }
 
@@ -74,16 +79,26 @@ fn a_walker_begins_at_the_viewpoint_of_the_godot_sample_and_never_falls_through_
     assert!(number("sank", 1).abs() < 0.01, "{}", said);
 }
 
+/// What the page of the sample says of itself, and pictures of `views`: see `tests/sample.mjs`.
+pub(super) fn open_page_sample(chromium: &Path, sample: &Path, views: Option<&Path>) -> Value {
+    let mut command = Command::new("node");
+    command.arg(here("tests/sample.mjs")).arg(here("target/judges")).arg(chromium).arg(sample).args(views);
+    let done = runs_with(&mut command, b"");
+    serde_json::from_slice(&done.stdout)
+        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&done.stderr)))
+}
+
+/// The browser, when it and the packages of the page sample are there.
+pub(super) fn page_sample_judges() -> Option<PathBuf> {
+    let three = here("target/judges/node_modules/three").exists();
+    chromium().filter(|_| have("3d-tiles-renderer", three))
+}
+
 #[test]
 fn the_page_sample_draws_the_scene_and_hits_its_surface() {
-    let three = here("target/judges/node_modules/three").exists();
-    let Some(chromium) = chromium().filter(|_| have("3d-tiles-renderer", three)) else { return };
+    let Some(chromium) = page_sample_judges() else { return };
     let folder = sample("three", &["--target", "web", "--set", "compress=true"]);
-    let mut command = Command::new("node");
-    command.arg(here("tests/sample.mjs")).arg(here("target/judges")).arg(chromium).arg(folder.path());
-    let done = runs_with(&mut command, b"");
-    let said: Value = serde_json::from_slice(&done.stdout)
-        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&done.stderr)));
+    let said = open_page_sample(&chromium, folder.path(), None);
     assert_eq!(said["errors"], json!([]), "{said}");
     let triangles = mesh(&folder.path().join("scene.glb")).0.face_count() as u64;
     let drawn = said["triangles"].as_u64().unwrap();

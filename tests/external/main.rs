@@ -20,6 +20,7 @@ mod make;
 mod renderers;
 #[path = "../common/skip.rs"]
 mod skip;
+mod sky;
 mod textured;
 mod tiles;
 mod usdz;

@@ -2,6 +2,7 @@
 // much as shows what it makes (import.cs).
 using System;
 using System.Collections.Generic;
+using System.IO;
 using System.Runtime.Serialization.Json;
 using System.Text;
 using System.Xml;
@@ -63,10 +64,11 @@ namespace UnityEngine
     public class Material : Object
     {
         internal readonly Dictionary<string, float> floats = new Dictionary<string, float>();
+        internal readonly Dictionary<string, Texture> textures = new Dictionary<string, Texture>();
         public Material(Shader shader) => this.shader = shader;
         public Shader shader { get; }
         public void SetFloat(string name, float value) => floats[name] = value;
-        public void SetTexture(string name, Texture value) => throw new NotImplementedException();
+        public void SetTexture(string name, Texture value) => textures[name] = value;
     }
     public static class JsonUtility
     {
@@ -129,8 +131,12 @@ namespace UnityEditor
     public static class AssetDatabase
     {
         public static string[] GetAllAssetPaths() => throw new NotImplementedException();
-        // The assets of this project are shaders in packages.
-        public static T LoadAssetAtPath<T>(string path) where T : Object => new Shader { name = path } as T;
+        // The assets of this project are shaders in packages, and pictures that are files.
+        public static T LoadAssetAtPath<T>(string path) where T : Object
+        {
+            if (path.EndsWith(".shader")) return new Shader { name = path } as T;
+            return File.Exists(path) ? new Texture { name = path } as T : null;
+        }
     }
     public static class EditorPrefs
     {
@@ -149,6 +155,8 @@ namespace UnityEditor
     public class SettingsProviderAttribute : Attribute { }
     public static class PrefabUtility
     {
+        internal static string path = "";
+        public static string GetPrefabAssetPathOfNearestInstanceRoot(Object of) => path;
         public static Object InstantiatePrefab(Object source, Transform parent) => throw new NotImplementedException();
     }
     public static class Undo { public static void RegisterCreatedObjectUndo(Object what, string name) => throw new NotImplementedException(); }

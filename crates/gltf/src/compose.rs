@@ -109,6 +109,7 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
         provenance: &asset.provenance,
         color_encoding: options.colors,
         position_encoding: options.positions,
+        sky: options.sky_name.as_deref(),
         note: (!options.colors.is_linear())
             .then_some("COLOR_0 is sRGB-encoded, not linear as glTF 2.0 requires: for Godot only"),
     };

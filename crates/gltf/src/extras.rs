@@ -15,6 +15,9 @@ pub(crate) struct SceneExtras<'a> {
     pub(crate) provenance: &'a Provenance,
     pub(crate) color_encoding: ColorEncoding,
     pub(crate) position_encoding: PositionEncoding,
+    /// The file of the panorama: who asks a server for one that is not there is told of an error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) sky: Option<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) note: Option<&'static str>,
 }

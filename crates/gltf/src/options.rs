@@ -204,6 +204,8 @@ pub struct GltfOptions {
     /// Name of the collision node, for engines that do not draw nodes of this name; without a name there is
     /// no such node.
     pub collision_name: Option<String>,
+    /// Name of the panorama that stands beside the file in place of a backdrop, for readers that show it.
+    pub sky_name: Option<String>,
     /// Write the normals of a mesh, if any, and a lit material.
     pub lit: bool,
     /// Storage of the texture, if there is one.
@@ -221,6 +223,7 @@ impl Default for GltfOptions {
             material_name: "trisplat".to_owned(),
             node_name: "scene".to_owned(),
             collision_name: None,
+            sky_name: None,
             lit: true,
             texture: TextureFormat::Jpeg,
             allow_huge: false,

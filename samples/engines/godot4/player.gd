@@ -55,10 +55,14 @@ func look_from_first(first: Camera3D, box: AABB):
 
 ## Shows the panorama that `trisplat bake --backdrop sky` writes beside scene.glb.
 func show_sky(environment: Environment):
-	if not ResourceLoader.exists("res://scene.sky.jpg"):
+	var name := "res://scene.sky.jpg"
+	if not ResourceLoader.exists(name):
+		# With `--set texture_format=png`.
+		name = "res://scene.sky.png"
+	if not ResourceLoader.exists(name):
 		return
 	var panorama := PanoramaSkyMaterial.new()
-	panorama.panorama = load("res://scene.sky.jpg")
+	panorama.panorama = load(name)
 	environment.sky = Sky.new()
 	environment.sky.sky_material = panorama
 	# A panorama of Godot begins at -Z, that of the file a quarter of a turn before.

@@ -1,7 +1,12 @@
-// Mesh colliders and sky of what `trisplat bake scene.ply -o scene.glb --target unity --collision --backdrop sky` writes beside the scene: put
-// this on the scene's object, drag the imported scene.collision.glb into `collision` and scene.sky.jpg into `sky`, then choose Build in the menu of the component. The levels that `--lod`
-// writes have a script of their own, scene.lod.cs, which makes an LOD group of them.
+// Mesh colliders and sky of what `trisplat bake scene.ply -o scene.glb --target unity --collision --backdrop sky` writes: drag scene.glb into the
+// scene, put this on the object, and choose Build in the menu of the component. It finds scene.collision.glb and scene.sky.jpg beside
+// scene.glb; elsewhere, drag them into the fields. The levels that `--lod` writes have a script of their own, scene.lod.cs, which makes an LOD
+// group of them.
 using UnityEngine;
+#if UNITY_EDITOR
+using System.IO;
+using UnityEditor;
+#endif
 
 public class TrisplatScene : MonoBehaviour
 {
@@ -17,6 +22,7 @@ public class TrisplatScene : MonoBehaviour
     [ContextMenu("Build")]
     public void Build()
     {
+        FindBeside();
         if (sky != null) RenderSettings.skybox = Panorama();
         if (built != null) DestroyImmediate(built);
         if (collision == null) return;
@@ -30,7 +36,20 @@ public class TrisplatScene : MonoBehaviour
         foreach (var renderer in built.GetComponentsInChildren<Renderer>()) renderer.enabled = false;
     }
 
-    // Importers of glTF turn x around: the panorama turns by a half with it.
+    void FindBeside()
+    {
+#if UNITY_EDITOR
+        var scene = PrefabUtility.GetPrefabAssetPathOfNearestInstanceRoot(gameObject);
+        if (string.IsNullOrEmpty(scene)) return;
+        if (collision == null) collision = AssetDatabase.LoadAssetAtPath<GameObject>(Path.ChangeExtension(scene, "collision.glb"));
+        foreach (var ending in new[] { "sky.jpg", "sky.png" })
+        {
+            if (sky == null) sky = AssetDatabase.LoadAssetAtPath<Texture>(Path.ChangeExtension(scene, ending));
+        }
+#endif
+    }
+
+    // Its middle is +X, in the file and in Unity. Importers of glTF turn x around, so the file's +X is Unity's -X: half a turn.
     Material Panorama()
     {
         var material = new Material(Shader.Find("Skybox/Panoramic"));

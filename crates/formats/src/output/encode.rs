@@ -30,7 +30,9 @@ impl Output {
                 .unwrap_or_default()
         };
         let name = name_of(&self.second);
-        let named = |encoding| GltfOptions { node_name: self.node.to_owned(), ..encoding };
+        let sky = asset.sky.as_ref().and(self.sky.as_ref()).map(|_| name_of(&self.sky));
+        let named =
+            |encoding| GltfOptions { node_name: self.node.to_owned(), sky_name: sky.clone(), ..encoding };
         let written = match (self.format, second) {
             (OutputFormat::Obj, Some(mtl)) => {
                 let picture = self.picture.as_ref().map(|_| name_of(&self.picture));
