@@ -1,38 +1,69 @@
 // What a person does in a page, and what is seen of it. An input is one of
-//   { show: FRAGMENT }  { drag: [x, y, dx, dy] }  { pinch: [x, y, from, to] }  { double: [x, y] }  { press: KEY, ms }  { click: ID }
-//   { wheel: dy, at: [x, y], notches }  { resize: [w, h] }  { hide: true }: the tab, and back  { lose: true }: the graphics, and back
+//   { drag: [x, y, dx, dy], button }  { double: [x, y] }  { wheel: dy, at: [x, y], notches }  { press: KEY, ms }: the mouse and keys
+//   { finger: [x, y, dx, dy] }  { fingers: [x, y, dx, dy] }: two beside each other  { pinch: [x, y, from, to] }  { tap: [x, y] }: twice
+//   { click: ID }  { check: SELECTOR, on }  { select: [ID, VALUE] }  { range: ID, to }: a share of its length: the parts of the page
+//   { show: FRAGMENT }  { resize: [w, h] }  { hide: true }: the tab, and back  { lose: true }: the graphics, and back
 
 /** Does one input. */
-export async function act(page, client, { show, drag, pinch, double, press, click, wheel, at, notches = 1, resize, hide, lose, ms }) {
-  const touch = (type, points) =>
-    client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+export async function act(page, client, input) {
+  const { show, press, ms, click, check, on = true, select, range, to, resize, hide, lose } = input;
   if (show !== undefined) await page.evaluate((f) => window.trisplat.show(f), show);
-  if (drag) {
-    const [x, y, dx, dy] = drag;
-    await page.mouse.move(x, y);
-    await page.mouse.down();
-    await page.mouse.move(x + dx, y + dy, { steps: 5 });
-    await page.mouse.up();
-  }
-  if (pinch) {
-    const [x, y, from, to] = pinch;
-    const fingers = (apart) => [[x - apart / 2, y], [x + apart / 2, y]];
-    await touch("touchStart", fingers(from));
-    for (let i = 1; i <= 5; i++) await touch("touchMove", fingers(from + ((to - from) * i) / 5));
-    await touch("touchEnd", []);
-  }
-  if (double) await page.mouse.dblclick(...double);
+  await point(page, input);
+  await touch(client, input);
   if (press) {
     await page.keyboard.down(press);
     await page.waitForTimeout(ms ?? 0);
     await page.keyboard.up(press);
   }
   if (click) await page.click(`#${click}`);
-  if (at) await page.mouse.move(...at);
-  for (let notch = 0; wheel && notch < notches; notch++) await page.mouse.wheel(0, wheel);
+  if (check) await page.setChecked(check, on);
+  if (select) await page.selectOption(`#${select[0]}`, select[1]);
+  if (range) await slide(page, range, to);
   if (resize) await page.setViewportSize({ width: resize[0], height: resize[1] });
   if (hide) await page.evaluate(hidden);
   if (lose) await page.evaluate(lost);
+}
+
+/** What the mouse does. */
+async function point({ mouse }, { drag, button = "left", double, wheel, at, notches = 1 }) {
+  if (drag) {
+    const [x, y, dx, dy] = drag;
+    await mouse.move(x, y);
+    await mouse.down({ button });
+    await mouse.move(x + dx, y + dy, { steps: 5 });
+    await mouse.up({ button });
+  }
+  if (double) await mouse.dblclick(...double);
+  if (at) await mouse.move(...at);
+  for (let notch = 0; wheel && notch < notches; notch++) await mouse.wheel(0, wheel);
+}
+
+/** What fingers do. */
+async function touch(client, { finger, fingers, pinch, tap }) {
+  const send = (type, points) =>
+    client.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  /** The fingers go to where `at` says that they are at each share of the way. */
+  const move = async (at) => {
+    await send("touchStart", at(0));
+    for (let i = 1; i <= 5; i++) await send("touchMove", at(i / 5));
+    await send("touchEnd", []);
+  };
+  const pair = (x, y, apart) => [[x - apart / 2, y], [x + apart / 2, y]];
+  const shifted = ([x, y, dx, dy], share) => [x + share * dx, y + share * dy];
+  if (finger) await move((share) => [shifted(finger, share)]);
+  if (fingers) await move((share) => pair(...shifted(fingers, share), 80));
+  if (pinch) await move((share) => pair(pinch[0], pinch[1], pinch[2] + share * (pinch[3] - pinch[2])));
+  for (let i = 0; tap && i < 2; i++) {
+    await send("touchStart", [tap]);
+    await send("touchEnd", []);
+  }
+}
+
+/** Puts the handle of a slider to a share of its length, as a click there does. */
+async function slide(page, id, to) {
+  const slider = page.locator(`#${id}`);
+  const { width, height } = await slider.boundingBox();
+  await slider.click({ position: { x: Math.min(width - 1, Math.max(1, to * width)), y: height / 2 } });
 }
 
 /**
@@ -74,11 +105,11 @@ export function heard(page) {
   return page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
 
-/** Saves what the canvas shows, without what lies over it. */
+/** Saves what the picture shows, without what lies over it. */
 export async function picture(page, path) {
   const fade = (opacity) =>
     page.evaluate((opacity) => {
-      for (const one of document.body.children) if (one.id !== "picture") one.style.opacity = opacity;
+      for (const one of document.body.children) if (!["picture", "soft"].includes(one.id)) one.style.opacity = opacity;
     }, opacity);
   await fade(0);
   // What was drawn last is shown a frame later; before that, the picture is one of those on the way to it.

@@ -20,6 +20,8 @@ let scene = null;
 let work = null;
 /** Ends the drawing of a soft picture. */
 let drawing = null;
+/** Whether the picture is at rest. */
+let resting = false;
 
 function say(text) {
   at('what').textContent = text;
@@ -57,6 +59,8 @@ async function working(what, job) {
       at('working').hidden = true;
       at('bake').disabled = false;
       state(at('message').hidden ? 'ready' : 'failed');
+      // It waited for the work.
+      if (at('soft').hidden) soften();
     }
   }
 }
@@ -74,12 +78,14 @@ async function open(files) {
   }
   const opened = { files: Object.fromEntries(list.map((file) => [file.name, file])), name: main.name };
   at('up').value = 'auto';
-  const look = await working(`reading ${main.name}`, (how) => lookAt(opened, {}, how));
+  const look = await working(`reading ${main.name}`, async (how) => {
+    const look = await lookAt(opened, {}, how);
+    scene = Object.assign(opened, { toView: look.to_view, soft: look.soft, info: look.info, up: 'auto' });
+    forget();
+    await shown.show('before', look.files[LOOK]);
+    return look;
+  });
   if (!look) return;
-  scene = opened;
-  forget();
-  await shown.show('before', look.files[LOOK]);
-  Object.assign(scene, { toView: look.to_view, soft: look.soft, info: look.info });
   crop.reset(shown.bounds(scene.toView));
   at('crop').checked = false;
   cropped();
@@ -103,6 +109,7 @@ function lookAt({ files, name }, options, how) {
 function forget() {
   shown.remove('after');
   at('compare').hidden = at('result').hidden = true;
+  cut();
   for (const link of at('files').querySelectorAll('a')) URL.revokeObjectURL(link.href);
 }
 
@@ -135,6 +142,7 @@ async function bake() {
   await shown.show('after', baked.look.files[LOOK]);
   const seconds = (performance.now() - began) / 1000;
   at('compare').hidden = false;
+  cut();
   present(baked, output, seconds);
 }
 
@@ -183,31 +191,56 @@ function changedLook() {
   shown.wires(look() === 'wires');
 }
 
-/** In soft mode the program draws the scene at rest; a moving scene is solid. */
-async function rested(atRest) {
-  document.documentElement.dataset.picture = atRest ? 'resting' : 'moving';
+/** The picture came to rest, or moves again. */
+function rested(atRest) {
+  resting = atRest;
+  soften();
+}
+
+/** In soft mode the program draws the scene at rest; a moving scene is solid, and so is one in a box, whose edges it would hide. */
+async function soften() {
   drawing?.abort();
   drawing = null;
   at('soft').hidden = true;
-  if (!atRest || look() !== 'soft' || !scene?.soft || work) return;
+  const wanted = resting && look() === 'soft' && scene?.soft && !work && !at('crop').checked;
+  const picture = (name) => (document.documentElement.dataset.picture = name);
+  picture(!resting ? 'moving' : wanted ? 'drawing' : 'resting');
+  if (!wanted) return;
   const mine = (drawing = new AbortController());
-  const [width, height] = shown.size;
-  const shrink = Math.min(1, Math.sqrt(SOFT_PIXELS / (width * height)));
-  const job = {
-    command: 'picture', input: scene.name, output: 'soft.png', view: shown.view, options: { up: at('up').value },
-    size: [width, height].map((px) => Math.max(1, Math.round(px * shrink))), background: [0x17, 0x18, 0x1a].map((code) => code / 255),
-  };
   try {
-    const { files } = await run(job, scene.files, { signal: mine.signal });
+    const { files } = await run(softJob(), scene.files, { signal: mine.signal });
     if (mine !== drawing) return;
     const image = at('soft');
     URL.revokeObjectURL(image.src);
     image.src = URL.createObjectURL(new Blob([files['soft.png']], { type: 'image/png' }));
     await image.decode();
-    image.hidden = mine !== drawing;
+    if (mine === drawing) image.hidden = false;
   } catch (error) {
     if (!mine.signal.aborted) complain(error.message);
   }
+  if (mine === drawing) picture('resting');
+}
+
+/** Draws the open scene soft, from where it is seen. */
+function softJob() {
+  const [width, height] = shown.size;
+  const shrink = Math.min(1, Math.sqrt(SOFT_PIXELS / (width * height)));
+  return {
+    command: 'picture', input: scene.name, output: 'soft.png', view: shown.view, options: { up: at('up').value },
+    size: [width, height].map((px) => Math.max(1, Math.round(px * shrink))), background: [0x17, 0x18, 0x1a].map((code) => code / 255),
+  };
+}
+
+/** Where before and after are compared, the soft picture is before. */
+function cut() {
+  const after = at('compare').hidden ? 0 : 1 - Number(at('split').value);
+  at('soft').style.clipPath = `inset(0 ${100 * after}% 0 0)`;
+}
+
+/** The slider between before and after. */
+function split() {
+  shown.split = Number(at('split').value);
+  cut();
 }
 
 /** The box of the crop, from its handles. */
@@ -219,12 +252,17 @@ function cropped() {
 
 /** Turns the scene by the chosen up axis. */
 async function turn() {
-  const look = await working('turning', (how) => lookAt(scene, { up: at('up').value }, how));
-  if (!look) return;
-  forget();
-  scene.toView = look.to_view;
-  await shown.show('before', look.files[LOOK]);
-  cropped();
+  const up = at('up').value;
+  const turned = await working('turning', async (how) => {
+    const look = await lookAt(scene, { up }, how);
+    forget();
+    Object.assign(scene, { toView: look.to_view, up });
+    await shown.show('before', look.files[LOOK]);
+    cropped();
+    return true;
+  });
+  // The scene stands as before, unless another turn took the place of this one.
+  if (!turned && !work) at('up').value = scene.up;
 }
 
 function bind() {
@@ -235,7 +273,7 @@ function bind() {
   at('looks').addEventListener('change', changedLook);
   at('crop').addEventListener('change', cropped);
   at('up').addEventListener('change', turn);
-  at('split').addEventListener('input', (event) => (shown.split = Number(event.target.value)));
+  at('split').addEventListener('input', split);
   // Keys typed here do not move the camera.
   for (const id of ['panel', 'compare']) at(id).addEventListener('keydown', (event) => event.stopPropagation());
   const over = (on) => (event) => {

@@ -3,6 +3,7 @@
 use super::{bake, have, here, runs_with, studio};
 use glam::{DVec3, Mat3, UVec2, Vec3};
 use serde_json::{Value, json};
+use std::f64::consts::PI;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -152,7 +153,7 @@ fn a_drag_stays_where_photos_looked_and_an_address_goes_anywhere() {
     let angles = |view: &Value| {
         let (start, now) = (direction(&views[0]), direction(view));
         let turn = now.x.atan2(now.z) - start.x.atan2(start.z);
-        let turn = (turn + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let turn = (turn + PI).rem_euclid(std::f64::consts::TAU) - PI;
         [turn, now.y.asin()].map(|angle| angle.to_degrees().round())
     };
     let reached = [2, 4, 6].map(|step| angles(&views[step]));
@@ -182,7 +183,7 @@ pub(super) fn seen(name: &Path) -> Seen {
 
 /// Share of pixels that may differ where a picture is the same: a camera that comes to rest creeps.
 pub(super) const SAME: f64 = 0.002;
-/// Share of pixels that an input changes at least.
+/// Share of pixels that an input changes at least, unless its `least` says another.
 pub(super) const MOVED: f64 = 0.02;
 
 /// The inputs, each with the name under which its pictures are saved in `folder`.
@@ -201,7 +202,8 @@ pub(super) fn assert_seen(folder: &Path, inputs: &[(Value, bool)]) {
         let Seen { changed, stale } = seen(&folder.join(i.to_string()));
         println!("{input}: {:.1}% changed, {:.1}% stale", 100.0 * changed, 100.0 * stale);
         assert!(stale < SAME, "{i}, {input}: {stale} of the picture is from before");
-        let as_promised = if *moves { changed > MOVED } else { changed < SAME };
+        let least = input["least"].as_f64().unwrap_or(MOVED);
+        let as_promised = if *moves { changed > least } else { changed < SAME };
         assert!(as_promised, "{i}, {input}: {changed} of the picture changed");
     }
 }
@@ -217,10 +219,16 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
         (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
         (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
         (json!({ "drag": [200, 150, 60, 20] }), true),
+        (json!({ "drag": [200, 150, 40, 30], "button": "right" }), true),
         (json!({ "press": "w", "ms": 300 }), true),
         (json!({ "press": "ArrowLeft", "ms": 300 }), true),
+        (json!({ "press": "q", "ms": 200 }), true),
+        (json!({ "press": "d", "ms": 200 }), true),
+        (json!({ "press": "a", "ms": 200 }), true),
+        (json!({ "press": "e", "ms": 200 }), true),
         (json!({ "double": [150, 170] }), true),
         (json!({ "hide": true }), false),
+        (json!({ "press": "Home" }), true),
         (json!({ "click": "fly" }), false),
         (json!({ "drag": [200, 150, 60, 20] }), true),
         (json!({ "wheel": -100, "notches": 4 }), true),
@@ -233,8 +241,12 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
         (json!({ "show": "#eye=3,3,3&target=0,0,0" }), true),
         (json!({ "resize": [300, 400] }), true),
     ];
-    let touches =
-        [(json!({ "pinch": [150, 200, 60, 200] }), true), (json!({ "drag": [150, 200, 50, 0] }), true)];
+    let touches = [
+        (json!({ "pinch": [150, 200, 60, 200] }), true),
+        (json!({ "finger": [150, 200, 50, 0] }), true),
+        (json!({ "fingers": [150, 200, 40, 30], "least": 0.4 }), true),
+        (json!({ "tap": [110, 230] }), true),
+    ];
     let lost = [(json!({ "lose": true }), false)];
     let [mouse, fingers, driver] = ["mouse", "fingers", "driver"].map(|name| folder.path().join(name));
     for folder in [&mouse, &fingers, &driver] {
@@ -260,20 +272,56 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     assert_eq!(visits[1]["views"][0], json!("#eye=5,1,2&target=0,0,0&up=0,1,0&fov=40"));
 }
 
+/// An OBJ with a red ball of radius 1, and a blue crumb far from it.
+fn ball_and_crumb() -> String {
+    let around = |a: u32, b: u32| {
+        let (down, turn) = (f64::from(a) * PI / 8.0, f64::from(b) * PI / 8.0);
+        [down.sin() * turn.cos(), down.cos(), down.sin() * turn.sin()]
+    };
+    let part = |a, b| [around(a, b), around(a, b + 1), around(a + 1, b + 1), around(a + 1, b)];
+    let ball = (0..8).flat_map(|a| (0..16).map(move |b| (part(a, b), "1 0 0")));
+    let crumb = [[8.0, 0.0, 0.0], [8.2, 0.0, 0.0], [8.2, 0.2, 0.0], [8.0, 0.2, 0.0]];
+    let face = |(corners, color): ([[f64; 3]; 4], &str)| {
+        let line = |[x, y, z]: [f64; 3]| format!("v {x} {y} {z} {color}\n");
+        format!("{}f -4 -3 -2 -1\n", corners.map(line).concat())
+    };
+    ball.chain([(crumb, "0.2 0.2 0.8")]).map(face).collect()
+}
+
+/// Asserts that the red ball is whole in a picture and large: as high and wide as `share` of the picture's shorter side.
+fn assert_framed(picture: &Path, share: f64) {
+    let picture = RgbImage::load(picture).unwrap();
+    let at = |i: usize| UVec2::new(i as u32 % picture.size.x, i as u32 / picture.size.x);
+    let red = |(_, [r, g, _]): &(usize, &[u8; 3])| *r > 150 && *g < 60;
+    let ball: Vec<UVec2> = picture.rgb.iter().enumerate().filter(red).map(|(i, _)| at(i)).collect();
+    assert!(!ball.is_empty(), "the subject is in the picture");
+    let low = ball.iter().copied().reduce(UVec2::min).unwrap();
+    let high = ball.iter().copied().reduce(UVec2::max).unwrap();
+    assert!(low.min_element() > 2 && (high + 3).cmplt(picture.size).all(), "not whole: {low} to {high}");
+    let least = (f64::from(picture.size.min_element()) * share) as u32;
+    assert!((high - low).min_element() >= least, "not large: {low} to {high} of {}", picture.size);
+}
+
 #[test]
 fn f_frames_the_subject_from_the_side_where_one_is_and_the_link_is_the_view() {
     let Some(chromium) = chromium() else { return };
     let folder = TempDir::new().unwrap();
-    let page = folder.path().join("scene.html");
-    bake(&studio(), &page, &[]);
+    let [scene, page, wide, narrow] =
+        ["ball.obj", "ball.html", "wide.png", "narrow.png"].map(|name| folder.path().join(name));
+    fs::write(&scene, ball_and_crumb()).unwrap();
+    bake(&scene, &page, &["--up", "y"]);
     let steps = json!([
-        { "press": "f" }, { "drag": [200, 150, 90, 40] }, { "wheel": 100, "notches": 5 }, { "press": "f" }, { "press": "r" },
-        { "press": "l" },
+        { "press": "f" }, { "drag": [200, 150, 90, 40] }, { "wheel": 100, "notches": 5 }, { "press": "f", "screenshot": wide },
+        { "press": "r" }, { "press": "l" },
+        { "drag": [200, 150, 150, 60], "button": "right" }, { "resize": [200, 300] }, { "press": "f", "screenshot": narrow },
     ]);
     let visits = visit(
         &chromium,
-        &json!([{ "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": steps }]),
+        &json!([{ "page": page, "fragment": "#bare&ssaa=2", "size": [400, 300], "steps": steps }]),
     );
+    for picture in [wide, narrow] {
+        assert_framed(&picture, 0.7);
+    }
     let views = visits[0]["views"].as_array().unwrap();
     let word = |view: &Value, word: &str| {
         view.as_str().unwrap().split('&').find(|part| part.starts_with(word)).map(str::to_owned)

@@ -15,7 +15,9 @@ use std::process::Command;
 use tempfile::TempDir;
 use trisplat::{BakeJob, BakeOptions};
 use trisplat_job::BakeInput;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lanes::{SimdLevel, with_at_most};
+use trisplat_scene::math::metric;
 
 /// Whether `web/build.sh` has built the package and the page.
 fn built() -> bool {
@@ -59,6 +61,9 @@ fn assert_same(folder: &Path, other: &Path, names: &Value) {
     }
 }
 
+/// The photo among the files that are no scenes.
+const PHOTO: &str = "photo.jpg";
+
 /// Files that no reader should take, or that lose something: their names, and their bytes.
 fn hostile() -> Vec<(&'static str, Vec<u8>)> {
     let ply = fs::read(studio()).unwrap();
@@ -78,6 +83,7 @@ fn hostile() -> Vec<(&'static str, Vec<u8>)> {
         ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec()),
         ("words.txt", b"hello world".to_vec()),
         ("other.html", b"<!doctype html><p>no scene".to_vec()),
+        (PHOTO, b"\xff\xd8\xff\xe0\0\x10JFIF\0\x01\x01".to_vec()),
     ]
 }
 
@@ -217,20 +223,28 @@ fn node_refuses_what_the_program_refuses_in_the_same_words() {
     assert_eq!(done[3]["info"]["kind"], "soup");
 }
 
+/// The input that chooses how a scene is shown.
+fn look(name: &str) -> Value {
+    json!({ "check": format!("input[name=look][value={name}]") })
+}
+
 #[test]
 fn the_page_bakes_what_the_program_does() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [ours, theirs, isolated] = [(); 3].map(|()| TempDir::new().unwrap());
     let keep = |name: &str| std::env::var_os("TRISPLAT_KEEP").map(|folder| PathBuf::from(folder).join(name));
     let trained = here("samples/soups/trained.ply");
+    // Moved while it worked, the scene is drawn soft afterwards.
+    let cancelled = [(look("solid"), true)];
     fs::copy(&trained, ours.path().join("trained.ply")).unwrap();
     let visits = json!([
         { "files": [trained], "bake": true, "folder": theirs.path(), "screenshot": keep("app-bake.png"),
           "set": { "target": "godot", "triangles": "3000", "up": "y", "crop": true } },
         { "files": [trained], "bake": true, "folder": isolated.path(), "isolated": true,
           "set": { "target": "godot", "triangles": "3000", "up": "y", "crop": true } },
-        { "files": [studio()], "soft": true, "screenshot": keep("app-soft.png"), "size": [420, 800] },
-        { "files": [studio()], "bake": true, "cancel": true, "folder": theirs.path() },
+        { "files": [studio()], "inputs": [{ "click": "fold" }, look("soft")], "screenshot": keep("app-soft.png"), "size": [420, 800] },
+        { "files": [studio()], "bake": true, "cancel": { "wheel": -100, "notches": 5, "at": [632, 300] }, "folder": theirs.path(),
+          "inputs": [look("soft")], "after": named(theirs.path(), &cancelled) },
         { "webgl": false },
     ]);
     let seen = in_page(&chromium, &visits);
@@ -249,6 +263,7 @@ fn the_page_bakes_what_the_program_does() {
     assert_eq!(seen[0]["downloads"].as_array().unwrap().len(), 2, "the GLB, and what Godot wants beside it");
     assert_eq!((&seen[2]["state"], &seen[2]["message"]), (&json!("ready"), &json!("")), "{}", seen[2]);
     assert_eq!((&seen[3]["what"], &seen[3]["downloads"]), (&json!("cancelled"), &json!([])), "{}", seen[3]);
+    assert_seen(theirs.path(), &cancelled);
     let message = seen[4]["message"].as_str().unwrap();
     assert!(seen[4]["state"] == "failed" && message.contains("WebGL 2"), "{}", seen[4]);
 }
@@ -262,14 +277,23 @@ fn the_page_draws_what_every_input_shows_at_once() {
         (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
         (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
         (json!({ "drag": [632, 300, 60, 20] }), true),
+        (json!({ "drag": [632, 300, 40, 30], "button": "right" }), true),
         (json!({ "press": "w", "ms": 300 }), true),
         (json!({ "press": "ArrowLeft", "ms": 300 }), true),
+        (json!({ "press": "q", "ms": 200 }), true),
+        (json!({ "press": "d", "ms": 200 }), true),
         (json!({ "double": [600, 330] }), true),
         (json!({ "hide": true }), false),
         (json!({ "resize": [1000, 600] }), true),
     ];
     // As the panel is folded, a phone's picture is higher than half of it.
-    let touches = [(json!({ "pinch": [195, 300, 60, 200] }), true), (json!({ "click": "fold" }), true)];
+    let touches = [
+        (json!({ "pinch": [195, 300, 60, 200] }), true),
+        (json!({ "finger": [195, 300, 50, 0] }), true),
+        (json!({ "fingers": [195, 300, 40, 30], "least": 0.4 }), true),
+        (json!({ "tap": [150, 340] }), true),
+        (json!({ "click": "fold" }), true),
+    ];
     let visits = json!([
         { "files": [studio()], "inputs": named(mouse.path(), &inputs) },
         { "files": [studio()], "inputs": named(fingers.path(), &touches), "touch": true, "size": [390, 844] },
@@ -282,20 +306,83 @@ fn the_page_draws_what_every_input_shows_at_once() {
 }
 
 #[test]
+fn every_look_changes_the_picture_at_once() {
+    let Some(chromium) = chromium().filter(|_| built()) else { return };
+    let [before, after] = [(); 2].map(|()| TempDir::new().unwrap());
+    // A small picture, because one thread draws the soft one.
+    let small = json!({ "resize": [700, 500] });
+    let looks = [
+        (look("wires"), true),
+        (look("solid"), true),
+        (json!({ "check": "#crop", "least": 0.005 }), true),
+        (json!({ "range": "x0", "to": 0.4, "least": 0.005 }), true),
+        (json!({ "check": "#crop", "on": false, "least": 0.005 }), true),
+        (look("soft"), true),
+        // Its box is seen before the solid scene.
+        (json!({ "check": "#crop" }), true),
+        (json!({ "check": "#crop", "on": false }), true),
+        (json!({ "select": ["up", "x"] }), true),
+        (json!({ "select": ["up", "auto"] }), true),
+    ];
+    let sides = [
+        (json!({ "range": "split", "to": 0.2 }), true),
+        (look("solid"), true),
+        (json!({ "range": "split", "to": 0.8 }), true),
+    ];
+    let inputs = [vec![small.clone()], named(before.path(), &looks), vec![json!({ "resize": [1280, 720] })]];
+    let after_bake = [vec![small], named(after.path(), &sides)].concat();
+    // Few triangles are baked sooner.
+    let set = json!({ "triangles": "1500" });
+    let visits = json!([{ "drop": [studio()], "size": [1280, 720], "set": set, "inputs": inputs.concat(), "bake": true,
+        "folder": after.path(), "after": after_bake }]);
+    let one = in_page(&chromium, &visits).remove(0);
+    assert_eq!(
+        (&one["errors"], &one["state"], &one["compares"]),
+        (&json!([]), &json!("ready"), &json!(true))
+    );
+    assert_seen(before.path(), &looks);
+    assert_seen(after.path(), &sides);
+    let soft = looks.iter().position(|(input, _)| *input == look("soft")).unwrap();
+    let picture = |when: &str| RgbImage::load(&before.path().join(format!("{soft}-{when}.png"))).unwrap();
+    let psnr = metric::psnr(&picture("before").rgb, &picture("after").rgb, None);
+    assert!(psnr > 18.0, "soft is the same view as solid: {psnr:.1} dB");
+    // A bake may be followed by another, and by the file.
+    let hits = ["onButton", "onDownload"].map(|what| one["baked"][what].as_str());
+    assert_eq!(hits, [Some("bake"), Some("files")], "{one}");
+    assert_reachable(&one["baked"], 720.0);
+}
+
+/// Asserts that the button Bake is in sight.
+fn assert_reachable(layout: &Value, height: f64) {
+    let number = |what: &str| layout["button"][what].as_f64().unwrap();
+    assert!(number("top") >= 0.0 && number("height") > 20.0 && number("bottom") <= height, "{layout}");
+    assert_eq!(layout["onButton"], json!("bake"));
+}
+
+#[test]
 fn a_file_dropped_into_the_empty_picture_opens_and_bake_and_picture_are_in_sight() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let visits = json!([
         { "drop": [studio()], "size": [1280, 720] },
-        { "drop": [studio()], "size": [390, 844], "touch": true },
+        { "drop": [studio()], "size": [390, 844], "touch": true, "inputs": [{ "click": "fold" }] },
     ]);
     let seen = in_page(&chromium, &visits);
     for (one, [width, height]) in seen.iter().zip([[1280.0, 720.0], [390.0, 844.0]]) {
         assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
         assert!(one["what"].as_str().unwrap().starts_with("studio.ply: "), "{one}");
-        let number = |of: &str, what: &str| one[of][what].as_f64().unwrap();
-        assert!(number("button", "height") > 20.0 && number("button", "bottom") <= height, "{one}");
-        let picture = number("canvas", "width") * number("canvas", "height") / (width * height);
+        for (when, hit) in [("start", "place"), ("opened", "picture")] {
+            let hits = ["middle", "corner"].map(|place| one[when][place].as_str());
+            assert_eq!(hits, [Some(hit); 2], "{when}: {one}");
+        }
+        assert_reachable(&one["opened"], height);
+        let number = |of: &str, what: &str| one["opened"][of][what].as_f64().unwrap();
+        let picture = number("picture", "width") * number("picture", "height") / (width * height);
         assert!(picture > 0.7, "the picture has {picture} of the window");
+    }
+    // On a phone, before anything is opened, and with the options unfolded.
+    for when in ["start", "end"] {
+        let panel = seen[1][when]["panel"]["height"].as_f64().unwrap();
+        assert!(panel > 100.0 && panel <= 844.0 / 2.0, "{when}: the panel has {panel} px of the window");
     }
 }
 
@@ -330,11 +417,15 @@ fn the_page_says_why_a_file_cannot_be_read() {
         fs::write(&path, bytes).unwrap();
         json!({ "files": [path] })
     };
-    let visits = hostile().iter().map(visit).collect();
-    for ((name, _), seen) in hostile().iter().zip(in_page(&chromium, &visits)) {
+    let mut visits: Vec<Value> = hostile().iter().map(visit).collect();
+    visits.push(json!({ "drop": [folder.path().join(PHOTO)] }));
+    let names = hostile().into_iter().map(|(name, _)| name).chain([PHOTO]);
+    for (name, seen) in names.zip(in_page(&chromium, &visits.into())) {
         assert_eq!((&seen["errors"], &seen["state"]), (&json!([]), &json!("failed")), "{seen}");
         let message = seen["message"].as_str().unwrap();
         assert!(message.contains(name) && !message.contains("fault"), "{message}");
+        let advised = message.contains("is a photo") && message.contains("trisplat make");
+        assert_eq!(advised, name == PHOTO, "{message}");
     }
 }
 
