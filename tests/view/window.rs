@@ -184,6 +184,11 @@ fn write_photos(folder: &Path) {
     std::fs::write(folder.join("transforms.json"), set.to_string()).unwrap();
 }
 
+/// Pixels of the red ball that stands in the middle of the sample scene.
+fn red(picture: &RgbImage) -> usize {
+    picture.rgb.iter().filter(|[r, g, b]| *r > 100 && *r / 2 > (*g).max(*b)).count()
+}
+
 #[test]
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
@@ -240,6 +245,15 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     same(&desk, &cpu, "the photo's view");
     desk.xdotool("key o");
     wait_for("the photo beside", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
+    desk.xdotool("key o key o");
+    same(&desk, &cpu, "the photo's view alone");
+
+    // From far away, F shows the subject as large as fits.
+    desk.xdotool("mousemove 100 75 click --repeat 8 5");
+    wait_for("the way out", || (off(&desk.seen(), &cpu) > 0.3).then_some(()));
+    let far = desk.screenshot(3);
+    desk.xdotool("key f");
+    wait_for("the subject", || (red(&desk.seen()) > 2 * red(&far).max(20)).then_some(()));
     assert_eq!(desk.close(), Some(0));
 }
 
