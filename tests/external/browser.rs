@@ -244,7 +244,7 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     let touches = [
         (json!({ "pinch": [150, 200, 60, 200] }), true),
         (json!({ "finger": [150, 200, 50, 0] }), true),
-        (json!({ "fingers": [150, 200, 40, 30], "least": 0.4 }), true),
+        (json!({ "fingers": [150, 200, 40, 30], "least": 0.6 }), true),
         (json!({ "tap": [110, 230] }), true),
     ];
     let lost = [(json!({ "lose": true }), false)];
