@@ -103,8 +103,11 @@ fn seen(sky: &RgbImage, d: Vec3) -> Vec3 {
     row(0.0).lerp(row(1.0), share.y)
 }
 
+/// Where a picture has what belongs into a direction.
+type Turn = fn(Vec3) -> Vec3;
+
 /// Ways to show a panorama wrongly.
-const WRONG: [(&str, fn(Vec3) -> Vec3); 6] = [
+const WRONG: [(&str, Turn); 6] = [
     ("mirrored in z", |d| Vec3::new(d.x, d.y, -d.z)),
     ("mirrored in x", |d| Vec3::new(-d.x, d.y, d.z)),
     ("turned by 90°", |d| Vec3::new(d.z, d.y, -d.x)),
@@ -114,7 +117,7 @@ const WRONG: [(&str, fn(Vec3) -> Vec3); 6] = [
 ];
 
 /// The mean difference of the free pixels of each picture from a panorama that is turned in some way, codes.
-fn off(views: &[View], pictures: &[RgbImage], sky: &RgbImage, turn: fn(Vec3) -> Vec3) -> Vec<f64> {
+fn off(views: &[View], pictures: &[RgbImage], sky: &RgbImage, turn: Turn) -> Vec<f64> {
     let of_one = |(view, picture): (&View, &RgbImage)| {
         let differences = view.free.iter().map(|(pixel, d)| {
             let shown = Vec3::from(picture.rgb[*pixel].map(f32::from));
