@@ -140,7 +140,8 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
     let drop = |options: &UnseenOptions, masks| {
         let (mut kept, mut details) = (mesh.clone(), UnseenDetails::default());
-        let mut views = Views::new(&dataset, &DatasetOptions { masks, ..DatasetOptions::default() });
+        let how = DatasetOptions { masks, test_every: 0, ..DatasetOptions::default() };
+        let mut views = Views::new(&Dataset::load(folder.path(), &how).unwrap(), &how);
         let mut nobody = |_: StageEvent<'_>| Continue(());
         let progress = &mut StageProgress::new(&mut nobody);
         details.masked = unseen::masked(&mut kept, Some(&mut views), options, progress).unwrap();
@@ -169,8 +170,8 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     assert_eq!(behind(BackdropWhen::Auto), 0);
     assert!(behind(BackdropWhen::Sphere) > 0);
 
-    // A mask that cuts has told the training that nothing is there, and who keeps what is unseen keeps this.
-    assert_eq!(drop(&UnseenOptions::default(), Masks::Cut).1, None);
+    // Masks that are not read drop nothing, and who keeps what is unseen keeps this.
+    assert_eq!(drop(&UnseenOptions::default(), Masks::Off).1, None);
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
     assert_eq!(drop(&keep, Masks::Ignore).0.face_count(), mesh.face_count());
 }

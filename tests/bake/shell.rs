@@ -1,9 +1,17 @@
 //! The shell of a trained scene is its backdrop, and nothing else is.
 
 use super::hostile::{random_triangle, soup_of};
-use glam::Vec3;
-use trisplat_bake::{BackdropWhen, Bake, BakeOptions, BakePreset};
-use trisplat_scene::{Asset, ImportedScene, Soup};
+use super::{photos, sky};
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use trisplat_bake::{BackdropWhen, Bake, BakeOptions, BakePreset, ReshapeOptions};
+use trisplat_dataset::Dataset;
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{
+    Asset, ImportedScene, Rng, Scene, Soup,
+    camera::Camera,
+    math::{color::linear_from_srgb, octasphere::octasphere},
+    mesh::{Colors, Mesh},
+};
 
 /// Eight huge triangles around the origin.
 fn octahedron() -> Soup {
@@ -85,4 +93,91 @@ fn a_closed_far_shell_of_any_soup_is_the_backdrop() {
     soup.vertices.iter_mut().flatten().for_each(|p| p.x += 90.0);
     let both = Bake::new(&BakeOptions::preset(BakePreset::Fast)).run([studio(), beside]).unwrap();
     assert_eq!(both.provenance.backdrop, 2 * 4 * 402, "the domes of several inputs stay");
+}
+
+/// A dome of radius 20 with one grey per face, which is at least 100 codes from those of its neighbours.
+fn gems() -> Mesh {
+    const CUTS: u32 = 2;
+    let (corners, faces) = octasphere(CUTS);
+    let rng = Rng::new(17, "test gem", 0);
+    let code = |face: usize| {
+        // Neighbours differ in one bit of the octant, or one of them is the middle one of four.
+        let middles = (0..CUTS).filter(|cut| face >> (2 * cut) & 3 == 3).count() as u32;
+        let is_light = ((face >> (2 * CUTS)).count_ones() + middles) % 2 == 1;
+        let least = if is_light { 180.0 } else { 20.0 };
+        least + 60.0 * rng.uniform(face as u64)
+    };
+    let colors = (0..faces.len()).map(|face| [linear_from_srgb(code(face) / 255.0); 3]).collect();
+    let positions = faces.iter().flat_map(|face| face.map(|i| 20.0 * corners[i as usize])).collect();
+    Mesh { positions, colors: Colors::Face(colors), shell: vec![true; faces.len()], ..Mesh::default() }
+}
+
+/// `copies` of the triangles of the photos, each a little turned, in the dome.
+fn in_dome(copies: usize) -> Mesh {
+    let mut all = Mesh::default();
+    all.colors = Colors::Face(Vec::new());
+    for copy in 0..copies {
+        let (turn, mut part) = (Mat3::from_rotation_y(0.1 * copy as f32), photos::grey(&photos::scene()));
+        part.positions.iter_mut().for_each(|place| *place = turn * *place);
+        all.append(part).unwrap();
+    }
+    all.append(gems()).unwrap();
+    all
+}
+
+fn baked_dome(copies: usize, photos: Option<&Dataset>, when: BackdropWhen) -> Asset {
+    // Photos of surroundings whose colour changes all around are no photos of different white balance.
+    let exposure = BakeOptions::preset(BakePreset::Fast).exposure;
+    let mut options =
+        BakeOptions { force_dataset: true, reshape: ReshapeOptions::OFF, exposure, ..BakeOptions::DEFAULT };
+    (options.backdrop.backdrop, options.place.up) = (when, "y".parse().unwrap());
+    let mut views = photos.map(photos::views);
+    let scene = ImportedScene::from(Scene::Mesh(in_dome(copies)));
+    Bake::new(&options).photos(views.as_mut()).run([scene]).unwrap()
+}
+
+/// A turn from beside the scene: the largest step between neighbouring pixels of the dome, codes, and the pixels that show nothing.
+fn largest_step(mesh: &Mesh) -> (u8, usize) {
+    let (size, center) = (UVec2::new(160, 120), Vec2::new(80.0, 60.0));
+    let lens =
+        Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal: Vec2::splat(70.0), center, size };
+    let (mut step, mut open) = (0, 0);
+    for i in 0..18_u8 {
+        let (turn, height) = (f32::from(i) * 0.7, [-1.5, 0.0, 1.5][usize::from(i % 3)]);
+        let eye = Vec3::new(0.0, 0.5, 4.0);
+        let camera = lens.looking(eye, eye + Vec3::new(turn.sin(), height, turn.cos()), Vec3::Y);
+        let (mut solid, drawing) = (SolidRasterizer::new(), SolidRasterOptions::default());
+        let picture = solid.render(mesh, &camera, &drawing).rgb;
+        let face = solid.visibility(mesh, &camera, &drawing).face.clone();
+        open += face.iter().filter(|face| **face == NO_FACE).count();
+        let is_far =
+            |pixel: usize| face[pixel] != NO_FACE && mesh.centroid(face[pixel] as usize).length() > 10.0;
+        let width = size.x as usize;
+        for pixel in (0..picture.len() - width).filter(|pixel| (pixel + 1) % width > 0 && is_far(*pixel)) {
+            let beside = [pixel + 1, pixel + width].into_iter().filter(|beside| is_far(*beside));
+            step = beside.map(|beside| picture[pixel][0].abs_diff(picture[beside][0])).fold(step, u8::max);
+        }
+    }
+    (step, open)
+}
+
+#[test]
+fn no_edge_of_a_dome_is_left_and_it_stays_closed() {
+    let mut truth = photos::grey(&photos::scene());
+    truth.append(sky::sphere(false)).unwrap();
+    let (_folder, dataset) = photos::photograph(&truth, |_, photo| photo);
+    let (edges, _) = largest_step(&baked_dome(1, None, BackdropWhen::Off).mesh);
+    assert!(edges >= 100, "{edges}");
+    // Of a large scene the dome is cut finer. In a small one photos would take many passes to pull such colours to theirs.
+    for (copies, with) in [(1, None), (11, None), (11, Some(&dataset))] {
+        let asset = baked_dome(copies, with, BackdropWhen::Auto);
+        let finer = if copies > 1 { 4 } else { 1 };
+        assert_eq!(asset.provenance.backdrop, 128 * finer);
+        let (step, open) = largest_step(&asset.mesh);
+        let name = format!("{copies} copies, photos {}", with.is_some());
+        assert!(
+            3 * u32::from(step) < u32::from(edges) && open == 0,
+            "{name}: {step} of {edges}, {open} open"
+        );
+    }
 }

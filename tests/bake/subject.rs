@@ -1,12 +1,16 @@
 //! `--crop subject`: what is kept of a thing on a table, and how large a viewer shows it that frames the whole file.
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow::Continue;
-use trisplat_bake::{Bake, BakeOptions, BakePreset, CropDetails, MeshOptions, mesh};
+use trisplat_bake::{
+    Bake, BakeOptions, BakePreset, CropDetails, MeshOptions, TextureOptions, TextureWhen, Views, mesh,
+};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     ImportedScene, Limits, Scene,
     camera::Camera,
+    image::RgbImage,
     math::octasphere::octasphere,
     mesh::{Colors, Mesh},
     report::{Report, StageEvent},
@@ -176,4 +180,109 @@ fn the_surface_of_the_thing_ends_in_an_even_edge() {
     let most = edge.iter().fold(0.0f32, |most, r| most.max(*r));
     let even = |i: usize| edge[i].min(edge[(i + 1) % 16]) > 0.85 * edge[i].max(edge[(i + 1) % 16]);
     assert!((0.5..0.75).contains(&most) && (0..16).all(even), "{edge:?}");
+}
+
+/// Eighteen cameras all around the ball, which see nothing of its underside, nor of the table below it.
+fn around() -> Vec<Camera> {
+    let camera = |i: usize| {
+        let (turn, height) = (i as f32 * std::f32::consts::TAU / 18.0, 1.0 + 0.5 * (i % 3) as f32);
+        let eye = Vec3::new(2.5 * turn.sin(), height, 2.5 * turn.cos());
+        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Y * 0.5, Vec3::Y)
+    };
+    (0..18).map(camera).collect()
+}
+
+/// The subject's surface with a texture of pictures from all around.
+fn textured_surface() -> (Mesh, SurfaceDetails) {
+    let drawing = SolidRasterOptions { samples: 4, ..SolidRasterOptions::default() };
+    let picture = |camera: &Camera| SolidRasterizer::new().render(&studio(), camera, &drawing);
+    let mut views = Views::drawn(around(), around().iter().map(picture).collect());
+    let mut options = MeshOptions {
+        texture: TextureOptions { texture: TextureWhen::On, ..TextureOptions::DEFAULT },
+        ..MeshOptions::default()
+    };
+    options.crop.crop = vec!["subject".parse().unwrap()];
+    (options.surface.resolution, options.surface.max_triangles) = (Some(64), Some(3000));
+    options.place.up = "y".parse().unwrap();
+    let scene = ImportedScene { cameras: around(), ..ImportedScene::from(Scene::Mesh(studio())) };
+    let (mut report, mut nobody) = (Report::default(), |_: StageEvent<'_>| Continue(()));
+    let found = mesh(scene, Some(&mut views), &options, &Limits::DEFAULT, &mut report, &mut nobody).unwrap();
+    (found.mesh, report.details().unwrap())
+}
+
+/// Of each border of a mesh, the least distance of its places from the axis of the ball.
+fn borders(mesh: &Mesh) -> Vec<f32> {
+    // A texture splits vertices where its charts meet.
+    let corners = |face: usize| mesh.corners(face).map(|place| place.to_array().map(f32::to_bits));
+    let edges: HashSet<_> =
+        (0..mesh.face_count()).map(corners).flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    let mut next = HashMap::new();
+    for (a, b) in edges.iter().filter(|(a, b)| !edges.contains(&(*b, *a))) {
+        assert_eq!(next.insert(*a, *b), None, "borders touch");
+    }
+    let mut least = Vec::new();
+    while let Some(start) = next.keys().next().copied() {
+        let (mut at, mut nearest) = (start, f32::MAX);
+        while let Some(after) = next.remove(&at) {
+            let [x, _, z] = at.map(f32::from_bits);
+            (at, nearest) = (after, nearest.min(x.hypot(z)));
+        }
+        least.push(nearest);
+    }
+    least
+}
+
+/// A picture from straight below, and which of its pixels show a triangle, or are beside all of them. `[H * W]`
+fn from_below(mesh: &Mesh) -> (RgbImage, Vec<bool>, Vec<bool>) {
+    let (low, high) = bounds(mesh);
+    let (size, center) = (UVec2::splat(200), (low + high) / 2.0);
+    let eye = center - Vec3::Y * 2.5 * (high - low).length();
+    let camera = lens(size, 400.0).looking(eye, center, Vec3::Z);
+    let drawing = SolidRasterOptions::default();
+    let mut solid = SolidRasterizer::new();
+    let seen = solid.visibility(mesh, &camera, &drawing);
+    let shows: Vec<bool> = seen.face.iter().map(|face| *face != NO_FACE).collect();
+    // What can be reached from a corner of the picture is beside the silhouette.
+    let (width, mut beside, mut reached) = (size.x as usize, vec![false; shows.len()], vec![0]);
+    while let Some(pixel) = reached.pop() {
+        if shows[pixel] || std::mem::replace(&mut beside[pixel], true) {
+            continue;
+        }
+        let (x, y) = (pixel % width, pixel / width);
+        let around = [(x > 0, -1), (x + 1 < width, 1), (y > 0, -200), (y + 1 < size.y as usize, 200)];
+        let steps = around.into_iter().filter(|(within, _)| *within);
+        reached.extend(steps.filter_map(|(_, step)| pixel.checked_add_signed(step)));
+    }
+    (SolidRasterizer::new().render(mesh, &camera, &drawing), shows, beside)
+}
+
+/// How far the codes of the pixels of a thing are from its own, of 95% of them: where two meet, each has some of the other's.
+fn off(picture: &RgbImage, shows: &[bool], grey: f32) -> u8 {
+    let wants = (255.0 * trisplat_scene::math::color::srgb_from_linear(grey)).round() as u8;
+    let shown = picture.rgb.iter().zip(shows).filter(|(_, shows)| **shows);
+    let mut off: Vec<u8> = shown.map(|(pixel, _)| pixel[1].abs_diff(wants)).collect();
+    off.sort_unstable();
+    off[off.len() * 95 / 100]
+}
+
+/// What no photo saw, under the ball, is closed, and has the colours around it.
+#[test]
+fn nothing_shines_through_the_surface_from_below() {
+    let (found, details) = textured_surface();
+    let borders = borders(&found);
+    assert!(borders.len() == 1 && details.holes >= 1, "{borders:?} {details:?}");
+    assert!(borders[0] > 0.5, "the outline is open, not a hole: {borders:?}");
+    let (picture, shows, beside) = from_below(&found);
+    let holes = shows.iter().zip(&beside).filter(|(shows, beside)| !**shows && !**beside).count();
+    assert!(shows.iter().filter(|shows| **shows).count() > 4000, "the table is in view");
+    assert_eq!(holes, 0, "pixels through which the background shines");
+    let table = off(&picture, &shows, TABLE);
+    // Without the table, the ball's underside is in view.
+    let mut ball = found.clone();
+    ball.retain(|face| found.corners(face).iter().any(|v| v.y > 0.06));
+    let (picture, shows, beside) = from_below(&ball);
+    let holes = shows.iter().zip(&beside).filter(|(shows, beside)| !**shows && !**beside).count();
+    let ball = off(&picture, &shows, BALL);
+    assert_eq!(holes, 0, "pixels of the ball through which the background shines");
+    assert!(table <= 25 && ball <= 25, "{table} codes off below the table, {ball} below the ball");
 }

@@ -1,7 +1,7 @@
 //! `trisplat make`: everything in one command, and on again after a stop.
 
-use super::stderr;
 use super::train::dataset;
+use super::{sample, stderr, trisplat};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -26,6 +26,10 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     assert!(said.contains("capture    not needed: the photos have poses"), "{said}");
     assert!(said.contains("of the 6s of --budget, most are for training"), "{said}");
     assert!(said.contains("photos that training did not see") && said.contains("open scene.html"), "{said}");
+    // So few triangles are no good scene.
+    let next = said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
+    assert!(next.contains("more time (--budget 12s --force)"), "{next}");
+    assert!(next.contains("more photos of what view_") && next.ends_with(" dB) shows"), "{next}");
     let glb = std::fs::read(at("scene.glb")).unwrap();
     assert!(glb.starts_with(b"glTF") && std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
     let report: serde_json::Value = serde_json::from_slice(&std::fs::read(at("a.json")).unwrap()).unwrap();
@@ -40,6 +44,64 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let again = make(folder.path(), &["--force"]);
     assert!(again.status.success() && stderr(&again).contains("(done before)"), "{}", stderr(&again));
     assert!(std::fs::read(at("scene.glb")).unwrap() == glb, "the same scene");
+
+    // The subject alone is another bake of the same training.
+    let subject = make(folder.path(), &["--force", "--crop", "subject"]);
+    assert!(subject.status.success() && stderr(&subject).contains("(done before)"), "{}", stderr(&subject));
+    assert_eq!(nodes(&glb)["scene"], true, "{:?}", nodes(&glb));
+    is_a_subject(&std::fs::read(at("scene.glb")).unwrap(), glb.len());
+    let [file, page] = ["scene.glb", "scene.html"].map(|name| triangles(&at(name)));
+    assert!(file == page && file > 0, "{file} {page}");
+}
+
+/// The document of a GLB.
+fn document(glb: &[u8]) -> serde_json::Value {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    serde_json::from_slice(&glb[20..20 + length]).unwrap()
+}
+
+/// The names of the nodes of a GLB, as keys.
+fn nodes(glb: &[u8]) -> serde_json::Value {
+    let document = document(glb);
+    let names = document["nodes"].as_array().unwrap().iter().filter_map(|node| node["name"].as_str());
+    names.map(|name| (name.to_owned(), true.into())).collect::<serde_json::Map<_, _>>().into()
+}
+
+fn triangles(path: &Path) -> u64 {
+    let told = trisplat(&[&"info", &path, &"--json"]);
+    serde_json::from_slice::<serde_json::Value>(&told.stdout).unwrap()["triangles"].as_u64().unwrap()
+}
+
+/// A file of a subject is smaller than that of the whole scene, has nothing behind it, and its origin is under it.
+fn is_a_subject(glb: &[u8], whole: usize) {
+    let (names, document) = (nodes(glb), document(glb));
+    assert!(2 * glb.len() < whole, "{} bytes of {whole}", glb.len());
+    assert!(names["scene"] == true && names["backdrop"].is_null(), "{names}");
+    let at = &document["meshes"][0]["primitives"][0]["attributes"]["POSITION"];
+    let accessor = &document["accessors"][at.as_u64().unwrap() as usize];
+    let corner = |key: &str| [0, 1, 2].map(|axis| accessor[key][axis].as_f64().unwrap());
+    let (low, high) = (corner("min"), corner("max"));
+    let size = [0, 1, 2].map(|axis| high[axis] - low[axis]);
+    let is_middle = |axis: usize| (low[axis] + high[axis]).abs() < 0.05 * size[axis];
+    // Some of the crate of the sample is below the floor that it stands on.
+    assert!(is_middle(0) && is_middle(2), "{low:?} {high:?}");
+    assert!(low[1] < 0.01 * size[1] && low[1] > -0.1 * size[1], "{low:?} {high:?}");
+}
+
+#[test]
+fn bake_keeps_the_subject_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let bake = |name: &str, more: &[&str]| {
+        let (file, scene) = (folder.path().join(name), sample("trained.ply"));
+        let more: Vec<&dyn AsRef<std::ffi::OsStr>> = more.iter().map(|word| word as _).collect();
+        let bake: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"bake", &scene, &"-o", &file, &"--preset", &"fast"];
+        let output = trisplat(&[&bake[..], &more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        std::fs::read(file).unwrap()
+    };
+    let whole = bake("whole.glb", &[]);
+    assert_eq!(nodes(&whole)["backdrop"], true, "{}", nodes(&whole));
+    is_a_subject(&bake("subject.glb", &["--crop", "subject"]), whole.len());
 }
 
 #[test]

@@ -29,6 +29,7 @@ mod schemas;
 mod splats;
 mod splats_bake;
 mod stops;
+mod textures;
 mod train;
 mod train_teacher;
 mod user_files;

@@ -118,6 +118,12 @@ fn one_of_something_is_no_plural() {
     let said = trisplat(&[&"info", &off]);
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     assert!(said.contains("would drop 1 triangle ("), "{said}");
+    // The other one is baked and drawn.
+    let (glb, pictures) = (folder.path().join("a.glb"), folder.path().join("pictures"));
+    let said = stderr(&trisplat(&[&"bake", &off, &"-o", &glb, &"-v"]));
+    assert!(said.contains(" 1 triangle ") && !said.contains(" 1 triangles"), "{said}");
+    let said = stderr(&trisplat(&[&"render", &glb, &"-o", &pictures, &"--orbit", &"1", &"--width", &"16"]));
+    assert!(said.contains("wrote 1 picture to "), "{said}");
 }
 
 /// A number with its noun, as `counted` writes it, is never followed by the noun again: "520 steps steps".

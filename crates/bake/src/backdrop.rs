@@ -123,7 +123,7 @@ pub fn backdrop(
     let holes = find_holes(mesh, views)?;
     details.holes = Some(holes.share);
     if options.backdrop == BackdropWhen::Auto && views.are_cut() && holes.counted < 1.0 {
-        return Ok(Outcome::Skipped("transparent photos show an object: there is nothing behind it"));
+        return Ok(Outcome::Skipped("photos show an object without background: there is nothing behind it"));
     }
     if options.backdrop == BackdropWhen::Auto && holes.counted < LEAST_COVERED {
         return Ok(Outcome::Skipped("masks leave an object: there is nothing behind it"));

@@ -5,7 +5,7 @@ use super::color::{ColorDetails, color};
 use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, SubjectVolume, crop_and_volume, faces_within};
 use super::place::up::Evidence;
-use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::place::{PlaceDetails, PlaceOptions, place, placement, placement_under};
 use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
@@ -133,8 +133,11 @@ pub fn mesh(
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
-        let wanted = options.place.under(options.crop.is_subject());
-        how = placement(mesh, &provenance, Evidence { cameras: &known, points }, &wanted, details);
+        let evidence = Evidence { cameras: &known, points };
+        how = match options.crop.is_subject() {
+            true => placement_under(mesh, &provenance, evidence, &options.place, details),
+            false => placement(mesh, &provenance, evidence, &options.place, details),
+        };
         place(mesh, &mut provenance, how, details)
     })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));

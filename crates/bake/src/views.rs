@@ -4,7 +4,7 @@
 use super::corrected_poses::corrected;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
-use trisplat_dataset::{Dataset, DatasetOptions, Masks, Photo, Photos, exposure::Exposures};
+use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos, exposure::Exposures};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{
@@ -65,8 +65,7 @@ impl Views {
             photos: Photos::new(dataset.train().map(|v| v.photo.clone()).collect(), options.photo_bytes()),
             background: options.background.to_f32(),
             drawn: None,
-            masked: options.masks == Masks::Ignore && dataset.train().any(|v| v.photo.mask.is_some())
-                || dataset.train().any(|v| v.photo.is_cut()),
+            masked: dataset.train().any(|v| v.photo.mask.is_some() || v.photo.is_cut()),
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
             exposures: Exposures::default(),
         }

@@ -5,7 +5,7 @@ use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, View};
 use trisplat_scene::math::evenly_spaced::evenly_spaced;
 use trisplat_scene::{
     Asset, ImportedScene, Placement, Result,
-    report::{Report, StageDetails, StageReport},
+    report::{Report, StageDetails, StageReport, counted},
 };
 use trisplat_teacher::{Viewpoints, between};
 use trisplat_train::{HardenedGain, TrainDetails};
@@ -96,8 +96,9 @@ impl Unhardened {
         report.stages.append(&mut plain_report.stages);
         report.warnings.append(&mut plain_report.warnings);
         report.warnings.push(format!(
-            "`harden` made it worse: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {views} views that were not trained on{}; the \
-             file holds the scene baked without it",
+            "`harden` made it worse: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {} not trained on{}; the file holds the \
+             scene baked without it",
+            counted(views, "view"),
             ShrunkSize::beside(photo_size)
         ));
         Ok(plain)

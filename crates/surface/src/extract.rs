@@ -50,7 +50,7 @@ pub fn surface(
     surface_of_part(scene, cameras, None, options, limits, details, progress)
 }
 
-/// The same, of a `part` of the scene: without crumbs, and with all holes closed but those whose borders touch.
+/// The same, of a `part` of the scene: without crumbs, and with all holes closed.
 ///
 /// Errors: as above.
 pub fn surface_of_part(
@@ -84,7 +84,7 @@ pub fn surface_of_part(
         Some(part) => {
             let keep = (part.keep)(&mesh);
             mesh.retain(|face| keep[face]);
-            (drop_small_areas(&mut mesh, CRUMB), Holes::AllButTheLongest)
+            (drop_small_areas(&mut mesh, CRUMB), Holes::AllButTheWidest)
         }
         None => (drop_small(&mut mesh, options.min_component), Holes::Small),
     };

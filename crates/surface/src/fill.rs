@@ -12,8 +12,8 @@ const MOST_EDGES: usize = 32;
 pub(super) enum Holes {
     /// Those with few edges.
     Small,
-    /// All but the one with most edges, which is the outline.
-    AllButTheLongest,
+    /// All but the one that reaches farthest, which is the outline: one of zigzags may have more edges.
+    AllButTheWidest,
 }
 
 /// Closes `holes`, each by a fan around its middle. Returns how many. The mesh has indices and a colour per vertex.
@@ -21,9 +21,10 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
     let mut rings = rings(mesh);
     match holes {
         Holes::Small => rings.retain(|ring| ring.len() <= MOST_EDGES),
-        Holes::AllButTheLongest => {
-            let longest = (0..rings.len()).max_by_key(|i| (rings[*i].len(), rings.len() - i));
-            if let Some(outline) = longest {
+        Holes::AllButTheWidest => {
+            let reach: Vec<f32> = rings.iter().map(|ring| reach(mesh, ring)).collect();
+            let widest = (0..rings.len()).max_by(|a, b| reach[*a].total_cmp(&reach[*b]).then(b.cmp(a)));
+            if let Some(outline) = widest {
                 rings.remove(outline);
             }
         }
@@ -32,39 +33,57 @@ pub(super) fn fill(mesh: &mut Mesh, holes: Holes) -> u64 {
     rings.len() as u64
 }
 
-/// The vertices of each hole, in order around it; a border that runs into itself or another one has none.
+/// The vertices of each hole, in order around it. Where borders touch at a vertex, each gets a ring of its own that passes there.
 fn rings(mesh: &Mesh) -> Vec<Vec<u32>> {
-    let next = border(mesh);
-    let mut seen = vec![false; mesh.vertex_count()];
+    let mut after = border(mesh);
+    let mut places: Vec<Option<usize>> = vec![None; mesh.vertex_count()];
     let mut rings = Vec::new();
-    for &start in next.keys() {
-        let mut ring = Vec::new();
-        let mut at = start;
-        while !seen[at as usize] {
-            ring.push(at);
-            seen[at as usize] = true;
-            let Some(Some(after)) = next.get(&at) else { break };
-            at = *after;
+    while let Some(start) = after.keys().next().copied() {
+        let mut path = vec![start];
+        places[start as usize] = Some(0);
+        while let Some(next) = path.last().and_then(|at| take(&mut after, *at)) {
+            if let Some(first) = places[next as usize] {
+                let ring = path.split_off(first);
+                ring.iter().for_each(|vertex| places[*vertex as usize] = None);
+                rings.extend(Some(ring).filter(|ring| ring.len() >= 3));
+            }
+            places[next as usize] = Some(path.len());
+            path.push(next);
         }
-        // A ring that was left, or ran into another one, is not whole.
-        if at == start && ring.len() >= 3 {
-            rings.push(ring);
-        }
+        // A border that ends nowhere is no ring.
+        path.iter().for_each(|vertex| places[*vertex as usize] = None);
     }
     rings
 }
 
-/// The vertex after each of the border, along the holes; `None` where several holes meet.
-fn border(mesh: &Mesh) -> BTreeMap<u32, Option<u32>> {
+/// Takes one of the vertices after `at` from the borders.
+fn take(after: &mut BTreeMap<u32, Vec<u32>>, at: u32) -> Option<u32> {
+    let next = after.get_mut(&at)?;
+    let taken = next.pop();
+    if next.is_empty() {
+        after.remove(&at);
+    }
+    taken
+}
+
+/// The vertices after each of the border, along the holes: several where borders touch.
+fn border(mesh: &Mesh) -> BTreeMap<u32, Vec<u32>> {
     let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)];
     let mut sides: Vec<(u32, u32)> =
         mesh.indices.as_chunks::<3>().0.iter().copied().flat_map(edges).collect();
     sides.sort_unstable();
-    let mut next = BTreeMap::new();
+    let mut after: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for &(a, b) in sides.iter().filter(|(a, b)| sides.binary_search(&(*b, *a)).is_err()) {
-        next.entry(b).and_modify(|after| *after = None).or_insert(Some(a));
+        after.entry(b).or_default().push(a);
     }
-    next
+    after
+}
+
+/// The largest distance of a ring from its middle.
+fn reach(mesh: &Mesh, ring: &[u32]) -> f32 {
+    let at = |vertex: &u32| mesh.positions[*vertex as usize];
+    let middle = ring.iter().map(at).sum::<Vec3>() / ring.len() as f32;
+    ring.iter().map(|vertex| at(vertex).distance(middle)).fold(0.0, f32::max)
 }
 
 fn close(mesh: &mut Mesh, ring: &[u32]) {
@@ -118,6 +137,27 @@ mod tests {
     }
 
     #[test]
+    fn holes_that_touch_at_a_corner_are_closed_each() {
+        // Two beside each other, and one at the corner of the sheet's outline.
+        let mut mesh = sheet(20, &[(4, 4), (5, 5), (0, 0), (1, 1)]);
+        assert_eq!(fill(&mut mesh, Holes::AllButTheWidest), 3);
+        let area = (0..mesh.face_count()).map(|face| mesh.area(face)).sum::<f64>();
+        assert!((area - 399.0).abs() < 1e-6, "{area}: all but the corner that was never there");
+        assert_eq!(fill(&mut mesh, Holes::AllButTheWidest), 0);
+    }
+
+    #[test]
+    fn a_hole_of_zigzags_is_no_outline() {
+        // A comb: its ring has more edges than the 80 of the outline.
+        let teeth = (1..10).flat_map(|x| (3..17).map(move |y| (2 * x, y)));
+        let comb: Vec<(u32, u32)> = teeth.chain((2..19).map(|x| (x, 2))).collect();
+        let mut mesh = sheet(20, &comb);
+        assert!(rings(&mesh).iter().any(|ring| ring.len() > 200));
+        assert_eq!(fill(&mut mesh, Holes::AllButTheWidest), 1);
+        assert_eq!(rings(&mesh).iter().map(Vec::len).collect::<Vec<_>>(), [80]);
+    }
+
+    #[test]
     fn the_middle_has_the_mean_colour_of_the_ring() {
         // Red on the left, blue from the middle of the hole on: 2 of 5 columns of its ring are red.
         let hole: Vec<(u32, u32)> = (8..12).flat_map(|y| (8..12).map(move |x| (x, y))).collect();
@@ -137,7 +177,7 @@ mod tests {
         let hole: Vec<(u32, u32)> = (5..15).flat_map(|y| (5..15).map(move |x| (x, y))).collect();
         let mut mesh = sheet(20, &hole);
         assert_eq!(fill(&mut mesh, Holes::Small), 0, "40 edges");
-        assert_eq!(fill(&mut mesh, Holes::AllButTheLongest), 1, "the outline has 80");
-        assert_eq!(fill(&mut mesh, Holes::AllButTheLongest), 0);
+        assert_eq!(fill(&mut mesh, Holes::AllButTheWidest), 1, "the outline has 80");
+        assert_eq!(fill(&mut mesh, Holes::AllButTheWidest), 0);
     }
 }

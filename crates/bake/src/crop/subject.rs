@@ -97,7 +97,9 @@ impl SubjectVolume {
     pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
         let Some(piece) = self.frame.piece(0, corners) else { return Vec::new() };
         let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
-        let low = self.low();
+        // Without a support the thing ends where it stood: what reached into the support would hang below it.
+        let kept = self.edge > 0.0;
+        let low = self.support.filter(|_| !kept).unwrap_or_else(|| self.low());
         if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge)) {
             return vec![corners];
         }

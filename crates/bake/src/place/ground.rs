@@ -9,6 +9,10 @@ const LAYER: f64 = 0.02;
 /// The ground is the lowest layer with at least this share of the largest layer's area. A floor beside a
 /// larger table counts, stray triangles below it do not.
 const LEAST_OF_LARGEST: f64 = 0.25;
+/// Share of a subject's area that may lie below it: a few triangles are astray.
+const HARDLY: f64 = 0.02;
+/// A floor is not this share of a subject's height above its lower end.
+const NEAR: f64 = 0.05;
 
 /// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a scene without
 /// extent.
@@ -24,6 +28,21 @@ pub(crate) fn ground(scene: Foreground, cameras: &[Camera], up: DVec3) -> Option
     let end = layers[first].height + 2.0 * LAYER * region.radius;
     let near = layers[first..].iter().take_while(|layer| layer.height <= end);
     near.max_by(|a, b| a.area.total_cmp(&b.area)).map(|layer| layer.height)
+}
+
+/// The height along `up` of what a subject stands on: the floor that `ground` found, unless the subject reaches far below. Where its support
+/// was not kept, the lowest large layer may be its top. `None` for a scene without extent.
+pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option<f64> {
+    let mut heights = samples::lowest_corners(scene, up);
+    heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (first, last) = (heights.first()?.0, heights.last()?.0);
+    let mut left = HARDLY * heights.iter().map(|one| one.1).sum::<f64>();
+    let lowest = heights.iter().find_map(|(height, area)| {
+        left -= area;
+        (left <= 0.0).then_some(*height)
+    })?;
+    let near = ground.filter(|ground| ground - lowest < NEAR * (last - first));
+    Some(near.unwrap_or(lowest))
 }
 
 /// Area around a height.

@@ -100,6 +100,17 @@ pub(crate) fn faces(scene: Foreground, region: &Region) -> Vec<Sample> {
     (0..scene.faces).step_by(step(scene.faces)).filter_map(sample).collect()
 }
 
+/// Heights along `up` of the lowest corners of triangles, evenly chosen, and their areas.
+pub(crate) fn lowest_corners(scene: Foreground, up: DVec3) -> Vec<(f64, f64)> {
+    let sample = |face: usize| {
+        let corners = scene.mesh.corners(face).map(|v| v.as_dvec3());
+        let [a, b, c] = corners;
+        let height = corners.iter().map(|v| v.dot(up)).fold(f64::INFINITY, f64::min);
+        (height, (b - a).cross(c - a).length() / 2.0)
+    };
+    (0..scene.faces).step_by(step(scene.faces)).map(sample).filter(|face| face.1 > 0.0).collect()
+}
+
 fn step(count: usize) -> usize {
     count.div_ceil(MOST).max(1)
 }

@@ -8,7 +8,7 @@ use crate::counts::count_mesh;
 use crate::lit::lit;
 use crate::order::{FaceOrder, order};
 use crate::place::up::Evidence;
-use crate::place::{PlaceDetails, place, placement};
+use crate::place::{PlaceDetails, place, placement, placement_under};
 use crate::viewpoint::viewpoint;
 use crate::weld::weld;
 use glam::DVec3;
@@ -43,9 +43,12 @@ impl Recipe<'_> {
 
         // Before stages with boxes, which must use the coordinates of the file.
         let mut how = of_scene.map(|frame| frame.placement);
-        let wanted = options.place.under(options.crop.is_subject());
+        let subject = options.crop.is_subject();
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let estimated = || placement(mesh, &provenance, evidence, &wanted, details);
+            let estimated = || match subject {
+                true => placement_under(mesh, &provenance, evidence, &options.place, details),
+                false => placement(mesh, &provenance, evidence, &options.place, details),
+            };
             let how = *how.get_or_insert_with(estimated);
             place(mesh, &mut provenance, how, details)
         })?;

@@ -14,6 +14,7 @@
 
 use super::equations::{Equations, Fit};
 use crate::weld::place_bits;
+use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
@@ -45,7 +46,22 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
 pub(crate) fn smooth_shell(shell: &mut Mesh) {
     let encoded = |face| shell.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
     let smoothed = smooth(shell, &(0..shell.face_count()).map(encoded).collect::<Vec<_>>());
-    shell.colors = Colors::Vertex(smoothed.into_iter().flatten().map(|c| c.map(linear_from_srgb)).collect());
+    let mut corners: Vec<Vec3> = smoothed.into_iter().flatten().map(Vec3::from).collect();
+    join(shell, &mut corners);
+    shell.colors = Colors::Vertex(corners.iter().map(|c| c.to_array().map(linear_from_srgb)).collect());
+}
+
+/// Gives the corners at one vertex their mean: no photo shows an edge there.
+fn join(shell: &Mesh, corners: &mut [Vec3]) {
+    let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
+    for (place, color) in shell.positions.iter().zip(corners.iter()) {
+        let (sum, count) = sums.entry(place_bits(*place)).or_default();
+        (*sum, *count) = (*sum + *color, *count + 1.0);
+    }
+    for (place, color) in shell.positions.iter().zip(corners) {
+        let (sum, count) = sums[&place_bits(*place)];
+        *color = sum / count;
+    }
 }
 
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`

@@ -186,7 +186,8 @@ impl BudgetController {
             |px| format!("photos of {px} px, because larger ones leave too few steps"),
         );
         // Hundredths of seconds say nothing beside ten.
-        let shown = |secs: f64| Seconds(if secs < 10.0 { secs } else { secs.round() });
+        let shown =
+            |secs: f64| Seconds(if secs < 10.0 { (100.0 * secs).round() / 100.0 } else { secs.round() });
         let (steps_take, rest) = (shown(*step_secs), shown(*reserve_secs));
         let budget = Budget { seconds: shown(self.budget.seconds.0), ..self.budget };
         format!(
@@ -307,6 +308,10 @@ mod tests {
         };
         assert!(told(76.63).starts_with("budget 77s of CPU time: "), "{}", told(76.63));
         assert!(told(8.25).starts_with("budget 8.25s of CPU time: "), "{}", told(8.25));
+        let input = input(&base, 5.0);
+        let planned = Plan { reserve_secs: 0.005_210_000_000_000_076, ..plan(&input).unwrap() };
+        let said = BudgetController::new(&input, &planned, 0.5).summary();
+        assert!(said.ends_with("what follows 0.01s"), "{said}");
     }
 
     #[test]
