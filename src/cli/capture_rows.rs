@@ -1,6 +1,6 @@
 //! The rows of the stage table for the steps of a capture.
 
-use super::progress::many;
+use super::counts::many;
 use indicatif::HumanCount;
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use trisplat_scene::report::{StageReport, counted};

@@ -1,8 +1,9 @@
 //! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
 //! stage table.
 
+pub use super::counts::{many, thousands};
 use super::{Global, capture_rows, flags, messages};
-use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
@@ -222,17 +223,6 @@ fn pictures(details: &TeacherDetails) -> String {
     let count = many(details.pictures.unwrap_or(0), "picture");
     let [width, height] = details.size_px.unwrap_or_default();
     format!("{count} of {width}x{height} px")
-}
-
-/// 1234567 as "1,234,567", to be padded like any text.
-pub fn thousands(number: u64) -> String {
-    HumanCount(number).to_string()
-}
-
-/// The same with a noun: "1 triangle", "1,234 triangles".
-pub fn many(number: u64, noun: &str) -> String {
-    let (text, end) = (thousands(number), if number == 1 { "" } else { "s" });
-    format!("{text} {noun}{end}")
 }
 
 #[cfg(test)]

@@ -44,8 +44,7 @@ fn print(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
         };
         messages::write(out, &format!("{severity:<8} {}: {}", finding.place, finding.what))?;
     }
-    let triangles =
-        checked.triangles.map_or(String::new(), |n| format!(", {}", counted(n as u64, "triangle")));
+    let triangles = checked.triangles.map_or(String::new(), |n| format!(", {}", counted(n, "triangle")));
     let counts = [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")]
         .map(|(severity, name)| counted(checked.count(severity) as u64, name))
         .join(", ");

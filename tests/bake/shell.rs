@@ -114,8 +114,7 @@ fn gems() -> Mesh {
 
 /// `copies` of the triangles of the photos, each a little turned, in the dome.
 fn in_dome(copies: usize) -> Mesh {
-    let mut all = Mesh::default();
-    all.colors = Colors::Face(Vec::new());
+    let mut all = Mesh { colors: Colors::Face(Vec::new()), ..Mesh::default() };
     for copy in 0..copies {
         let (turn, mut part) = (Mat3::from_rotation_y(0.1 * copy as f32), photos::grey(&photos::scene()));
         part.positions.iter_mut().for_each(|place| *place = turn * *place);

@@ -237,7 +237,11 @@ impl ObjDraft {
             }
         } else {
             if self.uncolored > 0 {
-                warnings.push(format!("vertices without a colour are white ({})", self.uncolored));
+                let vertices = match self.uncolored {
+                    1 => "1 vertex without a colour is".to_owned(),
+                    count => format!("{count} vertices without a colour are"),
+                };
+                warnings.push(format!("{vertices} white"));
             }
             let mut clamped = Clamped::default();
             let mut colors = self.colors;
