@@ -45,6 +45,9 @@ pub fn table(d: &Description) -> String {
     if d.masks > 0 {
         rows.push(("masks", counted(d.masks, "photo")));
     }
+    if d.cut > 0 {
+        rows.push(("cut out", format!("{} of an object without background", counted(d.cut, "photo"))));
+    }
     if d.undistorted > 0 {
         rows.push(("lens", format!("{} undistorted while read", counted(d.undistorted, "photo"))));
     }

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
-use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, tracked_poses::TrackedPoses};
+use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize, tracked_poses::TrackedPoses};
 use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
 use trisplat_scene::{
@@ -187,6 +187,11 @@ impl Shown<'_, '_> {
         }
         for warning in self.warnings.iter().chain(begins.warnings) {
             self.terminal.line(&format!("warning: {}", flags::spell(warning, &command())));
+        }
+        // What was decided for the user, and how to decide otherwise.
+        let masks = begins.photos.map(|photos| photos.masks(Masks::Auto));
+        if self.args.dataset_options.masks == Masks::Auto && masks == Some(Masks::Cut) {
+            self.terminal.line("masks are silhouettes: nothing is drawn beside the object (--masks ignore draws there what no photo shows)");
         }
         let tracked = |stage: &StageReport| stage.details_as::<TrackedPoses>()?.summary();
         for moved in begins.stages.iter().filter_map(tracked) {

@@ -3,6 +3,7 @@
 mod broken;
 mod mutants;
 mod phone;
+mod silhouettes;
 mod tracked_poses;
 mod transforms;
 

@@ -21,6 +21,8 @@ pub struct Description {
     pub cameras: Vec<CameraGroup>,
     /// Photos with a mask.
     pub masks: u64,
+    /// Photos that show an object without background, by their opacity or mask.
+    pub cut: u64,
     /// Number of photos whose lens distortion is removed during reading.
     pub undistorted: u64,
     /// Bytes of all photos once decoded.
@@ -77,6 +79,7 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         test: count(&|v| v.test),
         cameras: cameras(views),
         masks: count(&|v| v.photo.mask.is_some()),
+        cut: count(&|v| v.photo.is_cut()),
         undistorted: count(&|v| v.photo.undistort.is_some()),
         decoded_bytes: views.iter().map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 }).sum(),
         camera_extent: extent(views.iter().map(|v| v.camera.position())),

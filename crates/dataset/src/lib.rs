@@ -26,6 +26,7 @@ mod point_file;
 mod point_ply;
 mod posed;
 mod shrunk;
+mod silhouettes;
 mod split;
 pub mod synthetic;
 mod synthetic_scene;

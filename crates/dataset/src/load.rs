@@ -9,6 +9,7 @@ use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
 use super::point_file::PointFile;
 use super::posed::{Dataset, Point, Reprojection, View};
+use super::silhouettes::are_silhouettes;
 use super::undistort::Undistort;
 use super::{colmap, split, transforms};
 use glam::{DVec3, UVec2};
@@ -127,6 +128,9 @@ fn finish(
     if given.is_none() {
         dataset.points = keep_points(&found.points, points, origin, &options.limits, &mut dataset.warnings)?;
     }
+    if options.masks == Masks::Auto && are_silhouettes(&dataset.views, &dataset.points) {
+        dataset.views.iter_mut().for_each(|view| view.photo.cut = true);
+    }
     if some.is_none() {
         split::apply(&mut dataset, &found.root, options)?;
     }
@@ -225,7 +229,6 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         stored,
         undistort,
         background: options.background,
-        masks: options.masks,
         limits: options.limits,
         drawn: None,
         cut,

@@ -92,8 +92,10 @@ impl Default for DatasetOptions {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Masks {
-    /// Black pixels do not count, so anything may be drawn there.
+    /// `cut` where masks are silhouettes of an object, else `ignore`.
     #[default]
+    Auto,
+    /// Black pixels do not count, so anything may be drawn there.
     Ignore,
     /// Black pixels are cut out: nothing may be drawn there.
     Cut,

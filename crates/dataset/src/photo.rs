@@ -1,6 +1,6 @@
 //! One photo: on disk with its processing steps, or drawn and in memory.
 
-use super::options::{Background, Masks};
+use super::options::Background;
 use super::picture_file::{PictureFile, StoredPicture};
 use super::undistort::Undistort;
 use glam::UVec2;
@@ -24,7 +24,6 @@ pub struct Photo {
     pub stored: UVec2,
     pub(super) undistort: Option<Undistort>,
     pub(super) background: Background,
-    pub(super) masks: Masks,
     /// Limits on its files.
     pub limits: Limits,
     pub(super) drawn: Option<Drawn>,
@@ -89,7 +88,6 @@ impl Photo {
             stored: size,
             undistort: None,
             background: Background([0; 3]),
-            masks: Masks::Off,
             limits: Limits::DEFAULT,
             drawn: Some(drawn),
             cut: false,

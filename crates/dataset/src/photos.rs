@@ -260,7 +260,7 @@ impl Loader {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Background, Masks};
+    use crate::Background;
     use glam::UVec2;
     use std::path::Path;
 
@@ -275,15 +275,13 @@ mod tests {
         let photo = |i| {
             let path = folder.join(format!("{i}.png"));
             pixels(i).save_png(&path).unwrap();
-            let (background, masks) = (Background::default(), Masks::Off);
             Photo {
                 path,
                 mask: None,
                 size: SIZE,
                 stored: SIZE,
                 undistort: None,
-                background,
-                masks,
+                background: Background::default(),
                 limits: trisplat_scene::Limits::DEFAULT,
                 drawn: None,
                 cut: false,

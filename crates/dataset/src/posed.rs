@@ -1,6 +1,7 @@
 //! A data set in memory: posed photos of one scene and the sparse cloud of its points.
 
 use super::kind::DatasetKind;
+use super::options::Masks;
 use super::photo::Photo;
 use glam::{DVec3, UVec2, Vec3};
 use schemars::JsonSchema;
@@ -98,6 +99,16 @@ impl Dataset {
     /// The held-out photos, in order of name.
     pub fn test(&self) -> impl Iterator<Item = &View> {
         self.views.iter().filter(|v| v.test)
+    }
+
+    /// What to do with masks when `asked` to: `auto` as it was decided.
+    pub fn masks(&self, asked: Masks) -> Masks {
+        let cut = || self.views.iter().any(|view| view.photo.mask.is_some() && view.photo.is_cut());
+        match asked {
+            Masks::Auto if cut() => Masks::Cut,
+            Masks::Auto => Masks::Ignore,
+            asked => asked,
+        }
     }
 
     /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which begin with an upright photo, +Z in

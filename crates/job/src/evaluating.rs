@@ -99,7 +99,7 @@ impl EvalJob {
             }
         };
         let mut warnings = [dataset.warnings.clone(), read].concat();
-        if views.iter().any(|view| view.photo.mask.is_some()) {
+        if views.iter().any(|view| view.photo.mask.is_some() && !view.photo.is_cut()) {
             warnings.push("masked pixels were left out of the scores".into());
         }
         Ok(ReadyEval { job: self, dataset, views, steps, warnings })

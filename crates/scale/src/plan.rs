@@ -129,7 +129,10 @@ impl Planner<'_> {
         let options = self.whole;
         let folder = &file.path().parent().unwrap_or(Path::new("")).to_owned();
         let dataset = self.address(folder)?;
-        let mut manifest = Manifest::new(dataset, self.dataset_options.clone(), options.clone());
+        // Some blocks have too few photos or points to decide alike.
+        let masks = self.dataset.masks(self.dataset_options.masks);
+        let how = DatasetOptions { masks, ..self.dataset_options.clone() };
+        let mut manifest = Manifest::new(dataset, how, options.clone());
         manifest.origin = self.dataset.origin.to_array();
         manifest.photos = photos;
         let views: Vec<&View> = self.dataset.train().collect();
