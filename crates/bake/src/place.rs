@@ -6,6 +6,7 @@
 
 pub(crate) mod ground;
 pub(crate) mod samples;
+pub(crate) mod under;
 pub(crate) mod up;
 pub(crate) mod words;
 
@@ -148,29 +149,6 @@ pub fn placement(
     }
     let scale = options.scale_by.map_or(options.scale, |length| length.scale());
     Placement { up, rotate: options.rotate, scale, center: center.to_array() }
-}
-
-/// The same for a subject: the origin is under the middle of its bounds, at the height that it stands on.
-pub(crate) fn placement_under(
-    mesh: &Mesh,
-    provenance: &Provenance,
-    known: Evidence,
-    options: &PlaceOptions,
-    details: &mut PlaceDetails,
-) -> Placement {
-    let options = PlaceOptions { ground: true, ..options.clone() };
-    let how = placement(mesh, provenance, known, &options, details);
-    let scene = Foreground::new(mesh, provenance.backdrop);
-    details.ground = ground::under(scene, details.ground, how.up.vector());
-    let Some(floor) = details.ground else { return how };
-    let turned = Placement { center: [0.0; 3], scale: 1.0, ..how };
-    let turn = turned.transform();
-    let places = scene.vertices().iter().map(|place| turn(*place));
-    let (low, high) =
-        places.fold((Vec3::MAX, Vec3::MIN), |(low, high), place| (low.min(place), high.max(place)));
-    let middle = (low + high) / 2.0;
-    let under = turned.to_world_f64(Vec3::new(middle.x, floor as f32, middle.z));
-    Placement { center: under.to_array(), ..how }
 }
 
 /// Moves `mesh` by `placement`, and records the move in `provenance` so that it can be undone.
@@ -321,44 +299,6 @@ mod tests {
         assert!((turned - DVec3::NEG_Z).length() < 1e-12, "{turned}");
         assert!(PlaceOptions { scale: 2.0, ..options.clone() }.validate().is_err(), "two scales");
         assert!(PlaceOptions { rotate: f64::NAN, ..options }.validate().is_err());
-    }
-
-    /// A box of small triangles without a bottom, denser on one side: its largest layer is the top.
-    fn crate_without_bottom() -> Mesh {
-        let mut mesh = Mesh::default();
-        let mut wall = |from: Vec3, u: Vec3, v: Vec3, cells: usize| {
-            for (i, k) in (0..cells).flat_map(|i| (0..cells).map(move |k| (i, k))) {
-                let at = |i: usize, k: usize| from + (u * i as f32 + v * k as f32) / cells as f32;
-                mesh.positions.extend([at(i, k), at(i + 1, k), at(i, k + 1)]);
-                mesh.positions.extend([at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)]);
-            }
-        };
-        let corner = Vec3::new(5.0, 2.0, -1.0);
-        wall(corner, Vec3::X, Vec3::Y, 10);
-        wall(corner, Vec3::Z, Vec3::Y, 40);
-        wall(corner + Vec3::X, Vec3::Z, Vec3::Y, 10);
-        wall(corner + Vec3::Z, Vec3::X, Vec3::Y, 10);
-        wall(corner + Vec3::Y, Vec3::X, Vec3::Z, 10);
-        mesh.colors = Colors::Face(vec![[0.5; 3]; mesh.face_count()]);
-        mesh
-    }
-
-    #[test]
-    fn the_origin_is_under_a_subject_without_a_floor() {
-        let (mut mesh, mut details) = (crate_without_bottom(), PlaceDetails::default());
-        let options = PlaceOptions {
-            up: UpChoice::Given(UpAxis::Y.into()),
-            rotate: 90.0,
-            scale: 2.0,
-            ..PlaceOptions::DEFAULT
-        };
-        let mut provenance = Provenance::default();
-        let how = placement_under(&mesh, &provenance, Evidence::default(), &options, &mut details);
-        place(&mut mesh, &mut provenance, how, &mut details).unwrap();
-        let bounds = mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
-        let (low, high) = bounds;
-        assert!(low.y <= 0.0 && low.y > -0.15 && high.y > 1.85, "{bounds:?}");
-        assert!((low.x + high.x).abs() < 1e-4 && (low.z + high.z).abs() < 1e-4, "{bounds:?}");
     }
 
     #[test]
