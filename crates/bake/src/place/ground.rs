@@ -9,10 +9,10 @@ const LAYER: f64 = 0.02;
 /// The ground is the lowest layer with at least this share of the largest layer's area. A floor beside a
 /// larger table counts, stray triangles below it do not.
 const LEAST_OF_LARGEST: f64 = 0.25;
-/// Share of a subject's area that may lie below it: a few triangles are astray.
-const HARDLY: f64 = 0.02;
-/// A floor is not this share of a subject's height above its lower end.
-const NEAR: f64 = 0.05;
+/// Most of a subject's area that lies below what it stands on: a few triangles are astray.
+const MOST_BELOW: f64 = 0.02;
+/// A floor is above its lower end by less than this share of its height.
+const MOST_ABOVE: f64 = 0.05;
 
 /// The height along `up` of a scene's floor, its lowest large layer of triangles. `None` for a scene without
 /// extent.
@@ -36,12 +36,12 @@ pub(crate) fn under(scene: Foreground, ground: Option<f64>, up: DVec3) -> Option
     let mut heights = samples::lowest_corners(scene, up);
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (heights.first()?.0, heights.last()?.0);
-    let mut left = HARDLY * heights.iter().map(|one| one.1).sum::<f64>();
+    let mut left = MOST_BELOW * heights.iter().map(|one| one.1).sum::<f64>();
     let lowest = heights.iter().find_map(|(height, area)| {
         left -= area;
         (left <= 0.0).then_some(*height)
     })?;
-    let near = ground.filter(|ground| ground - lowest < NEAR * (last - first));
+    let near = ground.filter(|ground| ground - lowest < MOST_ABOVE * (last - first));
     Some(near.unwrap_or(lowest))
 }
 
