@@ -234,11 +234,36 @@ gltf/embedded_image_handling=3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::ValueEnum;
+
+    const ALL: [OutputTarget; 8] = [
+        OutputTarget::Gltf,
+        OutputTarget::Godot,
+        OutputTarget::Godot3,
+        OutputTarget::Unity,
+        OutputTarget::Unreal,
+        OutputTarget::Blender,
+        OutputTarget::Web,
+        OutputTarget::Playcanvas,
+    ];
+
+    /// Its name in options and reports.
+    fn name(target: OutputTarget) -> String {
+        serde_json::to_value(target).unwrap().as_str().unwrap().to_owned()
+    }
+
+    #[cfg(feature = "cli")]
+    #[test]
+    fn all_targets_are_tested_and_named_as_they_are_typed() {
+        use clap::ValueEnum;
+        assert_eq!(OutputTarget::value_variants(), ALL);
+        for target in ALL {
+            assert_eq!(target.to_possible_value().unwrap().get_name(), name(target));
+        }
+    }
 
     #[test]
     fn only_godot_files_break_the_color_rule_and_they_carry_the_name_that_says_so() {
-        for &target in OutputTarget::value_variants() {
+        for target in ALL {
             for small in [false, true] {
                 let options = target.encoding(small).options;
                 assert_eq!(
@@ -254,7 +279,7 @@ mod tests {
 
     #[test]
     fn nothing_is_quantised_or_compressed_unless_small_is_asked_for_and_read() {
-        for &target in OutputTarget::value_variants() {
+        for target in ALL {
             let options = target.encoding(false).options;
             assert!(options.positions == PositionEncoding::F32 && !options.meshopt, "{target:?}");
             let small = target.encoding(true);
@@ -270,25 +295,23 @@ mod tests {
 
     #[test]
     fn notes_start_with_the_name_the_user_typed() {
-        for target in OutputTarget::value_variants() {
-            let name = target.to_possible_value().map(|v| v.get_name().to_owned()).unwrap_or_default();
-            assert_eq!(serde_json::to_value(target).ok(), Some(name.clone().into()));
+        for target in ALL {
             for note in target.encoding(true).notes {
-                assert!(note.starts_with(&format!("{name}: ")), "{note}");
+                assert!(note.starts_with(&format!("{}: ", name(target))), "{note}");
             }
         }
     }
 
     #[test]
     fn engines_with_levels_of_their_own_get_a_file_for_them() {
-        let kinds = OutputTarget::value_variants().iter().filter_map(|target| target.levels());
+        let kinds = ALL.iter().filter_map(|target| target.levels());
         assert_eq!(kinds.collect::<Vec<_>>(), EngineLevels::ALL);
         assert_eq!(OutputTarget::Godot.levels().map(EngineLevels::ending), Some("lod.tscn"));
     }
 
     #[test]
     fn godot_gets_an_import_file_and_nobody_else() {
-        for &target in OutputTarget::value_variants() {
+        for target in ALL {
             assert_eq!(target.sidecar("scene.glb").is_some(), target == OutputTarget::Godot);
         }
         let (name, content) = OutputTarget::Godot.sidecar("a \"b\".glb").unwrap_or_default();
