@@ -43,7 +43,7 @@ fn line(cell: &CostCell) -> String {
 fn summary(report: &CostReport) -> Vec<String> {
     let size = ShrunkSize::beside(report.photo_size);
     let photos =
-        format!("{} trained on, {} watched{size}", many(report.photos as u64, "photo"), report.watched.len());
+        format!("{} trained on, {} watched{size}", many(report.photos, "photo"), report.watched.len());
     let mut front: Vec<&CostCell> = report.cells.iter().filter(|cell| cell.on_front).collect();
     front.sort_by(|a, b| a.cpu_seconds.total_cmp(&b.cpu_seconds));
     let row = |cell: &&CostCell| {
