@@ -3,10 +3,10 @@
 use super::files::Stdout;
 use std::io::Write;
 use trisplat_bake::{
-    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, BvhDetails, ChunkDetails,
-    CollisionDetails, ColorDetails, CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails,
-    PlaceDetails, PruneDetails, ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails,
-    ViewpointDetails, WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
+    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, BvhDetails, ChunkDetails, ColorDetails,
+    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
+    ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
+    WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
 };
 #[cfg(feature = "bench")]
 use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
@@ -20,7 +20,7 @@ use trisplat_scene::{
     Error, Result,
     report::{Report, stage_schema},
 };
-use trisplat_surface::SurfaceDetails;
+use trisplat_surface::{CollisionDetails, SurfaceDetails};
 use trisplat_train::{TrainDetails, TrainOptions};
 
 /// Which schema.

@@ -5,13 +5,14 @@ use glam::Vec3;
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use std::process::{Command, Output};
-use trisplat_bake::{Bake, BakeOptions, CollisionDetails, CollisionOptions, collision};
+use trisplat_bake::{Bake, BakeOptions};
 use trisplat_formats::{OutputTarget, ReadOptions, output::OutputOptions, read, write};
 use trisplat_scene::{
     Asset, ImportedScene, Scene,
     mesh::Mesh,
     report::{Outcome, Report, StageEvent, StageProgress},
 };
+use trisplat_surface::{CollisionDetails, CollisionOptions, collision};
 
 const COLLISION: CollisionOptions = CollisionOptions { collision: true, collision_triangles: 1000 };
 

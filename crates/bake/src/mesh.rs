@@ -4,9 +4,9 @@ use super::chunk::by_page;
 use super::color::{ColorDetails, color};
 use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, SubjectVolume, crop_and_volume, faces_within};
-use super::place::under::placement_under;
+use super::place::under::placement_of;
 use super::place::up::Evidence;
-use super::place::{PlaceDetails, PlaceOptions, place, placement};
+use super::place::{PlaceDetails, PlaceOptions, place};
 use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
@@ -135,10 +135,8 @@ pub fn mesh(
     let mut how = Placement::IDENTITY;
     let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
         let evidence = Evidence { cameras: &known, points };
-        how = match options.crop.is_subject() {
-            true => placement_under(mesh, &provenance, evidence, &options.place, details),
-            false => placement(mesh, &provenance, evidence, &options.place, details),
-        };
+        let subject = options.crop.is_subject();
+        how = placement_of(subject, mesh, &provenance, evidence, &options.place, details);
         place(mesh, &mut provenance, how, details)
     })?;
     report.warnings.extend(report.details::<PlaceDetails>().and_then(|details| details.warning()));

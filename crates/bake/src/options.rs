@@ -4,7 +4,6 @@ use super::backdrop::{BackdropOptions, BackdropWhen};
 use super::background::BackgroundOptions;
 use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
-use super::collision::CollisionOptions;
 use super::crop::CropOptions;
 use super::exposure::ExposureOptions;
 use super::lit::LitOptions;
@@ -28,6 +27,7 @@ use trisplat_scene::{
     Error, Result,
     ranges::{self, Called},
 };
+use trisplat_surface::CollisionOptions;
 
 /// A complete set of options to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

@@ -9,7 +9,6 @@ mod shared;
 use super::arrange::arrange;
 use super::backdrop::BackdropWhen;
 use super::background::{BackgroundDetails, BackgroundFrom, background};
-use super::collision::collision;
 use super::color::color;
 use super::counts::{count, count_mesh};
 use super::crop::crop;
@@ -39,7 +38,7 @@ use trisplat_scene::{
     mesh::Mesh,
     report::{Outcome, Report, StageDetails, StageEvent, StageObserver},
 };
-use trisplat_surface::{SurfaceDetails, surface};
+use trisplat_surface::{SurfaceDetails, collision, surface};
 
 /// Calls the stages: what one finds out reaches the next as an argument.
 pub(super) struct Recipe<'a> {

@@ -11,10 +11,11 @@
 //! Surface nets are our own, as the crates there are take a dense box of known samples: they would invent a surface around what is
 //! unobserved, and double the vertices where the blocks of a sparse lattice meet.
 //!
-//! In: a scene. Out: a connected mesh.
+//! In: a scene. Out: a connected mesh, for the eye or to collide with.
 
 mod blocks;
 mod cluster;
+mod collision;
 mod components;
 mod details;
 mod extract;
@@ -30,6 +31,7 @@ mod sheets;
 mod simplify;
 mod smooth;
 
+pub use collision::{CollisionDetails, CollisionOptions, collision};
 pub use details::SurfaceDetails;
 pub use extract::{Part, surface, surface_of_part};
 pub use options::SurfaceOptions;

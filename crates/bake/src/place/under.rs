@@ -8,23 +8,23 @@ use glam::{DVec3, Vec3};
 use trisplat_raster::framing::viewpoint::{Scenery, viewpoint};
 use trisplat_scene::{Placement, Provenance, camera::Camera, mesh::Mesh, placed};
 
-/// The placement of a subject by `options`: the origin is under the middle of its bounds, at the height that it stands on. Unless
+/// The placement by `options`. The origin of a `subject` is under the middle of its bounds, at the height that it stands on. Unless
 /// `options` turn it, the side of the first viewpoint faces +Z, the front of glTF. `known` is in the frame of `mesh`.
-pub(crate) fn placement_under(
+pub(crate) fn placement_of(
+    subject: bool,
     mesh: &Mesh,
     provenance: &Provenance,
     known: Evidence,
     options: &PlaceOptions,
     details: &mut PlaceDetails,
 ) -> Placement {
-    let how = standing(mesh, provenance, known, options, details);
-    match front(mesh, &how, known.cameras).filter(|_| options.rotate == 0.0) {
-        Some(rotate) => {
-            let options = PlaceOptions { rotate, ..options.clone() };
-            standing(mesh, provenance, known, &options, details)
-        }
-        None => how,
+    if !subject {
+        return placement(mesh, provenance, known, options, details);
     }
+    let how = standing(mesh, provenance, known, options, details);
+    let turn = front(mesh, &how, known.cameras).filter(|_| options.rotate == 0.0);
+    let Some(rotate) = turn else { return how };
+    standing(mesh, provenance, known, &PlaceOptions { rotate, ..options.clone() }, details)
 }
 
 fn standing(
@@ -106,7 +106,7 @@ mod tests {
             ..PlaceOptions::DEFAULT
         };
         let mut provenance = Provenance::default();
-        let how = placement_under(&mesh, &provenance, Evidence::default(), &options, &mut details);
+        let how = placement_of(true, &mesh, &provenance, Evidence::default(), &options, &mut details);
         place(&mut mesh, &mut provenance, how, &mut details).unwrap();
         let bounds = mesh.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(a, b), p| (a.min(*p), b.max(*p)));
         let (low, high) = bounds;
@@ -132,8 +132,14 @@ mod tests {
             let up = UpChoice::Given(UpAxis::Y.into());
             let options = PlaceOptions { up, rotate, ..PlaceOptions::DEFAULT };
             let known = Evidence { cameras: &[photo], points: &[] };
-            let how =
-                placement_under(&mesh, &Provenance::default(), known, &options, &mut PlaceDetails::default());
+            let how = placement_of(
+                true,
+                &mesh,
+                &Provenance::default(),
+                known,
+                &options,
+                &mut PlaceDetails::default(),
+            );
             (placed::to_file(&photo, &how, DVec3::ZERO).position(), how.rotate)
         };
         let (eye, turn) = faces(0.0);

@@ -7,9 +7,9 @@ use crate::chunk::{ChunkDetails, chunk};
 use crate::counts::count_mesh;
 use crate::lit::lit;
 use crate::order::{FaceOrder, order};
-use crate::place::under::placement_under;
+use crate::place::under::placement_of;
 use crate::place::up::Evidence;
-use crate::place::{PlaceDetails, place, placement};
+use crate::place::{PlaceDetails, place};
 use crate::viewpoint::viewpoint;
 use crate::weld::weld;
 use glam::DVec3;
@@ -46,10 +46,7 @@ impl Recipe<'_> {
         let mut how = of_scene.map(|frame| frame.placement);
         let subject = options.crop.is_subject();
         let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
-            let estimated = || match subject {
-                true => placement_under(mesh, &provenance, evidence, &options.place, details),
-                false => placement(mesh, &provenance, evidence, &options.place, details),
-            };
+            let estimated = || placement_of(subject, mesh, &provenance, evidence, &options.place, details);
             let how = *how.get_or_insert_with(estimated);
             place(mesh, &mut provenance, how, details)
         })?;

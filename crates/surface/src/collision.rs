@@ -3,6 +3,9 @@
 //! Engines test a body against every triangle near it. A trained scene has many triangles, which cross each
 //! other and leave gaps for a ball to fall through.
 
+use super::details::SurfaceDetails;
+use super::extract::surface;
+use super::options::SurfaceOptions;
 use trisplat_scene::{
     Error, ImportedScene, Limits, Result,
     camera::Camera,
@@ -10,7 +13,6 @@ use trisplat_scene::{
     ranges::{self, Called},
     report::{Outcome, StageDetails, StageProgress},
 };
-use trisplat_surface::{SurfaceDetails, SurfaceOptions, surface};
 
 /// Whether a collider is made.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
