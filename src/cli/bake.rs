@@ -78,7 +78,7 @@ fn say(report: &Report, progress: &Progress) {
     }
     for file in &report.outputs {
         let verb = if report.dry_run { "would write" } else { "wrote" };
-        let bytes = super::progress::thousands(file.bytes);
+        let bytes = super::counts::thousands(file.bytes);
         progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
     }
 }

@@ -2,10 +2,10 @@
 
 use super::Global;
 use super::bake_args::BakeArgs;
+use super::counts::{many, thousands};
 use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::{many, thousands};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::BakeOptions;

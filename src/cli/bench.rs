@@ -2,11 +2,12 @@
 
 use super::Global;
 use super::bench_cost;
+use super::counts::thousands;
 use super::files;
 use super::files::Stdout;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
-use super::progress::{Progress, thousands};
+use super::progress::Progress;
 use super::stress;
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -1,8 +1,9 @@
 //! `trisplat bench cost`: prints cells during the run, then the recommended settings.
 
 use super::Global;
+use super::counts::{many, thousands};
 use super::files;
-use super::progress::{Progress, many, thousands};
+use super::progress::Progress;
 use trisplat_bench::cost::{self, CostArgs, CostCell, CostEvent, CostReport};
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};

@@ -3,12 +3,12 @@
 use indicatif::HumanCount;
 
 /// 1234567 as "1,234,567", to be padded like any text.
-pub fn thousands(number: u64) -> String {
+pub(super) fn thousands(number: u64) -> String {
     HumanCount(number).to_string()
 }
 
 /// The same with a noun: "1 triangle", "1,234 triangles".
-pub fn many(number: u64, noun: &str) -> String {
+pub(super) fn many(number: u64, noun: &str) -> String {
     let (text, end) = (thousands(number), if number == 1 { "" } else { "s" });
     format!("{text} {noun}{end}")
 }

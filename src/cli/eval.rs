@@ -1,10 +1,11 @@
 //! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected colours.
 
 use super::Global;
+use super::counts::{many, thousands};
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
-use super::progress::{Progress, many, thousands};
+use super::progress::Progress;
 use super::{files, messages};
 use std::io::Write;
 use std::path::{Path, PathBuf};

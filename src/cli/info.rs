@@ -1,6 +1,6 @@
 //! `trisplat info FILE`: the content of a file of any format, or of a data set.
 
-use super::progress::{many, thousands};
+use super::counts::{many, thousands};
 use super::{files, info_dataset, info_tileset, messages};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! `trisplat info DATASET`: cameras, sizes, points, their errors, and oddities.
 
+use super::counts::thousands;
 use super::messages;
-use super::progress::thousands;
 use std::io::Write;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions, Description, describe};

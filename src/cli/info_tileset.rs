@@ -1,7 +1,7 @@
 //! `trisplat info SCENE.tileset.json`: tiles, levels, files.
 
+use super::counts::{many, thousands};
 use super::messages;
-use super::progress::{many, thousands};
 use std::io::Write;
 use trisplat_formats::TilesetInfo;
 use trisplat_scene::{Error, Result};

@@ -147,7 +147,7 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         return;
     }
     for file in &done.report.outputs {
-        progress.line(&format!("wrote {} ({} bytes)", file.path, super::progress::thousands(file.bytes)));
+        progress.line(&format!("wrote {} ({} bytes)", file.path, super::counts::thousands(file.bytes)));
     }
     if let Some(details @ TrainDetails { psnr: Some(psnr), ssim: Some(ssim), .. }) =
         &done.report.details::<TrainDetails>()

@@ -1,11 +1,11 @@
 //! `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan.
 
 use super::Global;
+use super::counts::{many, thousands};
 use super::files;
 use super::inputs::Inputs;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::{many, thousands};
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};

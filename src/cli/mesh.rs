@@ -1,12 +1,12 @@
 //! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos alone.
 
 use super::Global;
+use super::counts::thousands;
 use super::files;
 use super::info_dataset::is_dataset;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
-use super::progress::thousands;
 use super::signals;
 use super::terminal::Terminal;
 use clap::ArgMatches;

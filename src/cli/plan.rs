@@ -2,11 +2,11 @@
 
 use super::Global;
 use super::bake_bytes::ByteSize;
+use super::counts::{many, thousands};
 use super::inputs::Inputs;
 use super::layers;
 use super::messages;
 use super::outputs::Outputs;
-use super::progress::{many, thousands};
 use super::signals;
 use super::train_progress::Bar;
 use clap::ArgMatches;

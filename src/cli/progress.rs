@@ -1,7 +1,7 @@
 //! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
 //! stage table.
 
-pub use super::counts::{many, thousands};
+use super::counts::{many, thousands};
 use super::{Global, capture_rows, flags, messages};
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;

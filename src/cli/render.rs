@@ -1,10 +1,11 @@
 //! `trisplat render FILE -o DIR`: pictures of a soup, a mesh or Gaussian splats, from given cameras or from a circle around it.
 
 use super::Global;
+use super::counts::many;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::pictures::Pictures;
-use super::progress::{Progress, many};
+use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_eval::RenderOptions;

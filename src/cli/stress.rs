@@ -1,9 +1,10 @@
 //! `trisplat bench stress`, printed.
 
 use super::Global;
+use super::counts::thousands;
 use super::files;
 use super::files::Stdout;
-use super::progress::{Progress, thousands};
+use super::progress::Progress;
 use std::path::Path;
 use trisplat_bench::{
     stress::case::StressCase,

@@ -1,7 +1,8 @@
 //! What the terminal shows of a job: trainings, drawings, stages.
 
 use super::Global;
-use super::progress::{Progress, thousands};
+use super::counts::thousands;
+use super::progress::Progress;
 use super::signals::{self, Listener};
 use super::train_progress::Bar;
 use clap::Command;

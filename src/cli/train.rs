@@ -1,13 +1,14 @@
 //! `trisplat train DATASET -o scene.ply`.
 
 use super::Global;
+use super::counts::many;
 use super::files;
 use super::flags;
 use super::harden;
 use super::inputs::Inputs;
 use super::layers;
 use super::outputs::Outputs;
-use super::progress::{Progress, many};
+use super::progress::Progress;
 use super::resume;
 use super::signals;
 use super::teacher_args;

@@ -1,10 +1,10 @@
 //! `trisplat train --block PLAN:BLOCK`: one block of a scene that is trained in blocks.
 
 use super::Global;
+use super::counts::many;
 use super::files;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
-use super::progress::many;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;

@@ -1,7 +1,7 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
+use super::counts::many;
 use super::files::Stdout;
-use super::progress::many;
 use super::signals::Listener;
 use super::{Global, messages};
 use indicatif::{ProgressBar, ProgressStyle};
