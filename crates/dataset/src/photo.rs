@@ -139,6 +139,17 @@ impl Photo {
         })
     }
 
+    /// The mask alone, undistorted but not shrunk: its size and weights. `None` without a mask.
+    pub(super) fn decode_mask(&self) -> Result<Option<(UVec2, Vec<u8>)>> {
+        let Some(mask) = &self.mask else { return Ok(None) };
+        let (size, weights) = RgbImage::load_mask(mask, &self.limits)?;
+        self.check_size(mask, size)?;
+        let Some(undistort) = &self.undistort else { return Ok(Some((size, weights))) };
+        let rgb = vec![[0; 3]; weights.len()];
+        let straight = undistort.apply(&RgbImage { size, rgb, alpha: Some(weights) });
+        Ok(straight.alpha.map(|weights| (straight.size, weights)))
+    }
+
     /// The whole photo, from its file.
     fn decode_file(&self) -> Result<RgbImage> {
         let (mut pixels, full) = self.load()?;

@@ -35,7 +35,7 @@ pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
         return false;
     }
     let chosen: Vec<&View> = evenly_spaced(views.len(), PHOTOS).map(|i| &views[i]).collect();
-    // Who uses the photos reports what cannot be decoded.
+    // Who uses the masks reports those that cannot be decoded.
     let seen: Option<Vec<Sight>> =
         parallel::map(&chosen, |_, view| Sight::of(view, points)).into_iter().collect();
     seen.is_some_and(|seen| agree(&seen, points.len()))
@@ -65,10 +65,10 @@ fn agree(seen: &[Sight], points: usize) -> bool {
 
 impl Sight {
     fn of(view: &View, points: &[Point]) -> Option<Self> {
-        let weights = view.photo.decode().ok()?.alpha?;
-        let size = view.camera.size;
+        let (size, weights) = view.photo.decode_mask().ok()??;
+        let camera = view.camera.resized(size);
         let keeps = |point: &Point| {
-            let at = pixel(&view.camera, point.position)?;
+            let at = pixel(&camera, point.position)?;
             Some(weights[(at.y * size.x + at.x) as usize] > 127)
         };
         let mut cells = vec![(0.0, 0.0); (CELLS * CELLS) as usize];
