@@ -190,8 +190,8 @@ impl Shown<'_, '_> {
             self.terminal.line(&format!("warning: {}", flags::spell(warning, &command())));
         }
         // What was decided for the user, and how to decide otherwise.
-        let masks = begins.photos.map(|photos| photos.masks(Masks::Auto));
-        if self.args.dataset_options.masks == Masks::Auto && masks == Some(Masks::Cut) {
+        let asked = self.args.dataset_options.masks;
+        if asked == Masks::Auto && begins.photos.is_some_and(|photos| photos.masks(asked) == Masks::Cut) {
             self.terminal.line("masks are silhouettes: nothing is drawn beside the object (--masks ignore draws there what no photo shows)");
         }
         let tracked = |stage: &StageReport| stage.details_as::<TrackedPoses>()?.summary();

@@ -170,7 +170,8 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     assert_eq!(behind(BackdropWhen::Auto), 0);
     assert!(behind(BackdropWhen::Sphere) > 0);
 
-    // Masks that are not read drop nothing, and who keeps what is unseen keeps this.
+    // Masks that cut drop what lies mostly beside the thing; those that are not read drop nothing; and who keeps what is unseen keeps this.
+    assert!(drop(&UnseenOptions::default(), Masks::Cut).1 >= masked);
     assert_eq!(drop(&UnseenOptions::default(), Masks::Off).1, None);
     let keep = UnseenOptions { keep_unseen: true, ..UnseenOptions::default() };
     assert_eq!(drop(&keep, Masks::Ignore).0.face_count(), mesh.face_count());

@@ -1,8 +1,8 @@
 //! Whether masks cut out an object: its points then lie in all of them, from every side.
 
 use super::posed::{Point, View};
-use glam::{UVec2, Vec3};
-use trisplat_scene::{camera::Camera, math::evenly_spaced::evenly_spaced, parallel};
+use glam::UVec2;
+use trisplat_scene::{math::evenly_spaced::evenly_spaced, parallel};
 
 /// Photos that are looked at.
 const PHOTOS: usize = 12;
@@ -68,7 +68,7 @@ impl Sight {
         let (size, weights) = view.photo.decode_mask().ok()??;
         let camera = view.camera.resized(size);
         let keeps = |point: &Point| {
-            let at = pixel(&camera, point.position)?;
+            let at = camera.shows(point.position)?.0.as_uvec2();
             Some(weights[(at.y * size.x + at.x) as usize] > 127)
         };
         let mut cells = vec![(0.0, 0.0); (CELLS * CELLS) as usize];
@@ -81,12 +81,4 @@ impl Sight {
         let masked = cells.iter().map(|(masked, all)| masked / f64::max(*all, 1.0)).collect();
         Some(Self { keeps: points.iter().map(keeps).collect(), masked })
     }
-}
-
-/// The pixel that shows a point, if the photo has one.
-fn pixel(camera: &Camera, point: Vec3) -> Option<UVec2> {
-    let at = camera.rotation * point + camera.translation;
-    let px = camera.focal * at.truncate() / at.z + camera.center;
-    let inside = at.z > 0.0 && px.min_element() >= 0.0 && px.cmplt(camera.size.as_vec2()).all();
-    inside.then(|| px.as_uvec2())
 }

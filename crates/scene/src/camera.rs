@@ -33,6 +33,14 @@ impl Camera {
         Self { focal: self.focal * ratio, center: self.center * ratio, size, ..*self }
     }
 
+    /// Where the picture shows a point of the world, hidden or not, px, and its depth; `None` outside the picture.
+    pub fn shows(&self, point: Vec3) -> Option<(Vec2, f32)> {
+        let seen = self.rotation * point + self.translation;
+        let at = seen.truncate() / seen.z * self.focal + self.center;
+        let within = seen.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(self.size.as_vec2()).all();
+        within.then_some((at, seen.z))
+    }
+
     /// Whether a point of the world lies within the picture, hidden or not.
     pub fn frames(&self, point: Vec3) -> bool {
         let [x, y, z] = (self.rotation * point + self.translation).to_array();

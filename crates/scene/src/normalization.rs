@@ -34,7 +34,7 @@ impl SceneNormalization {
         let positions: Vec<_> = cameras.iter().map(|c| c.position().as_dvec3()).collect();
         let center = positions.iter().sum::<glam::DVec3>() / positions.len().max(1) as f64;
         let depths: Vec<f32> =
-            pairs(cameras.len(), count).filter_map(|(c, p)| sees(&cameras[c], point(p))).collect();
+            pairs(cameras.len(), count).filter_map(|(c, p)| Some(cameras[c].shows(point(p))?.1)).collect();
         let spread = positions.iter().map(|p| p.distance(center)).fold(0.0, f64::max) as f32;
         let unit = median(depths, f32::total_cmp).unwrap_or(spread);
         let scale = if unit > 0.0 && unit.is_finite() { 1.0 / unit } else { 1.0 };
@@ -78,17 +78,6 @@ fn pairs(cameras: usize, points: usize) -> impl Iterator<Item = (usize, usize)> 
         true => (i % cameras, i / cameras),
         false => (below(camera.bits(i as u64), cameras), below(point.bits(i as u64), points)),
     })
-}
-
-/// The depth of `point` in the picture of `camera`.
-fn sees(camera: &Camera, point: Vec3) -> Option<f32> {
-    let q = camera.rotation * point + camera.translation;
-    if !(q.z > 0.0) {
-        return None;
-    }
-    let pixel = q.truncate() / q.z * camera.focal + camera.center;
-    let size = camera.size.as_vec2();
-    (pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < size.x && pixel.y < size.y).then_some(q.z)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A part of space: a box, a sphere, the view of cameras, or the subject of a scene.
 
 use crate::camera::Camera;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::fmt;
 use std::str::FromStr;
 
@@ -75,18 +75,12 @@ impl Region {
             }
             Self::Sphere(center, radius) => point.distance(DVec3::from(center)) <= radius,
             Self::Seen(count) => {
-                let seen = cameras.iter().filter(|camera| is_in_picture(camera, point.as_vec3()));
+                let seen = cameras.iter().filter(|camera| camera.shows(point.as_vec3()).is_some());
                 seen.take(count as usize).count() == count as usize
             }
             Self::Subject => true,
         }
     }
-}
-
-fn is_in_picture(camera: &Camera, point: Vec3) -> bool {
-    let q = camera.rotation * point + camera.translation;
-    let pixel = q.truncate() / q.z * camera.focal + camera.center;
-    q.z > 0.0 && pixel.cmpge(glam::Vec2::ZERO).all() && pixel.cmplt(camera.size.as_vec2()).all()
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 
 use super::options::TrainOptions;
 use super::pyramid::{MIN_PX, Pyramid};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_dataset::View;
 use trisplat_scene::{
@@ -204,11 +204,8 @@ fn colors(
 
 /// The colour of a photo at a place, if visible.
 fn pixel(camera: &Camera, photo: &RgbImage, place: Vec3) -> Option<[u8; 3]> {
-    let seen = camera.rotation * place + camera.translation;
-    let at = seen.truncate() / seen.z * camera.focal + camera.center;
-    let size = camera.size;
-    let inside = seen.z > 0.0 && at.cmpge(Vec2::ZERO).all() && at.cmplt(size.as_vec2()).all();
-    inside.then(|| photo.rgb[(at.y as u32 * size.x + at.x as u32) as usize])
+    let (at, _) = camera.shows(place)?;
+    Some(photo.rgb[(at.y as u32 * camera.size.x + at.x as u32) as usize])
 }
 
 /// The known colours, smoothly extended to all faces; `None` when none is known. `[F]`

@@ -21,24 +21,19 @@ pub(crate) fn placement_of(
     if !subject {
         return placement(mesh, provenance, known, options, details);
     }
-    let how = standing(mesh, provenance, known, options, details);
-    let turn = front(mesh, &how, known.cameras).filter(|_| options.rotate == 0.0);
-    let Some(rotate) = turn else { return how };
-    standing(mesh, provenance, known, &PlaceOptions { rotate, ..options.clone() }, details)
-}
-
-fn standing(
-    mesh: &Mesh,
-    provenance: &Provenance,
-    known: Evidence,
-    options: &PlaceOptions,
-    details: &mut PlaceDetails,
-) -> Placement {
-    let options = PlaceOptions { ground: true, ..options.clone() };
-    let how = placement(mesh, provenance, known, &options, details);
+    let grounded = PlaceOptions { ground: true, ..options.clone() };
+    let how = placement(mesh, provenance, known, &grounded, details);
     let scene = Foreground::new(mesh, provenance.backdrop);
     details.ground = ground::under(scene, details.ground, how.up.vector());
     let Some(floor) = details.ground else { return how };
+    let how = standing(scene, how, floor);
+    // Whoever turns it chooses where it faces.
+    let turn = if options.rotate == 0.0 { front(mesh, &how, known.cameras) } else { None };
+    turn.map_or(how, |rotate| standing(scene, Placement { rotate, ..how }, floor))
+}
+
+/// The same placement with the origin under the middle of the bounds, at the height `floor`.
+fn standing(scene: Foreground, how: Placement, floor: f64) -> Placement {
     let turned = Placement { center: [0.0; 3], scale: 1.0, ..how };
     let turn = turned.transform();
     let places = scene.vertices().iter().map(|place| turn(*place));
