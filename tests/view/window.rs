@@ -42,7 +42,8 @@ impl Desk {
                 return None;
             }
         }
-        let arguments = ["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"];
+        // A server that resets when its last client leaves refuses who comes while it does.
+        let arguments = ["-noreset", "-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"];
         let mut screen = Command::new("Xvfb")
             .args(arguments)
             .stdout(Stdio::piped())
