@@ -33,7 +33,7 @@ function fail(error) {
   console.error(error);
 }
 
-/** Shows the scene; docs/formats.md describes the returned object. */
+/** Shows the scene; docs/page.md describes the returned object. */
 async function open() {
   demandWebGL();
   const canvas = element('picture');

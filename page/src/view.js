@@ -1,4 +1,4 @@
-// The view, and its text in the address: docs/formats.md says what the words mean.
+// The view, and its text in the address: docs/page.md says what the words mean.
 import { MathUtils, Vector3 } from 'three';
 
 const FOV = 50;

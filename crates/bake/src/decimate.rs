@@ -29,12 +29,12 @@ const ROUND_SHARE: f64 = 0.84;
 /// Cameras that draw in such a round: the visible area of every triangle in all cameras is known already.
 const RANK_VIEWS: usize = 16;
 /// Rounds in which corners may move. Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of the
-/// triangles up to 0.1.
+/// triangles up to 0.1 (commit 751a9c64).
 const MOVE_ROUNDS: u32 = 16;
 /// Cameras that draw in such a round. With 12 moves are made that most of the others pay for.
 const MOVE_VIEWS: usize = 24;
 /// Moves tried for each face in a round; the best one is made. Three in a third of the rounds cost two thirds
-/// and lose 0.16 dB with an eighth of the triangles (few photos per round).
+/// and lose 0.16 dB with an eighth of the triangles (few photos per round; commit 0aeadf69).
 const MOVES_TRIED: u32 = 1;
 
 /// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it keeps the

@@ -14,8 +14,8 @@
 //! linear light with several samples per pixel, and solves a 3 x 3 system per triangle for the residuals, in
 //! which every sample counts by itself. That system majorises the coupled one, so the error falls with every
 //! pass. One pass is the default: the next ones gain 0.05 dB at most and cost SSIM, and with few photos they
-//! lose. In the first pass a part of a sample's residual is computed from its own colour instead of its
-//! pixel's; this part is larger for fewer photos.
+//! lose (docs/benchmarks/history.md). In the first pass a part of a sample's residual is computed from its own
+//! colour instead of its pixel's; this part is larger for fewer photos.
 //!
 //! Some photos are held out at first. They decide whether three colours per triangle are better than one, and
 //! whether refitted colours are better than the scene's own. Training has usually seen those photos. So the

@@ -184,7 +184,8 @@ impl Photo {
             let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
             let size = self.crop.map_or(self.size, |crop| crop.whole);
             let ratio = size.as_dvec2() / whole.as_dvec2();
-            // Averages of at least two by two pixels are those of the whole photo: 41 dB from them at worst, mostly 50.
+            // Averages of at least two by two pixels are those of the whole photo: 41 dB from them at worst, mostly 50
+            // (docs/benchmarks/capture.md).
             let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
             return RgbImage::load_reduced(&self.path, least, &self.limits);
         }

@@ -32,7 +32,8 @@ const SETTLED_PX: f64 = 0.002;
 /// Mean motion that counts, px.
 const LEAST_PX: f32 = 0.1;
 /// How often larger than by chance the gain of six numbers per photo must be (the statistic of an F-test): then motions are
-/// about three times their uncertainty. Of 24 photos, a gain of 4 made poses worse that 292 photos had found together.
+/// about three times their uncertainty. Of 24 photos, a gain of 4 made poses worse that 292 photos had found together
+/// (docs/benchmarks/poses.md).
 const LEAST_GAIN: f64 = 10.0;
 /// Largest motion of a photo, as a share of its longest side: others have wrong tracks, or poses of another model.
 const MOST_SHARE: f64 = 0.02;

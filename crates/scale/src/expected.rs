@@ -7,7 +7,7 @@ use trisplat_train::{
     budget::{CostModel, Workload, part_secs},
 };
 
-/// Bytes of an idle process. This and the following were fitted to blocks of a town (docs/benchmarks/scale.md).
+/// Bytes of an idle process. This and the following were fitted to blocks of a town (commit b232971b).
 const BASE: f64 = 15e6;
 /// Bytes per optimised parameter of a trained triangle,
 const PER_NUMBER: f64 = 75.0;

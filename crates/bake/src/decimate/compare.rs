@@ -18,7 +18,7 @@ const SAMPLES: u32 = 1;
 /// Longest side of the pictures, px: finer detail does not matter here.
 const LONGEST_SIDE: u32 = 960;
 /// A picture is halved while it has this many pixels per face: fewer lose up to 0.1 dB, more gain nothing
-/// (docs/benchmarks/history.md).
+/// (commit 751a9c64).
 const PX_PER_FACE: f64 = 6.0;
 /// Least of their longest side, px.
 const SHORTEST_SIDE: u32 = 32;

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! The matrix is symmetric and positive definite, so conjugate gradients solve it, one channel after the
-//! other. Both weights were chosen on photos left out of captures: `docs/benchmarks/history.md`.
+//! other. Both weights were chosen on photos left out of captures (commit 5727e856).
 
 use super::equations::{Equations, Fit};
 use crate::weld::place_bits;

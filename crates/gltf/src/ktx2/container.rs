@@ -69,7 +69,8 @@ pub(super) fn bytes(basis: &Basis) -> Vec<u8> {
     file
 }
 
-/// The mip levels: ETC1S as it is, UASTC packed by zstd, which saves a third where a texture has even areas.
+/// The mip levels: ETC1S as it is, UASTC packed by zstd, which saves a third where a texture has even areas
+/// (docs/benchmarks/texture.md).
 fn levels<'a>(basis: &Basis<'a>) -> Vec<Level<'a>> {
     let level = |slice: &Slice<'a>| match basis.blocks {
         Blocks::Etc1s => Level { bytes: slice.bytes.into(), unpacked: 0 },

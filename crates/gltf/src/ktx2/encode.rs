@@ -5,7 +5,7 @@ use basis_universal::BasisTextureFormat;
 use basis_universal::encoding::{ColorSpace, Compressor, CompressorParams};
 use trisplat_scene::Texture;
 
-/// Largest quality of the codebooks: lower ones save a quarter of the bytes and lose 2 dB.
+/// Largest quality of the codebooks: lower ones save a quarter of the bytes and lose 2 dB (docs/benchmarks/texture.md).
 const QUALITY: u32 = basis_universal::ETC1S_QUALITY_MAX;
 
 /// The file of all mip levels. Each is an image of its own, so all share the codebooks and each has its size.
