@@ -147,7 +147,7 @@ fn hardening_grows_no_shards_of_the_background() {
         let ((psnr, _), (psnr_off, _)) = (over(&asset, &object, own), over(&with_shards, &object, own));
         let ((_, shards), (_, before)) = (over(&asset, &object, other), over(&with_shards, &object, other));
         assert!(before > 0.4 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
-        assert!(psnr > psnr_off - 1.5, "{name}: {psnr:.2} dB, {psnr_off:.2} dB with shards");
+        assert!(psnr > psnr_off - 0.7, "{name}: {psnr:.2} dB, {psnr_off:.2} dB with shards");
     }
 }
 
