@@ -1,11 +1,13 @@
 // Uses the page of the program as a person does: node app.mjs JUDGES CHROMIUM PAGE < VISITS
 //
-// VISITS is a JSON list of { files, drop, set, inputs, bake, folder, cancel, after, webgl, isolated, touch, screenshot, size }: files to open, by
-// a click where the picture will be or dropped there; values of fields by their ids; inputs of inputs.mjs, each with { seen: NAME } for pictures
-// of before and after; whether to bake, and where downloads go; an input during the bake, which is then cancelled; inputs after it; false for a
-// browser without WebGL 2; whether a server isolates it; whether it has a touch screen.
+// VISITS is a JSON list of { files, drop, each, set, inputs, bake, folder, cancel, after, webgl, isolated, touch, screenshot, size }: files to
+// open, by a click where the picture will be or dropped there; files that cannot be read, opened one after the other; values of fields by their
+// ids; inputs of inputs.mjs, each with { seen: NAME } for pictures of before and after; whether to bake, and where downloads go; an input
+// during the bake, which is then cancelled; inputs after it; false for a browser without WebGL 2; whether a server isolates it; whether it has
+// a touch screen.
 // Prints one JSON line per visit: { errors, state, message, what, downloads, warnings, pause, paint, start, opened, baked, end }; pause: the
-// longest between two frames while it worked, ms; paint: when the page was first seen, ms; the last four: where things were then (layout).
+// longest between two frames while it worked, ms; paint: when the page was first seen, ms; the last four: where things were then (layout). With
+// `each` it holds { each }: { errors, state, message, ... } of each of them.
 import { readFile } from "node:fs/promises";
 import { createServer } from "node:http";
 import { basename, join, resolve } from "node:path";
@@ -121,6 +123,18 @@ async function open(page, { files, drop }) {
   await idle(page);
 }
 
+/** Opens files one after the other, and returns what the page says of each. */
+async function openEach(page, errors, files) {
+  const all = [];
+  for (const file of files) {
+    // What was said of the last one is no answer.
+    await page.evaluate(() => (document.getElementById("message").hidden = true));
+    await open(page, { files: [file] });
+    all.push({ errors: errors.splice(0), ...(await page.evaluate(said)) });
+  }
+  return all;
+}
+
 async function fill(page, values) {
   for (const [id, value] of Object.entries(values)) {
     if (typeof value === "boolean") await page.setChecked(`#${id}`, value);
@@ -133,9 +147,11 @@ async function fill(page, values) {
 /** Does inputs of inputs.mjs. */
 async function perform(page, client, inputs) {
   if (inputs.length > 0) await settled(page);
+  let last = null;
   for (const input of inputs) {
-    if (input.seen) await seen(page, client, input, input.seen, () => settled(page));
+    if (input.seen) last = await seen(page, client, input, input.seen, () => settled(page), last);
     else {
+      last = null;
       await act(page, client, input);
       await settled(page);
     }
@@ -182,6 +198,7 @@ async function see(visit) {
   const client = await page.context().newCDPSession(page);
   const start = await page.evaluate(layout);
   await open(page, visit);
+  const each = visit.each && (await openEach(page, errors, visit.each));
   const opened = await page.evaluate(layout);
   await fill(page, visit.set ?? {});
   await perform(page, client, visit.inputs ?? []);
@@ -191,7 +208,7 @@ async function see(visit) {
     await page.waitForTimeout(1500);
     await page.screenshot({ path: visit.screenshot });
   }
-  const line = { errors, ...(await page.evaluate(said)), ...done, start, opened, end: await page.evaluate(layout) };
+  const line = { errors, ...(await page.evaluate(said)), ...done, each, start, opened, end: await page.evaluate(layout) };
   await page.close();
   server?.close();
   return line;

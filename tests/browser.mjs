@@ -33,17 +33,22 @@ async function visit({ page: file, fragment = "", size, touch = false, steps = [
   page.on("request", (r) => r.url().startsWith("http") && errors.push(`asks the network for ${r.url()}`));
   const start = performance.now();
   await page.goto(pathToFileURL(resolve(file)).href + fragment);
-  const rest = () =>
+  const ready = () =>
     page.waitForFunction(() => ["ready", "failed"].includes(document.documentElement.dataset.state), null, { timeout: 120_000 });
-  await rest();
+  const rest = async () => {
+    await heard(page);
+    await ready();
+  };
+  await ready();
   const ms = Math.round(performance.now() - start);
   const views = [await page.evaluate(() => window.trisplat.view?.())];
   const client = await context.newCDPSession(page);
+  let last = null;
   for (const step of steps) {
-    if (step.seen) await seen(page, client, step, step.seen, rest);
+    if (step.seen) last = await seen(page, client, step, step.seen, rest, last);
     else {
+      last = null;
       await act(page, client, step);
-      await heard(page);
       await rest();
     }
     if (step.screenshot) await page.screenshot({ path: step.screenshot });

@@ -3,6 +3,7 @@
 //   { finger: [x, y, dx, dy] }  { fingers: [x, y, dx, dy] }: two beside each other  { pinch: [x, y, from, to] }  { tap: [x, y] }: twice
 //   { click: ID }  { check: SELECTOR, on }  { select: [ID, VALUE] }  { range: ID, to }: a share of its length: the parts of the page
 //   { show: FRAGMENT }  { resize: [w, h] }  { hide: true }: the tab, and back  { lose: true }: the graphics, and back
+import { copyFile } from "node:fs/promises";
 
 /** Does one input. */
 export async function act(page, client, input) {
@@ -110,29 +111,35 @@ export async function picture(page, path) {
   const fade = (opacity) =>
     page.evaluate((opacity) => {
       for (const one of document.body.children) if (!["picture", "soft"].includes(one.id)) one.style.opacity = opacity;
+      const { left, top, right, bottom } = document.getElementById("picture").getBoundingClientRect();
+      const [x, y] = [left, top].map(Math.floor);
+      return { x, y, width: Math.ceil(right) - x, height: Math.ceil(bottom) - y };
     }, opacity);
-  await fade(0);
+  const clip = await fade(0);
   // What was drawn last is shown a frame later; before that, the picture is one of those on the way to it.
   await heard(page);
-  await page.locator("#picture").screenshot({ path });
+  // Of a locator it would take twice as long, for the frames in which it watches whether the element moves.
+  await page.screenshot({ path, clip });
   await fade("");
 }
 
 /**
  * Does an input between two pictures, NAME-before.png and NAME-after.png, without any other event, and saves a third, NAME-again.png, that is
- * drawn anew because the window was resized for a moment. `rest()` waits for the picture to be at rest.
+ * drawn anew because the window was resized for a moment. `rest()` waits until the input has been heard and the picture is at rest.
+ * Returns the third, which is also the picture before the input that follows: given as `last`, it is not taken twice.
  */
-export async function seen(page, client, input, name, rest) {
-  await picture(page, `${name}-before.png`);
+export async function seen(page, client, input, name, rest, last) {
+  if (last) await copyFile(last, `${name}-before.png`);
+  else await picture(page, `${name}-before.png`);
   await act(page, client, input);
-  await heard(page);
   await rest();
   await picture(page, `${name}-after.png`);
   const { width, height } = page.viewportSize();
-  for (const more of [8, 0]) {
-    await page.setViewportSize({ width: width + more, height });
-    await heard(page);
-    await rest();
-  }
+  await page.setViewportSize({ width: width + 8, height });
+  // The canvas loses what it shows once the page has heard of its size; the picture of that size need not be finished.
+  await heard(page);
+  await page.setViewportSize({ width, height });
+  await rest();
   await picture(page, `${name}-again.png`);
+  return `${name}-again.png`;
 }

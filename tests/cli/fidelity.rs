@@ -154,9 +154,22 @@ fn alike(a: &Path, b: &Path) -> f64 {
     least
 }
 
+/// Puts the cameras of the sample's photos into the file of a soup: a bake fits it to as many small pictures, not to large ones from chosen
+/// places, which takes most of a minute in all.
+fn store_cameras(soup: &Path) {
+    use trisplat_formats::{ReadOptions, ply::write_soup, read};
+    let loaded = read(soup, &ReadOptions::with_degree(3)).unwrap();
+    let trisplat_scene::Scene::Soup(scene) = loaded.scene else { panic!("the sample is a soup") };
+    let dataset = Dataset::load(sample("dataset"), &DatasetOptions::default()).unwrap();
+    let cameras: Vec<_> = dataset.train().map(|view| view.camera).collect();
+    let mut file = std::fs::File::create(soup).unwrap();
+    write_soup(&mut file, &scene, &loaded.provenance, &cameras).unwrap();
+}
+
 #[test]
 fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     let (soup, _, folder) = inputs();
+    store_cameras(Path::new(&soup));
     let (whole, renders) = evaluated(&soup, folder.path(), "all", &["--ssaa", "2"]);
     let drawn = |name: &str, step: &str, more: &[&str]| {
         let path = folder.path().join(name).to_str().unwrap().to_owned();

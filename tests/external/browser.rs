@@ -214,23 +214,24 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("scene.html");
     bake(&studio(), &page, &[]);
-    let middle = [200, 150];
+    // Small pictures, as software draws every frame of a glide.
+    let (wide, high, middle) = ([280, 210], [210, 280], [140, 105]);
     let inputs = [
         (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
         (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
-        (json!({ "drag": [200, 150, 60, 20] }), true),
-        (json!({ "drag": [200, 150, 40, 30], "button": "right" }), true),
+        (json!({ "drag": [140, 105, 42, 14] }), true),
+        (json!({ "drag": [140, 105, 28, 21], "button": "right" }), true),
         (json!({ "press": "w", "ms": 300 }), true),
         (json!({ "press": "ArrowLeft", "ms": 300 }), true),
         (json!({ "press": "q", "ms": 200 }), true),
         (json!({ "press": "d", "ms": 200 }), true),
         (json!({ "press": "a", "ms": 200 }), true),
         (json!({ "press": "e", "ms": 200 }), true),
-        (json!({ "double": [150, 170] }), true),
+        (json!({ "double": [105, 119] }), true),
         (json!({ "hide": true }), false),
         (json!({ "press": "Home" }), true),
         (json!({ "click": "fly" }), false),
-        (json!({ "drag": [200, 150, 60, 20] }), true),
+        (json!({ "drag": [140, 105, 42, 14] }), true),
         (json!({ "wheel": -100, "notches": 4 }), true),
         (json!({ "press": "s", "ms": 300 }), true),
         (json!({ "press": "v" }), false),
@@ -239,13 +240,13 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
         (json!({ "click": "fit" }), true),
         (json!({ "click": "start" }), true),
         (json!({ "show": "#eye=3,3,3&target=0,0,0" }), true),
-        (json!({ "resize": [300, 400] }), true),
+        (json!({ "resize": high }), true),
     ];
     let touches = [
-        (json!({ "pinch": [150, 200, 60, 200] }), true),
-        (json!({ "finger": [150, 200, 50, 0] }), true),
-        (json!({ "fingers": [150, 200, 40, 30], "least": 0.6 }), true),
-        (json!({ "tap": [110, 230] }), true),
+        (json!({ "pinch": [105, 140, 42, 140] }), true),
+        (json!({ "finger": [105, 140, 35, 0] }), true),
+        (json!({ "fingers": [105, 140, 28, 21], "least": 0.6 }), true),
+        (json!({ "tap": [77, 161] }), true),
     ];
     let lost = [(json!({ "lose": true }), false)];
     let [mouse, fingers, driver] = ["mouse", "fingers", "driver"].map(|name| folder.path().join(name));
@@ -253,10 +254,10 @@ fn mouse_fingers_keys_and_buttons_change_the_picture_at_once() {
         fs::create_dir(folder).unwrap();
     }
     let pages = json!([
-        { "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": named(&mouse, &inputs) },
-        { "page": page, "fragment": "#ssaa=2&eye=5,1,2&target=0,0,0&fov=40", "size": [300, 400], "touch": true,
+        { "page": page, "fragment": "#ssaa=2", "size": wide, "steps": named(&mouse, &inputs) },
+        { "page": page, "fragment": "#ssaa=2&eye=5,1,2&target=0,0,0&fov=40", "size": high, "touch": true,
           "steps": named(&fingers, &touches) },
-        { "page": page, "fragment": "#ssaa=2", "size": [400, 300], "steps": named(&driver, &lost) },
+        { "page": page, "fragment": "#ssaa=2", "size": wide, "steps": named(&driver, &lost) },
     ]);
     let visits = visit(&chromium, &pages);
     // The browser complains of what the lost graphics took along.

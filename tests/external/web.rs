@@ -233,17 +233,19 @@ fn the_page_bakes_what_the_program_does() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [ours, theirs, isolated] = [(); 3].map(|()| TempDir::new().unwrap());
     let keep = |name: &str| std::env::var_os("TRISPLAT_KEEP").map(|folder| PathBuf::from(folder).join(name));
+    // Small pictures, as software draws them.
+    let size = [680, 300];
     let trained = here("samples/soups/trained.ply");
     // Moved while it worked, the scene is drawn soft afterwards.
     let cancelled = [(look("solid"), true)];
     fs::copy(&trained, ours.path().join("trained.ply")).unwrap();
     let visits = json!([
-        { "files": [trained], "bake": true, "folder": theirs.path(), "screenshot": keep("app-bake.png"),
-          "set": { "target": "godot", "triangles": "3000", "up": "y", "crop": true } },
-        { "files": [trained], "bake": true, "folder": isolated.path(), "isolated": true,
-          "set": { "target": "godot", "triangles": "3000", "up": "y", "crop": true } },
+        { "files": [trained], "bake": true, "folder": theirs.path(), "screenshot": keep("app-bake.png"), "size": size,
+          "set": { "target": "godot", "triangles": "1000", "up": "y", "crop": true } },
+        { "files": [trained], "bake": true, "folder": isolated.path(), "isolated": true, "size": size,
+          "set": { "target": "godot", "triangles": "1000", "up": "y", "crop": true } },
         { "files": [studio()], "inputs": [{ "click": "fold" }, look("soft")], "screenshot": keep("app-soft.png"), "size": [420, 800] },
-        { "files": [studio()], "bake": true, "cancel": { "wheel": -100, "notches": 5, "at": [632, 300] }, "folder": theirs.path(),
+        { "files": [studio()], "bake": true, "size": size, "cancel": { "wheel": -100, "notches": 5, "at": [520, 150] }, "folder": theirs.path(),
           "inputs": [look("soft")], "after": named(theirs.path(), &cancelled) },
         { "webgl": false },
     ]);
@@ -254,7 +256,7 @@ fn the_page_bakes_what_the_program_does() {
         assert!(one["pause"].as_f64().unwrap() < 5000.0, "the page hangs: {one}");
     }
     let flags =
-        ["--target", "godot", "--max-triangles", "3000", "--up", "y", "--crop=-1e9,-1e9,-1e9,1e9,1e9,1e9"];
+        ["--target", "godot", "--max-triangles", "1000", "--up", "y", "--crop=-1e9,-1e9,-1e9,1e9,1e9,1e9"];
     program(ours.path(), &[&["bake", "trained.ply", "-o", "trained.glb"], &flags[..]].concat()).unwrap();
     assert_eq!((&seen[0]["state"], &seen[0]["compares"]), (&json!("ready"), &json!(true)), "{}", seen[0]);
     assert_same(ours.path(), theirs.path(), &seen[0]["downloads"]);
@@ -272,31 +274,32 @@ fn the_page_bakes_what_the_program_does() {
 fn the_page_draws_what_every_input_shows_at_once() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [mouse, fingers] = [(); 2].map(|()| TempDir::new().unwrap());
-    let middle = [632, 300];
+    // Small pictures, as software draws every frame of a glide.
+    let [size, middle] = [[660, 280], [512, 140]];
     let inputs = [
         (json!({ "wheel": -100, "notches": 9, "at": middle }), true),
         (json!({ "wheel": 100, "notches": 4, "at": middle }), true),
-        (json!({ "drag": [632, 300, 60, 20] }), true),
-        (json!({ "drag": [632, 300, 40, 30], "button": "right" }), true),
+        (json!({ "drag": [512, 140, 28, 10] }), true),
+        (json!({ "drag": [512, 140, 19, 14], "button": "right" }), true),
         (json!({ "press": "w", "ms": 300 }), true),
         (json!({ "press": "ArrowLeft", "ms": 300 }), true),
         (json!({ "press": "q", "ms": 200 }), true),
         (json!({ "press": "d", "ms": 200 }), true),
-        (json!({ "double": [600, 330] }), true),
+        (json!({ "double": [497, 154] }), true),
         (json!({ "hide": true }), false),
-        (json!({ "resize": [1000, 600] }), true),
+        (json!({ "resize": [720, 280] }), true),
     ];
     // As the panel is folded, a phone's picture is higher than half of it.
     let touches = [
-        (json!({ "pinch": [195, 300, 60, 200] }), true),
-        (json!({ "finger": [195, 300, 50, 0] }), true),
-        (json!({ "fingers": [195, 300, 40, 30], "least": 0.4 }), true),
-        (json!({ "tap": [150, 340] }), true),
+        (json!({ "pinch": [140, 180, 44, 144] }), true),
+        (json!({ "finger": [140, 180, 36, 0] }), true),
+        (json!({ "fingers": [140, 180, 28, 22], "least": 0.4 }), true),
+        (json!({ "tap": [108, 202] }), true),
         (json!({ "click": "fold" }), true),
     ];
     let visits = json!([
-        { "files": [studio()], "inputs": named(mouse.path(), &inputs) },
-        { "files": [studio()], "inputs": named(fingers.path(), &touches), "touch": true, "size": [390, 844] },
+        { "files": [studio()], "inputs": named(mouse.path(), &inputs), "size": size },
+        { "files": [studio()], "inputs": named(fingers.path(), &touches), "touch": true, "size": [280, 500] },
     ]);
     for one in in_page(&chromium, &visits) {
         assert_eq!((&one["errors"], &one["state"]), (&json!([]), &json!("ready")), "{one}");
@@ -310,7 +313,7 @@ fn every_look_changes_the_picture_at_once() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let [before, after] = [(); 2].map(|()| TempDir::new().unwrap());
     // A small picture, because one thread draws the soft one.
-    let small = json!({ "resize": [700, 500] });
+    let small = json!({ "resize": [660, 300] });
     let looks = [
         (look("wires"), true),
         (look("solid"), true),
@@ -332,7 +335,7 @@ fn every_look_changes_the_picture_at_once() {
     let inputs = [vec![small.clone()], named(before.path(), &looks), vec![json!({ "resize": [1280, 720] })]];
     let after_bake = [vec![small], named(after.path(), &sides)].concat();
     // Few triangles are baked sooner.
-    let set = json!({ "triangles": "1500" });
+    let set = json!({ "triangles": "500" });
     let visits = json!([{ "drop": [studio()], "size": [1280, 720], "set": set, "inputs": inputs.concat(), "bake": true,
         "folder": after.path(), "after": after_bake }]);
     let one = in_page(&chromium, &visits).remove(0);
@@ -412,15 +415,20 @@ fn the_page_bakes_in_firefox_too() {
 fn the_page_says_why_a_file_cannot_be_read() {
     let Some(chromium) = chromium().filter(|_| built()) else { return };
     let folder = TempDir::new().unwrap();
-    let visit = |(name, bytes): &(&str, Vec<u8>)| {
+    let file = |(name, bytes): &(&str, Vec<u8>)| {
         let path = folder.path().join(name);
         fs::write(&path, bytes).unwrap();
-        json!({ "files": [path] })
+        path
     };
-    let mut visits: Vec<Value> = hostile().iter().map(visit).collect();
-    visits.push(json!({ "drop": [folder.path().join(PHOTO)] }));
+    let files: Vec<PathBuf> = hostile().iter().map(file).collect();
+    // A page that could not read a file takes the next one.
+    let visits = json!([{ "each": files }, { "drop": [folder.path().join(PHOTO)] }]);
+    let [mut each, dropped] = <[Value; 2]>::try_from(in_page(&chromium, &visits)).unwrap();
+    assert_eq!(each["errors"], json!([]), "after the last file");
+    let said = each["each"].as_array_mut().unwrap();
+    assert_eq!(said.len(), files.len());
     let names = hostile().into_iter().map(|(name, _)| name).chain([PHOTO]);
-    for (name, seen) in names.zip(in_page(&chromium, &visits.into())) {
+    for (name, seen) in names.zip(said.drain(..).chain([dropped])) {
         assert_eq!((&seen["errors"], &seen["state"]), (&json!([]), &json!("failed")), "{seen}");
         let message = seen["message"].as_str().unwrap();
         assert!(message.contains(name) && !message.contains("fault"), "{message}");
