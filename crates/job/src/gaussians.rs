@@ -17,10 +17,9 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
-/// Rate of the corners in surroundings, as a share of that with photos: the first triangles lie about right.
+/// Rate of the corners, as a share of that from points: the first triangles lie about right. Of two objects, one loses 0.3 to 2 dB and the
+/// other 1.5 to 5 with three times the rate, both up to 0.2 with a half (docs/benchmarks/splats.md).
 const CALM: f64 = 0.5;
-/// First rate of the corners of an object, as a share of their triangle's size: none of its triangles is far away.
-const STRIDE: f64 = 0.1;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -134,10 +133,7 @@ pub(super) fn solid(
     if first.is_empty() {
         return Err(shows_nothing(path));
     }
-    options.rates.corners = match surroundings {
-        true => options.rates.corners * CALM,
-        false => STRIDE,
-    };
+    options.rates.corners *= CALM;
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();
