@@ -17,8 +17,8 @@ const FIRST_SHARE: f64 = 0.5;
 /// Share of the training pictures that are drawn between the photos, if there are photos.
 const SHARE_BETWEEN: f64 = 0.5;
 
-/// Rate of the corners, as a share of that from points: the first triangles lie about right. Of two objects, one loses 0.3 to 2 dB and the
-/// other 1.5 to 5 with three times the rate, both up to 0.2 with a half (docs/benchmarks/splats.md).
+/// Rate of the corners, as a share of that from points: the first triangles lie about right. Three times as much costs one object up to 1.6 dB
+/// and another up to 5.5, half as much up to 0.4 (docs/benchmarks/splats.md).
 const CALM: f64 = 0.5;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
