@@ -10,8 +10,9 @@ use trisplat_scene::math::metric;
 
 /// Width and height of pictures, px.
 const SIDE: u32 = 144;
-/// Least mean PSNR from unseen places, dB. Triangles that are not trained reach 16 at best.
-const FLOOR: f64 = 23.0;
+/// Least dB of the ball's pictures: of a bake from chosen places, from listed cameras, and of a surface, which ends sharply where the ball fades.
+/// With corners that move almost three times as far they have 24.6, 28.9 and 21.4.
+const FLOORS: [f64; 3] = [25.0, 30.5, 22.0];
 
 /// Directions spread over the sphere.
 fn direction(i: usize, count: usize) -> Vec3 {
@@ -98,16 +99,15 @@ fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_
     cameras(&folder.join("held.json"), 6, 0.7);
     let bake = ["bake", "ball.ply", "--preset", "fast", "--max-triangles", "3000", "-f", "-o"];
     run(folder, 2, &[&bake[..], &["chosen.glb"]].concat());
-    looks_like_the_ball(folder, "chosen.glb", FLOOR);
+    looks_like_the_ball(folder, "chosen.glb", FLOORS[0]);
 
     cameras(&folder.join("ball.cameras.json"), 24, 0.0);
     for (threads, file) in [(1, "listed.glb"), (3, "again.glb")] {
         run(folder, threads, &[&bake[..], &[file, "--report", "report.json"]].concat());
     }
-    looks_like_the_ball(folder, "listed.glb", FLOOR);
+    looks_like_the_ball(folder, "listed.glb", FLOORS[1]);
     run(folder, 2, &["mesh", "ball.ply", "--texture", "--max-triangles", "2000", "-o", "surface.glb"]);
-    // A surface ends sharply where the ball fades.
-    looks_like_the_ball(folder, "surface.glb", FLOOR - 2.0);
+    looks_like_the_ball(folder, "surface.glb", FLOORS[2]);
     let [one, three] = ["listed.glb", "again.glb"].map(|file| std::fs::read(folder.join(file)).unwrap());
     assert!(one == three, "the same bytes for any number of threads");
     let report = std::fs::read_to_string(folder.join("report.json")).unwrap();
