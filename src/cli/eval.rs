@@ -7,18 +7,20 @@ use super::outputs::Outputs;
 use super::pictures::Pictures;
 use super::progress::Progress;
 use super::{files, messages};
+use glam::UVec2;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_eval::{
-    ContactSheet, RenderOptions,
-    evaluate::{EvalReport, ScoredPicture, Scores, StepScore},
-    is_shown,
-};
-use trisplat_job::EvalJob;
+use trisplat_job::{EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore};
 use trisplat_scene::{Error, Result, image::RgbImage};
 use trisplat_train::BackendOptions;
 use trisplat_view::show;
+
+/// Most rows of a contact sheet.
+const ROWS: usize = 12;
+/// Widest cell of a contact sheet, and the space between cells, px.
+const CELL: u32 = 480;
+const GAP: u32 = 6;
 
 /// What to evaluate.
 #[derive(Debug, clap::Args)]
@@ -43,10 +45,6 @@ pub struct EvalArgs {
     /// step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
-    /// With --save-renders, write the colours before they are rounded to 8 bits too, sRGB-encoded, as NumPy arrays of floats: photo.npy
-    /// beside photo.png, [height, width, 3].
-    #[arg(long, requires = "save_renders")]
-    pub floats: bool,
     /// Write a contact sheet as PNG: one row per photo (12 at most) with the photo, then each drawing and a map of its
     /// FLIP error, black for none.
     #[arg(long, value_name = "FILE")]
@@ -107,7 +105,6 @@ impl EvalArgs {
     fn job(&self) -> EvalJob {
         let mut job = EvalJob::new(&self.file);
         (job.render, job.split, job.coverage) = (self.render, self.split, !self.no_coverage);
-        job.floats = self.floats;
         job.backend = self.backend_options.clone();
         job.dataset_options = self.dataset_options.clone();
         job
@@ -201,7 +198,8 @@ fn remark(step: &StepScore, report: &EvalReport) -> String {
 struct EvalPictures {
     /// One folder per step; none when no drawings are kept.
     folders: Vec<Pictures>,
-    sheet: Option<ContactSheet>,
+    /// Rows of the contact sheet.
+    sheet: Option<Vec<Vec<RgbImage>>>,
     views: usize,
     /// Views added so far.
     added: usize,
@@ -220,25 +218,19 @@ impl EvalPictures {
             .iter()
             .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
             .collect::<Result<Vec<Pictures>>>()?;
-        if args.floats {
-            folders.iter().try_for_each(|folder| folder.plan_floats("--floats", outputs))?;
-        }
-        let sheet = args.sheet.is_some().then(ContactSheet::default);
-        Ok(Self { folders, sheet, views: views.len(), added: 0 })
+        Ok(Self { folders, sheet: args.sheet.is_some().then(Vec::new), views: views.len(), added: 0 })
     }
 
     fn add(&mut self, photo: &RgbImage, drawn: &[ScoredPicture]) -> Result<()> {
         for (folder, one) in self.folders.iter().zip(drawn) {
             folder.save(self.added, &one.picture)?;
-            if let Some(image) = &one.image {
-                let [width, height] = image.size.to_array();
-                folder.save_floats(self.added, &[height, width, 3], image.pixels.as_flattened())?;
-            }
         }
-        if let Some(sheet) = self.sheet.as_mut().filter(|_| is_shown(self.added, self.views)) {
-            let maps: Vec<RgbImage> = drawn.iter().map(|d| show::heat(d.picture.size, &d.flip)).collect();
-            let pairs = drawn.iter().zip(&maps).flat_map(|(d, map)| [&d.picture, map]);
-            sheet.add(std::iter::once(photo).chain(pairs));
+        // Of many photos, the first of each equal part.
+        let part = |photo: usize| photo * ROWS / self.views.max(ROWS);
+        if let Some(rows) = self.sheet.as_mut().filter(|rows| rows.len() == part(self.added)) {
+            let error = |d: &ScoredPicture| show::heat(d.picture.size, &d.flip);
+            let pairs = drawn.iter().flat_map(|d| [cell(&d.picture), cell(&error(d))]);
+            rows.push(std::iter::once(cell(photo)).chain(pairs).collect());
         }
         self.added += 1;
         Ok(())
@@ -246,8 +238,65 @@ impl EvalPictures {
 
     fn save_sheet(&self, path: Option<&Path>, outputs: &mut Outputs) -> Result<()> {
         match (&self.sheet, path) {
-            (Some(sheet), Some(path)) => sheet.to_pixels().write_png(outputs.take(path)?),
+            (Some(rows), Some(path)) => sheet(rows).write_png(outputs.take(path)?),
             _ => Ok(()),
+        }
+    }
+}
+
+/// A picture as a cell of the contact sheet.
+fn cell(picture: &RgbImage) -> RgbImage {
+    let plain = RgbImage { alpha: None, ..picture.clone() };
+    let UVec2 { x: width, y: height } = picture.size;
+    if width <= CELL { plain } else { plain.downscaled(UVec2::new(CELL, (height * CELL / width).max(1))) }
+}
+
+/// The contact sheet, row by row.
+fn sheet(rows: &[Vec<RgbImage>]) -> RgbImage {
+    let width = |row: &Vec<RgbImage>| row.iter().map(|cell| cell.size.x + GAP).sum();
+    let height = |row: &Vec<RgbImage>| row.iter().map(|cell| cell.size.y).max().unwrap_or(0) + GAP;
+    let size = UVec2::new(rows.iter().map(width).max().unwrap_or(0), rows.iter().map(height).sum()) + GAP;
+    let mut rgb = vec![[236; 3]; size.element_product() as usize];
+    let mut at = UVec2::splat(GAP);
+    for row in rows {
+        for cell in row {
+            for (line, y) in cell.rgb.chunks(cell.size.x as usize).zip(at.y..) {
+                let start = (y * size.x + at.x) as usize;
+                rgb[start..start + line.len()].copy_from_slice(line);
+            }
+            at.x += cell.size.x + GAP;
+        }
+        at = UVec2::new(GAP, at.y + height(row));
+    }
+    RgbImage { size, rgb, alpha: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat(width: u32, height: u32, code: u8) -> RgbImage {
+        let rgb = vec![[code; 3]; (width * height) as usize];
+        RgbImage { size: UVec2::new(width, height), rgb, alpha: None }
+    }
+
+    #[test]
+    fn cells_are_laid_out_in_rows_with_gaps_between() {
+        let rows = [vec![flat(4, 3, 1), flat(4, 2, 2)], vec![cell(&flat(960, 100, 3))]];
+        let picture = sheet(&rows);
+        assert_eq!(picture.size.to_array(), [CELL + 2 * GAP, 3 + 50 + 3 * GAP]);
+        let at = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize][0];
+        assert_eq!([at(0, 0), at(6, 6), at(9, 8), at(10, 6), at(16, 6), at(16, 8)], [236, 1, 1, 236, 2, 236]);
+        assert_eq!([at(6, 15), at(485, 64), at(486, 64)], [3, 3, 236]);
+        assert_eq!(sheet(&[]).size.to_array(), [GAP, GAP]);
+    }
+
+    #[test]
+    fn at_most_a_screenful_of_photos_is_shown() {
+        for views in [1, 11, 12, 13, 25, 300] {
+            let mut pictures = EvalPictures { folders: Vec::new(), sheet: Some(Vec::new()), views, added: 0 };
+            (0..views).for_each(|_| pictures.add(&flat(1, 1, 0), &[]).unwrap());
+            assert_eq!(pictures.sheet.unwrap().len(), views.min(ROWS), "of {views}");
         }
     }
 }

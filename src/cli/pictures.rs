@@ -2,11 +2,7 @@
 
 use super::outputs::Outputs;
 use std::path::{Component, Path, PathBuf};
-use trisplat_scene::{
-    Result,
-    atomic::AtomicFile,
-    image::{RgbImage, npy},
-};
+use trisplat_scene::{Result, atomic::AtomicFile, image::RgbImage};
 
 /// Where each picture goes.
 #[derive(Debug)]
@@ -36,18 +32,6 @@ impl Pictures {
         // Unwritable outputs fail before any picture is drawn.
         paths.first().map_or(Ok(()), |path| AtomicFile::create(path).map(drop))?;
         Ok(Self { paths })
-    }
-
-    /// Permits a file of floats beside every picture.
-    ///
-    /// Errors: one that [`Outputs`] refuses.
-    pub(super) fn plan_floats(&self, option: &'static str, outputs: &mut Outputs) -> Result<()> {
-        self.paths.iter().try_for_each(|path| outputs.plan(option, &path.with_extension("npy")))
-    }
-
-    /// Writes floats beside the picture of the photo at index `i`: an array of this shape.
-    pub(super) fn save_floats(&self, i: usize, shape: &[u32], values: &[f32]) -> Result<()> {
-        npy::save(&self.paths[i].with_extension("npy"), shape, values)
     }
 
     /// Writes the picture of the photo at index `i`.

@@ -8,8 +8,7 @@ use super::pictures::Pictures;
 use super::progress::Progress;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_eval::RenderOptions;
-use trisplat_job::{PictureKind, RenderJob, SHARE, WIDTH};
+use trisplat_job::{PictureKind, RenderJob, RenderOptions, SHARE, WIDTH};
 use trisplat_scene::{Error, Result};
 use trisplat_train::BackendOptions;
 
@@ -45,10 +44,6 @@ pub struct RenderArgs {
     /// What the pictures show.
     #[arg(long, value_enum, default_value_t)]
     pub show: PictureKind,
-    /// Write the numbers before they are rounded to 8 bits too, as NumPy arrays of floats: photo.npy beside photo.png. Colours are
-    /// sRGB-encoded, [height, width, 3]; depths are in units of the cameras' world, 0 where nothing is, [height, width].
-    #[arg(long)]
-    pub floats: bool,
     /// Share of the triangles that --show random-subset draws, of 1.
     #[arg(long, value_name = "SHARE", default_value_t = SHARE)]
     pub share: f64,
@@ -69,28 +64,18 @@ pub struct RenderArgs {
 /// Draws all pictures.
 pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     check_folder(&args.output)?;
-    if args.floats {
-        args.job().check_values()?;
-    }
     let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
     let mut ready = args.job().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new(inputs, args.force);
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let names = ready.cameras().iter().map(|(name, _)| name.as_str());
     let pictures = Pictures::plan("--output", &args.output, names, &mut outputs)?;
-    if args.floats {
-        pictures.plan_floats("--floats", &mut outputs)?;
-    }
     let progress = Progress::new(global);
     let (card, warnings) = ready.draw_on()?;
     progress.drawing_on(card.as_deref(), &warnings);
     let count = ready.cameras().len();
     for i in 0..count {
         pictures.save(i, &ready.draw(i)?)?;
-        if args.floats {
-            let (shape, values) = ready.values(i)?;
-            pictures.save_floats(i, &shape, &values)?;
-        }
     }
     progress.done();
     progress.line(&format!("wrote {} to {}", many(count as u64, "picture"), args.output.display()));

@@ -12,8 +12,8 @@ use trisplat_bake::{
 use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use trisplat_dataset::{Description, tracked_poses::TrackedPoses};
-use trisplat_eval::evaluate::EvalReport;
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
+use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
 use trisplat_scale::{Manifest, MergeReport, task::BlockFigures};
 use trisplat_scene::{

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_eval::{BakedScene, SceneRenderer};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
+use trisplat_job::{BakedScene, SceneRenderer};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera,
     placed,

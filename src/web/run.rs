@@ -10,9 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
-use trisplat_eval::SceneRenderer;
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
-use trisplat_job::{BakeInput, BakeJob, HardenOptions, describe};
+use trisplat_job::{BakeInput, BakeJob, HardenOptions, SceneRenderer, describe};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,

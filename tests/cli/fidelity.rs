@@ -3,10 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_eval::{
-    SceneRenderer,
-    evaluate::{EvalReport, StepScore},
-};
+use trisplat_job::{EvalReport, SceneRenderer, StepScore};
 use trisplat_scene::{image::RgbImage, math::metric};
 
 pub(super) fn sample(name: &str) -> PathBuf {
@@ -262,7 +259,7 @@ fn pictures_are_of_the_asked_kind_and_the_same_every_time() {
     assert_eq!(color[0].size.to_array(), [64, 48]);
     assert_eq!(color, draw("again", &["--dataset", &dataset, "--threads", "1"]));
     let mut kinds = vec![color];
-    for show in ["depth", "normal", "contributions", "random-subset"] {
+    for show in ["depth", "normal", "random-subset"] {
         let pictures = draw(show, &["--dataset", &dataset, "--show", show]);
         assert!(pictures.iter().all(|p| p.rgb.iter().any(|c| *c != p.rgb[0])), "{show} is of one colour");
         assert!(!kinds.contains(&pictures), "{show} is another kind's picture");
@@ -293,8 +290,6 @@ fn what_cannot_be_drawn_says_why() {
     fail(&["eval", &mesh, &dataset, "--as", "soft"], &["mesh.glb", "mesh", "trained soup", "--as solid"]);
     fail(&["render", &mesh, "-o", &out, "--orbit", "1", "--as", "soft"], &["mesh.glb", "trained soup"]);
     fail(&["eval", &mesh, &dataset, "--ssaa", "3"], &["--ssaa", "1, 2 or 4"]);
-    let layers = ["--orbit", "1", "--show", "contributions"];
-    fail(&[&["render", &mesh, "-o", &out][..], &layers].concat(), &["--show", "one layer"]);
     let wires = ["--orbit", "1", "--show", "wires"];
     fail(&[&["render", &soup, "-o", &out][..], &wires].concat(), &["--show", "only a baked file has wires"]);
     let large = ["--orbit", "1", "--width", "16384", "--ssaa", "4"];

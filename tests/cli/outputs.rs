@@ -248,53 +248,6 @@ fn one_of_two_trainings_with_one_output_is_refused_at_once() {
     succeed(run(folder.path(), &train(&["-o", "c.ply"])));
 }
 
-/// The shape and the numbers of a NumPy array of floats.
-fn npy(path: &Path) -> (String, Vec<f32>) {
-    let bytes = std::fs::read(path).unwrap();
-    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
-    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let header = String::from_utf8_lossy(&bytes[10..start]).into_owned();
-    assert!(start.is_multiple_of(64) && header.contains("'<f4'") && header.ends_with('\n'), "{header}");
-    let shape = header.split_once('(').unwrap().1.split_once(')').unwrap().0.to_owned();
-    (shape, bytes[start..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect())
-}
-
-#[test]
-fn floats_beside_a_picture_round_to_it() {
-    let folder = folder();
-    let check = |out: &str, name: &str| {
-        let picture = trisplat_scene::image::RgbImage::load(&folder.path().join(out).join(name)).unwrap();
-        let (shape, floats) = npy(&folder.path().join(out).join(name).with_extension("npy"));
-        assert_eq!(shape, format!("{}, {}, 3, ", picture.size.y, picture.size.x));
-        let codes = picture.rgb.as_flattened();
-        assert_eq!(floats.len(), codes.len());
-        let off =
-            floats.iter().zip(codes).filter(|(f, code)| (f.clamp(0.0, 1.0) * 255.0).round() as u8 != **code);
-        assert!(off.count() <= codes.len() / 10_000, "{out}");
-        let between = floats.iter().filter(|f| ((**f * 255.0).round() - **f * 255.0).abs() > 0.1).count();
-        assert!(between > codes.len() / 100, "{out}: nothing lies between two codes");
-    };
-    for (out, mode) in [("soft", "soft"), ("solid", "solid")] {
-        let render =
-            ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", out, "--as", mode, "--floats"];
-        succeed(run(folder.path(), &[&render[..], &["--backend", "cpu"]].concat()));
-        check(out, "orbit_0000.png");
-    }
-    let depth =
-        ["render", "a.ply", "--orbit", "1", "--width", "64", "-o", "depth", "--show", "depth", "--floats"];
-    succeed(run(folder.path(), &depth));
-    let (shape, depths) = npy(&folder.path().join("depth/orbit_0000.npy"));
-    assert!(
-        shape == "48, 64, " && depths.len() == 48 * 64 && depths.iter().any(|depth| *depth > 0.0),
-        "{shape}"
-    );
-    let eval = ["eval", "a.ply", "photos", "--as", "solid", "--save-renders", "eval", "--floats"];
-    succeed(run(folder.path(), &eval));
-    check("eval", "view_0000.png");
-    let normals = ["render", "a.ply", "--orbit", "1", "-o", "n", "--show", "normal", "--floats"];
-    refused(folder.path(), &normals, &["--floats", "--show color"]);
-}
-
 #[test]
 fn one_of_two_renders_into_one_folder_wins_and_the_other_says_so() {
     let folder = folder();

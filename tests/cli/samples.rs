@@ -5,12 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_bake::{Bake, BakeOptions, Views};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_eval::{
-    SceneRenderer,
-    evaluate::evaluate,
-    steps::{EvalStep, SMALLEST, reread},
-};
-use trisplat_formats::{self as formats, ReadOptions, ply::write_soup};
+use trisplat_formats::{self as formats, OutputOptions, OutputTarget, ReadOptions, ply::write_soup};
+use trisplat_job::EvalJob;
 use trisplat_sample::scenes::{SampleScene, provenance, soup};
 use trisplat_scene::{ImportedScene, Scene};
 
@@ -96,12 +92,12 @@ fn samples() -> PathBuf {
 fn file_psnr(loaded: &ImportedScene, dataset: &Dataset, mut views: Option<Views>) -> f64 {
     let options = BakeOptions::default();
     let asset = Bake::new(&options).photos(views.as_mut()).run([loaded.clone()]).unwrap();
-    let (file, bytes) = reread(&asset, &SMALLEST).unwrap();
-    let (triangles, placement) = (file.mesh.face_count() as u64, file.provenance.placement);
-    let renderer = SceneRenderer::solid(file.mesh, &placement, Some(dataset), [0.0; 3], 4);
-    let mut steps = [EvalStep { name: "file", triangles, bytes: Some(bytes), renderer }];
-    let held_out: Vec<_> = dataset.test().collect();
-    evaluate(&mut steps, &held_out, 1 << 26, &[], false, |_, _, _| Ok(())).unwrap()[0].mean.psnr
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.glb");
+    let smallest = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
+    formats::write(&asset, &file, &smallest).unwrap();
+    let job = EvalJob { coverage: false, ..EvalJob::new(file) };
+    job.run(dataset).unwrap().steps[0].mean.psnr
 }
 
 /// The PSNR of the smallest file of a scene without photos and with them, dB.

@@ -10,7 +10,6 @@
 mod browser;
 mod editors;
 mod engines;
-mod floats;
 #[path = "../common/folders.rs"]
 mod folders;
 mod framing;

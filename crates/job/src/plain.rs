@@ -1,14 +1,15 @@
 //! The plain cases, one call each, with paths as people have them: read, bake, draw, score.
 
 use super::baking::{BakeInput, BakeJob};
-use super::evaluating::EvalJob;
+use super::evaluate::EvalJob;
+use super::renderer::{BakedScene, SceneRenderer};
+use super::scores::Scores;
 use glam::DVec3;
 use std::ops::ControlFlow;
 use std::ops::Deref;
 use std::path::Path;
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::Dataset;
-use trisplat_eval::{BakedScene, SceneRenderer, evaluate::Scores};
 use trisplat_formats::{self as formats, ReadOptions, WrittenFiles, output::OutputOptions};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene, camera::Camera, image::RgbImage, placed,

@@ -1,9 +1,10 @@
 //! A render job: cameras, renderer, pictures.
 
+use super::renderer::{RenderMode, RenderOptions, SceneRenderer};
+use super::steps;
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_eval::{RenderMode, RenderOptions, SceneRenderer, steps};
 use trisplat_formats::{self as formats, Content, splats::cameras};
 use trisplat_raster::{framing::Surroundings, framing::surroundings::up_of};
 use trisplat_scene::{
@@ -85,18 +86,6 @@ impl RenderJob {
             seed: 0,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
-        }
-    }
-
-    /// Refuses kinds of pictures without float values.
-    ///
-    /// Errors: normals, wires and layer counts.
-    pub fn check_values(&self) -> Result<()> {
-        match self.show {
-            PictureKind::Normal | PictureKind::Wires | PictureKind::Contributions => {
-                Err(Error::invalid("floats", "given", "`show` color, depth or random-subset"))
-            }
-            _ => Ok(()),
         }
     }
 
@@ -194,24 +183,9 @@ impl ReadyRender {
         }
     }
 
-    /// A picture as floats, before rounding to 8 bits, and its array shape: sRGB-encoded colours `[H, W, 3]`, or depths z in
-    /// units of the cameras' world `[H, W]`, 0 for empty pixels. The CPU draws it.
-    ///
-    /// Errors: normals, wires and layer counts.
-    pub fn values(&mut self, camera: usize) -> Result<(Vec<u32>, Vec<f32>)> {
-        self.job.check_values()?;
-        let camera = &self.cameras[camera].1;
-        let [width, height] = camera.size.to_array();
-        let renderer = &mut self.renderer;
-        Ok(match self.job.show {
-            PictureKind::Depth => (vec![height, width], renderer.surface_depth(camera)),
-            _ => (vec![height, width, 3], renderer.image(camera, None).pixels.into_flattened()),
-        })
-    }
-
     /// Draws one picture.
     ///
-    /// Errors: layer counts of a solid drawing; depth and normals of Gaussians.
+    /// Errors: wires of a soup; depth and normals of Gaussians.
     pub fn draw(&mut self, camera: usize) -> Result<RgbImage> {
         let camera = &self.cameras[camera].1;
         let renderer = &mut self.renderer;
@@ -220,7 +194,6 @@ impl ReadyRender {
             PictureKind::Depth => renderer.depth(camera),
             PictureKind::Normal => renderer.normal(camera),
             PictureKind::Wires => renderer.wires(camera),
-            PictureKind::Contributions => renderer.contributions(camera),
         }
     }
 }
@@ -239,8 +212,6 @@ pub enum PictureKind {
     Normal,
     /// Edges of the triangles that are seen; baked files only.
     Wires,
-    /// Number of layers per pixel.
-    Contributions,
     /// Colour of some triangles only, so that their shapes can be seen.
     RandomSubset,
 }

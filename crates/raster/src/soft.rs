@@ -8,7 +8,6 @@ mod backward;
 mod block_layers;
 mod broadcast;
 mod camera_space;
-mod contributions;
 mod corners;
 mod forward;
 mod frame;
@@ -165,12 +164,6 @@ impl SoftRasterizer {
     /// triangles differs.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);
-    }
-
-    /// Number of layers drawn on each pixel of the last frame, by drawing its tiles again; options must be
-    /// those of the last [`render`](Self::render). `[height * width]`
-    pub fn contributions(&self, options: &SoftOptions) -> Vec<u32> {
-        contributions::contributions(&self.projection.splats, &self.tiles, options)
     }
 
     /// Wall time of every part of the last frame, ms.

@@ -6,7 +6,6 @@
 mod decode;
 pub mod exif_light;
 mod jpeg;
-pub mod npy;
 mod palette;
 mod png;
 mod shrink;

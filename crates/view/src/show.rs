@@ -1,4 +1,4 @@
-//! Pictures of depth, normals, wires, layers per pixel and errors.
+//! Pictures of depth, normals, wires and errors.
 
 use glam::UVec2;
 use trisplat_raster::{soft::Frame, solid::Visibility};
@@ -56,14 +56,6 @@ pub fn wires(seen: &Visibility, size: UVec2) -> RgbImage {
     // An edge straight across a pixel takes one sample in each row or column, and makes it black.
     let code = |ink: &usize| [255 - (255 * ink / samples).min(255) as u8; 3];
     RgbImage { size, rgb: ink.iter().map(code).collect(), alpha: None }
-}
-
-/// Layers per pixel, from black for none to white for the 99th percentile of pixels with layers.
-pub fn contributions(frame: &Frame, layers: &[u32]) -> RgbImage {
-    let mut seen: Vec<u32> = layers.iter().copied().filter(|&n| n > 0).collect();
-    seen.sort_unstable();
-    let most = seen.get(seen.len().saturating_sub(1) - seen.len() / 100).copied().unwrap_or(1).max(1);
-    picture(frame, |i| ramp((layers[i] as f32 / most as f32).min(1.0)))
 }
 
 /// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.

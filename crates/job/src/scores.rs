@@ -1,19 +1,10 @@
-//! Scores of a scene on photos: draws every view and measures PSNR, SSIM and FLIP. PSNR and SSIM are given
-//! twice: for the drawing itself, and after the affine map of its colours that fits the photo best.
+//! Scores of pictures against photos: PSNR, SSIM and FLIP. PSNR and SSIM are given twice: for the drawing itself,
+//! and after the affine map of its colours that fits the photo best.
 
-use super::steps::EvalStep;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
-use std::time::Instant;
-use trisplat_dataset::{Photos, ShrunkSize, View};
-use trisplat_scene::{
-    Result,
-    image::{Image, RgbImage},
-    math::color_fit::ColorMap,
-    math::metric,
-    report::generator,
-};
+use trisplat_dataset::ShrunkSize;
+use trisplat_scene::{image::RgbImage, math::color_fit::ColorMap, math::metric};
 use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.
@@ -114,76 +105,14 @@ pub struct ScoredPicture {
     pub step: &'static str,
     /// The drawing.
     pub picture: RgbImage,
-    /// The same before it was rounded, sRGB-encoded, where that is wanted.
-    pub image: Option<Image>,
     /// FLIP error of every pixel. `[H * W]`
     pub flip: Vec<f32>,
     /// How close it comes.
     pub score: ImageScore,
 }
 
-/// Draws and measures `views` at every step. Calls `on_view` with each view, its photo and its drawings as
-/// soon as they exist. `covered` flags the covered pixels of each view; empty if coverage is off. With
-/// `floats` drawings are there before they are rounded, too. Returns the scores, step by step.
-pub fn evaluate(
-    steps: &mut [EvalStep],
-    views: &[&View],
-    photo_bytes: u64,
-    covered: &[Vec<bool>],
-    floats: bool,
-    mut on_view: impl FnMut(&View, &RgbImage, &[ScoredPicture]) -> Result<()>,
-) -> Result<Vec<StepScore>> {
-    for step in &*steps {
-        views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
-    }
-    let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
-    photos.prefetch(0..views.len());
-    let mut images: Vec<Vec<ImageScore>> = steps.iter().map(|_| Vec::new()).collect();
-    let mut secs = vec![0.0; steps.len()];
-    for (i, view) in views.iter().enumerate() {
-        let photo = photos.take(i)?;
-        let mut drawn = Vec::with_capacity(steps.len());
-        let cut = view.photo.is_cut() && photo.alpha.is_some();
-        for (step, secs) in steps.iter_mut().zip(&mut secs) {
-            let clock = Instant::now();
-            let mut draw = |background| step.renderer.color_over(&view.camera, background);
-            let mut drawing = match cut {
-                false => measure(step.name, &view.name, &photo, draw(None)),
-                true => measure_cut(step.name, &view.name, &photo, |background| draw(Some(background))),
-            };
-            *secs += clock.elapsed().as_secs_f64();
-            drawing.image = floats.then(|| step.renderer.image(&view.camera, cut.then_some([0.0; 3])));
-            if let Some(covered) = covered.get(i) {
-                drawing.measure_covered(&photo, covered);
-            }
-            drawn.push(drawing);
-        }
-        on_view(view, &photo, &drawn)?;
-        images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
-    }
-    let mut scores: Vec<StepScore> = Vec::with_capacity(steps.len());
-    for ((step, images), draw_secs) in steps.iter().zip(images).zip(secs) {
-        let mean = mean(images.iter().map(|image| &image.score));
-        let change = scores.last().map(|before| mean.minus(&before.mean));
-        let psnr_covered = mean_of(images.iter().filter_map(|image| image.psnr_covered));
-        let (name, triangles, bytes) = (step.name.to_owned(), step.triangles, step.bytes);
-        let splats = step.renderer.splat_count();
-        scores.push(StepScore {
-            name,
-            triangles,
-            splats,
-            bytes,
-            mean,
-            psnr_covered,
-            change,
-            images,
-            draw_secs,
-        });
-    }
-    Ok(scores)
-}
-
-fn measure(step: &'static str, name: &str, photo: &RgbImage, picture: RgbImage) -> ScoredPicture {
+/// Scores a drawing of a photo.
+pub(super) fn measure(step: &'static str, name: &str, photo: &RgbImage, picture: RgbImage) -> ScoredPicture {
     let weights = photo.alpha.as_deref();
     let map = ColorMap::fit(&picture.rgb, &photo.rgb, weights);
     measure_with(step, name, photo, picture, |picture| map.of(&picture.rgb))
@@ -205,12 +134,12 @@ fn measure_with(
     let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
     let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
-    ScoredPicture { step, picture, image: None, flip, score }
+    ScoredPicture { step, picture, flip, score }
 }
 
 /// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
 /// that over black. Colours are corrected on the object, not on the background.
-fn measure_cut(
+pub(super) fn measure_cut(
     step: &'static str,
     name: &str,
     photo: &RgbImage,
@@ -242,7 +171,7 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
 
 impl ScoredPicture {
     /// Adds the scores of the covered pixels; the photo's alpha is the weight of each pixel.
-    fn measure_covered(&mut self, photo: &RgbImage, covered: &[bool]) {
+    pub(super) fn measure_covered(&mut self, photo: &RgbImage, covered: &[bool]) {
         let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
         let weights: Vec<u8> =
             covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();
@@ -256,13 +185,13 @@ impl ScoredPicture {
 }
 
 /// `None` of none.
-fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
+pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The mean of some scores; zeros without any.
-fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores {
+pub(super) fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores {
     let count = scores.len().max(1) as f64;
     let mean = |of: fn(&Scores) -> f64| scores.clone().map(of).sum::<f64>() / count;
     Scores {
@@ -275,32 +204,13 @@ fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores
 }
 
 impl Scores {
-    fn minus(&self, before: &Self) -> Self {
+    pub(super) fn minus(&self, before: &Self) -> Self {
         Self {
             psnr: self.psnr - before.psnr,
             ssim: self.ssim - before.ssim,
             flip: self.flip - before.flip,
             psnr_corrected: self.psnr_corrected - before.psnr_corrected,
             ssim_corrected: self.ssim_corrected - before.ssim_corrected,
-        }
-    }
-}
-
-impl EvalReport {
-    /// A report of scores.
-    pub fn new(file: &Path, dataset: &Path, split: &str, ssaa: u32, steps: Vec<StepScore>) -> Self {
-        let images = steps.first().map_or(&[][..], |step| &step.images);
-        let coverage = mean_of(images.iter().filter_map(|image| image.coverage));
-        Self {
-            generator: generator(),
-            file: file.display().to_string(),
-            dataset: dataset.display().to_string(),
-            split: split.to_owned(),
-            ssaa,
-            photo_size: None,
-            coverage,
-            steps,
-            warnings: Vec::new(),
         }
     }
 }

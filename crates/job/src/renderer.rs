@@ -1,19 +1,17 @@
-//! Draws one scene for many cameras, soft, solid or as Gaussians, with any placement of its file.
+//! Draws one scene for many cameras: soft, solid or as Gaussians.
 
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
+use trisplat_bake::{BakeOptions, TeacherOptions, bake};
 use trisplat_dataset::Dataset;
 use trisplat_raster::{
     gaussian::{self, GaussianOptions},
-    soft::{Frame, SoftOptions, SoftRasterizer, SoftWork, SoupRef},
+    soft::{Frame, SoftOptions, SoftRasterizer, SoupRef},
     solid::{NO_FACE, SolidRasterOptions, SolidRasterizer},
 };
 use trisplat_scene::{
-    Error, Limits, Placement, Result, SceneNormalization, Soup, Splats,
-    camera::Camera,
-    image::{Image, RgbImage},
-    mesh::Mesh,
-    placed,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup, Splats,
+    camera::Camera, image::RgbImage, mesh::Mesh, placed,
 };
 #[cfg(feature = "gpu")]
 use trisplat_train::CardScene;
@@ -188,20 +186,6 @@ impl SceneRenderer {
         }
     }
 
-    /// Skipped work of soft drawings, one share per kind, for example "layers=31%"; empty for solid ones.
-    pub fn skipped(&mut self, cameras: &[Camera]) -> Vec<String> {
-        let Self::Soft(scene) = self else { return Vec::new() };
-        let mut sum = SoftWork::default();
-        for camera in cameras {
-            let camera = scene.space.camera_to_training(camera);
-            let soup = SoupRef::from(&scene.soup);
-            if let Some(work) = scene.soft.work(&soup, &camera, &scene.options) {
-                sum += work;
-            }
-        }
-        sum.labels()
-    }
-
     /// Checks that a picture of `size` can be drawn and is within `limits`.
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;
@@ -217,30 +201,6 @@ impl SceneRenderer {
             Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
             Self::Splats(scene) => show::color(&scene.draw(camera)),
-        }
-    }
-
-    /// What the camera sees before it is rounded to 8 bits, sRGB-encoded, over its own background or another; always drawn by the CPU.
-    pub fn image(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> Image {
-        let own = background.map(|background| self.set_background(background));
-        let image = self.own_image(camera);
-        if let Some(own) = own {
-            self.set_background(own);
-        }
-        image
-    }
-
-    fn own_image(&mut self, camera: &Camera) -> Image {
-        match self {
-            Self::Soft(scene) => {
-                let frame = scene.draw(camera, false);
-                Image { size: frame.size, pixels: frame.rgb.clone() }
-            }
-            Self::Solid(scene) => scene.solid.render_image(&scene.mesh, camera, &scene.options),
-            Self::Splats(scene) => {
-                let frame = scene.draw(camera);
-                Image { size: frame.size, pixels: frame.rgb }
-            }
         }
     }
 
@@ -272,29 +232,16 @@ impl SceneRenderer {
         self.geometry(camera).map(show::normal)
     }
 
-    /// The edges of what is seen; see [`show::wires`]. Fails for soups and Gaussians, which fade at their edges.
+    /// The edges of what is seen; see [`show::wires`]. Fails for soups and Gaussians.
     pub fn wires(&mut self, camera: &Camera) -> Result<RgbImage> {
         let Self::Solid(scene) = self else {
             return Err(Error::invalid(
                 "show",
                 "wires",
-                "color, depth, normal, contributions or random-subset: only a baked file has wires",
+                "color, depth, normal or random-subset: only a baked file has wires",
             ));
         };
         Ok(show::wires(scene.solid.visibility(&scene.mesh, camera, &scene.options), camera.size))
-    }
-
-    /// The number of layers of each pixel; see [`show::contributions`]. Fails for a mesh, which has one
-    /// everywhere.
-    pub fn contributions(&mut self, camera: &Camera) -> Result<RgbImage> {
-        let Self::Soft(scene) = self else {
-            let wants =
-                "color, depth, normal, wires or random-subset: a solid drawing has one layer everywhere";
-            return Err(Error::invalid("show", "contributions", wants));
-        };
-        scene.draw(camera, false);
-        let layers = scene.soft.contributions(&scene.options);
-        Ok(show::contributions(scene.soft.frame(), &layers))
     }
 
     /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
@@ -398,6 +345,37 @@ impl SolidScene {
             self.frame.normal.push(if nothing { [0.0; 3] } else { normal(*face) });
         }
         &self.frame
+    }
+}
+
+/// A scene baked in memory, ready for drawing.
+#[derive(Debug)]
+pub struct BakedScene {
+    /// Y-up, in chunks, in order.
+    pub asset: Asset,
+    /// The input, if it was a soup.
+    pub soup: Option<Soup>,
+    /// The bake's placement, in the file's frame.
+    pub bake_placement: Placement,
+}
+
+impl BakedScene {
+    /// Bakes with the default preset and unchanged colours. Errors: see [`bake()`].
+    pub fn new(loaded: ImportedScene) -> Result<Self> {
+        let file_placement = loaded.provenance.placement;
+        let soup = match &loaded.scene {
+            Scene::Soup(soup) => Some(soup.clone()),
+            Scene::Mesh(_) => None,
+        };
+        let options = BakeOptions { teacher: TeacherOptions::OFF, ..BakeOptions::DEFAULT };
+        let asset = bake(loaded, &options)?;
+        let bake_placement = file_placement.inverse().then(&asset.provenance.placement);
+        Ok(Self { asset, soup, bake_placement })
+    }
+
+    /// A camera of the source's world, given relative to its point `origin`, in the frame of the asset.
+    pub fn place(&self, camera: &Camera, origin: DVec3) -> Camera {
+        placed::to_file(camera, &self.asset.provenance.placement, origin)
     }
 }
 

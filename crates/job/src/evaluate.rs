@@ -1,14 +1,14 @@
 //! An evaluation job, from options to report: photos, forms of the scene, coverage, scores.
 
+use super::coverage;
+use super::renderer::RenderOptions;
+use super::scores::{self, EvalReport, ImageScore, ScoredPicture, StepScore};
+use super::steps::{self, EvalStep};
 use std::path::PathBuf;
-use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_eval::{
-    RenderOptions, coverage,
-    evaluate::{self, EvalReport, ScoredPicture},
-    steps::{self, EvalStep},
-};
+use std::time::Instant;
+use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, Split, View};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::{Result, image::RgbImage};
+use trisplat_scene::{Result, image::RgbImage, report::generator};
 use trisplat_train::BackendOptions;
 
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
@@ -42,8 +42,6 @@ pub struct EvalJob {
     pub split: Split,
     /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo. Gaussians have no surface, so theirs is not measured.
     pub coverage: bool,
-    /// Also return drawings as floats, before rounding to 8 bits.
-    pub floats: bool,
     /// Backend for soft drawings.
     pub backend: BackendOptions,
     /// Options that the data set was read with.
@@ -68,7 +66,6 @@ impl EvalJob {
             render: RenderOptions::default(),
             split: Split::default(),
             coverage: true,
-            floats: false,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
         }
@@ -133,27 +130,88 @@ impl<'a> ReadyEval<'a> {
     /// Errors: photos that cannot be decoded; those of `on_view`.
     pub fn run(
         mut self,
-        mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
+        on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
-        let covered = match self
-            .steps
-            .first_mut()
-            .filter(|step| self.job.coverage && step.renderer.splat_count().is_none())
-        {
-            Some(step) => {
+        let first = &mut self.steps[0].renderer;
+        let covered = match self.job.coverage && first.splat_count().is_none() {
+            true => {
                 let training: Vec<&View> = self.dataset.train().collect();
-                let depth = |camera: &_| step.renderer.surface_depth(camera);
-                coverage::covered(&self.views, &training, photo_bytes, depth)
+                coverage::covered(&self.views, &training, photo_bytes, |camera| first.surface_depth(camera))
             }
-            None => Vec::new(),
+            false => Vec::new(),
         };
-        let (steps, views) = (&mut self.steps, &self.views);
-        let on_view = |_: &View, photo: &RgbImage, drawn: &[ScoredPicture]| on_view(photo, drawn);
-        let scores = evaluate::evaluate(steps, views, photo_bytes, &covered, self.job.floats, on_view)?;
-        let (split, ssaa) = (self.job.split.name(), self.job.render.ssaa);
-        let report = EvalReport::new(&self.job.file, &self.dataset.path, split, ssaa, scores);
-        let photo_size = ShrunkSize::of(self.views.iter().copied());
-        Ok(EvalReport { warnings: self.warnings, photo_size, ..report })
+        let steps = self.scores(photo_bytes, &covered, on_view)?;
+        let images = steps.first().map_or(&[][..], |step| &step.images);
+        Ok(EvalReport {
+            generator: generator(),
+            file: self.job.file.display().to_string(),
+            dataset: self.dataset.path.display().to_string(),
+            split: self.job.split.name().to_owned(),
+            ssaa: self.job.render.ssaa,
+            photo_size: ShrunkSize::of(self.views.iter().copied()),
+            coverage: scores::mean_of(images.iter().filter_map(|image| image.coverage)),
+            steps,
+            warnings: self.warnings,
+        })
+    }
+
+    /// The scores, step by step. `covered` flags the covered pixels of each view; empty if coverage is off.
+    fn scores(
+        &mut self,
+        photo_bytes: u64,
+        covered: &[Vec<bool>],
+        mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
+    ) -> Result<Vec<StepScore>> {
+        let views = &self.views;
+        for step in &self.steps {
+            views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
+        }
+        let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
+        photos.prefetch(0..views.len());
+        let mut images: Vec<Vec<ImageScore>> = vec![Vec::new(); self.steps.len()];
+        let mut secs = vec![0.0; self.steps.len()];
+        for (i, view) in views.iter().enumerate() {
+            let photo = photos.take(i)?;
+            let mut drawn = Vec::with_capacity(self.steps.len());
+            for (step, secs) in self.steps.iter_mut().zip(&mut secs) {
+                let clock = Instant::now();
+                let mut drawing = step.measured(view, &photo);
+                *secs += clock.elapsed().as_secs_f64();
+                if let Some(covered) = covered.get(i) {
+                    drawing.measure_covered(&photo, covered);
+                }
+                drawn.push(drawing);
+            }
+            on_view(&photo, &drawn)?;
+            images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
+        }
+        let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
+        for ((step, images), draw_secs) in self.steps.iter().zip(images).zip(secs) {
+            let mean = scores::mean(images.iter().map(|image| &image.score));
+            scores.push(StepScore {
+                name: step.name.to_owned(),
+                triangles: step.triangles,
+                splats: step.renderer.splat_count(),
+                bytes: step.bytes,
+                mean,
+                psnr_covered: scores::mean_of(images.iter().filter_map(|image| image.psnr_covered)),
+                change: scores.last().map(|before| mean.minus(&before.mean)),
+                images,
+                draw_secs,
+            });
+        }
+        Ok(scores)
+    }
+}
+
+impl EvalStep {
+    /// Draws a view and measures it against its photo; objects over black and over white.
+    fn measured(&mut self, view: &View, photo: &RgbImage) -> ScoredPicture {
+        let mut draw = |background| self.renderer.color_over(&view.camera, background);
+        match view.photo.is_cut() && photo.alpha.is_some() {
+            false => scores::measure(self.name, &view.name, photo, draw(None)),
+            true => scores::measure_cut(self.name, &view.name, photo, |color| draw(Some(color))),
+        }
     }
 }

@@ -9,9 +9,9 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::parallel;
 
 /// Least training photos for a covered pixel: with fewer, its depth is a guess.
-pub const LEAST_PHOTOS: u8 = 2;
+const LEAST_PHOTOS: u8 = 2;
 /// A surface in front of a point hides it only if nearer by more than this share of the depth.
-pub const DEPTH_TOLERANCE: f32 = 0.02;
+const DEPTH_TOLERANCE: f32 = 0.02;
 /// A depth and a count.
 const BYTES_PER_PIXEL: u64 = 5;
 
@@ -21,7 +21,7 @@ const BYTES_PER_PIXEL: u64 = 5;
 /// `depth` draws the scene for a camera: the depth z of its surface at every pixel, 0 where there is none.
 /// `[H * W]` The depths of the views take at most `max_bytes`, or those of one view. If all take more, the
 /// photos are drawn once per group of views.
-pub fn covered(
+pub(super) fn covered(
     views: &[&View],
     training: &[&View],
     max_bytes: u64,

@@ -4,7 +4,7 @@
 //! soft (as trained) ──► solid (baked, in memory) ──► file (quantised, written, read back)
 //! ```
 
-use crate::render::scene_renderer::{RenderMode, RenderOptions, SceneRenderer};
+use super::renderer::{RenderMode, RenderOptions, SceneRenderer};
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_bake::{BakeOptions, bake};
@@ -19,7 +19,7 @@ use trisplat_scene::{
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
-pub struct EvalStep {
+pub(super) struct EvalStep {
     /// "soft", "solid", "file" or "splats".
     pub name: &'static str,
     /// Number of triangles.
@@ -32,7 +32,7 @@ pub struct EvalStep {
 
 /// The steps of the scene of `path`. A mesh has one, solid; a soup has those of `options`, by default all
 /// three.
-pub fn steps(
+pub(super) fn steps(
     path: &Path,
     loaded: ImportedScene,
     options: &RenderOptions,
@@ -71,7 +71,7 @@ pub fn steps(
 /// The one step of Gaussians, which are drawn as their trainers draw them.
 ///
 /// Errors: a mode of drawing triangles.
-pub fn steps_of_splats(
+pub(super) fn steps_of_splats(
     loaded: ImportedSplats,
     options: &RenderOptions,
     dataset: &Dataset,
@@ -84,7 +84,7 @@ pub fn steps_of_splats(
 }
 
 /// Refuses modes that only triangles have.
-pub fn check_splats(options: &RenderOptions) -> Result<()> {
+pub(super) fn check_splats(options: &RenderOptions) -> Result<()> {
     match options.mode {
         Some(_) => Err(Error::invalid("as", "given", "no value for Gaussians, which are drawn in one way")),
         None => Ok(()),
@@ -92,22 +92,22 @@ pub fn check_splats(options: &RenderOptions) -> Result<()> {
 }
 
 /// The error of a mesh where only a soup can be drawn.
-pub fn no_soup(path: &Path) -> Error {
+pub(super) fn no_soup(path: &Path) -> Error {
     let reason =
         "is a mesh, baked already; give the trained soup it was baked from (.ply or .pt), or `as` solid";
     Error::unsupported(path, reason)
 }
 
 /// A soup baked with default options.
-pub fn baked(loaded: ImportedScene) -> Result<Asset> {
+pub(super) fn baked(loaded: ImportedScene) -> Result<Asset> {
     bake(loaded, &BakeOptions::DEFAULT)
 }
 
 /// The smallest file we write: 16-bit positions, 8-bit colours, meshopt.
-pub const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
+const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
 
 /// The asset after it was written as GLB and read back; and the size of that file.
-pub fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
+fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let folder = tempfile::tempdir().map_err(Error::temporary)?;
     let path = folder.path().join("scene.glb");
     let output = Output::plan(&path, None, options, false)?;
