@@ -33,7 +33,8 @@ run() {
     (
         cd "$work/$name"
         find . -name '*.json' ! -name '*.tileset.json' -path '*report*' -exec python3 -c "$plain_report" {} +
-        find . -type f | LC_ALL=C sort | while read -r file; do
+        # The notes of a run in its work folder contain times.
+        find . -type f ! -path './work/*.json' | LC_ALL=C sort | while read -r file; do
             printf '%-64s %s\n' "$threads/$name/${file#./}" "$(sha256sum <"$file" | cut -c1-64)"
         done
     )
@@ -85,7 +86,6 @@ trainings() {
     run render-soft render "$work/train-soft-outdoor/scene.ply" -o pictures --orbit 3 --width 120 --as soft
     run eval-soft eval "$work/train-soft-outdoor/scene.ply" "$samples/dataset" --report report.json
     run make make "$samples/dataset" -o made.glb --steps 400 --work work
-    # What belongs to the run and not to its result.
     run plan plan "$samples/dataset" -o plan --blocks 2
 }
 
