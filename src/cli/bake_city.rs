@@ -9,12 +9,12 @@ use super::outputs::Outputs;
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
-use trisplat_scale::{Blocks, manifest, tileset};
+use trisplat_scale::{Blocks, NAME, bake_tiles};
 use trisplat_scene::{Error, Result};
 
 /// Whether a path is a plan of a scene in blocks, or its folder.
 pub(super) fn is_plan(path: &Path) -> bool {
-    path.join(manifest::NAME).is_file() || path.file_name().is_some_and(|name| name == manifest::NAME)
+    path.join(NAME).is_file() || path.file_name().is_some_and(|name| name == NAME)
 }
 
 /// Bakes the blocks of `plan`.
@@ -39,12 +39,12 @@ pub(super) fn run(
             messages::print(&format!("block {index}: {}", many(triangles, "triangle")));
         }
     };
-    let done = tileset::bake_tiles(&blocks, &args.output, &options, &mut say)?;
+    let done = bake_tiles(&blocks, &args.output, &options, &mut say)?;
     if !global.quiet {
         let (out, folder) = (args.output.display(), done.folder.display());
         let (triangles, bytes) = (many(done.triangles, "triangle"), thousands(done.bytes));
         let seconds = clock.elapsed().as_secs_f64();
-        let count = many(blocks.len() as u64, "block");
+        let count = many(blocks.count() as u64, "block");
         messages::print(&format!(
             "wrote {out} and {folder}: {triangles} of {count} ({bytes} bytes, {seconds:.2} s)"
         ));

@@ -16,10 +16,7 @@ use std::process::ExitCode;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scale::{
-    Manifest, PlanOptions, Planner,
-    manifest::{Expected, NAME},
-    plan::{check, find_coarse, keep_coarse},
-    status, task,
+    Expected, Manifest, NAME, PlanOptions, Planner, check, find_coarse, keep_coarse, status, unnamed,
 };
 use trisplat_scene::{Error, ImportedScene, Result, layered::Layers};
 use trisplat_train::{BackendOptions, OpenRun, RunOptions, TrainOptions, TrainRun, checkpoint};
@@ -180,7 +177,7 @@ fn train_coarse(
     bar.line("training the coarse scene");
     card.iter().for_each(|card| bar.line(&format!("training on {card}")));
     warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
-    let trained = task::unnamed(run.finish(&mut |event| bar.tell(event))?);
+    let trained = unnamed(run.finish(&mut |event| bar.tell(event))?);
     let lost = bar.done();
     match (trained.stopped, &trained.checkpoint) {
         (true, Some(_)) => {
@@ -232,10 +229,10 @@ fn summary(manifest: &Manifest, city: &Path) -> String {
 fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()> {
     let limits = &args.dataset_options.limits;
     let (manifest, folder) = Manifest::read(city, limits)?;
-    let rows = status::status(&manifest, &folder, limits)?;
+    let rows = status(&manifest, &folder, limits)?;
     let mut text = String::from("block  state    photos  steps  expected CPU s  CPU s  peak MB  triangles\n");
-    for (i, (row, block)) in rows.iter().zip(&manifest.blocks).enumerate() {
-        let took = row.figures.as_ref().map_or(String::new(), |f| {
+    for (i, ((state, figures), block)) in rows.iter().zip(&manifest.blocks).enumerate() {
+        let took = figures.as_ref().map_or(String::new(), |f| {
             format!(
                 "  {:>5.0}  {:>7.0}  {:>9}",
                 f.cpu_secs,
@@ -245,11 +242,11 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
         });
         let steps = block.steps - block.first_step;
         let (photos, expected) = (block.photos.len(), block.expected.cpu_secs);
-        text +=
-            &format!("{i:>5}  {:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}{took}\n", row.state.name());
+        text += &format!("{i:>5}  {state:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}{took}\n");
     }
-    let done = rows.iter().filter(|row| row.state == status::BlockState::Done).count();
-    let spent = rows.iter().filter_map(|row| Some(row.figures.as_ref()?.cpu_secs)).fold(0.0, |a, b| a + b);
+    let done = rows.iter().filter(|(state, _)| *state == "done").count();
+    let spent =
+        rows.iter().filter_map(|(_, figures)| Some(figures.as_ref()?.cpu_secs)).fold(0.0, |a, b| a + b);
     text += &format!("{done} of {} done, {spent:.0} CPU s\n", many(rows.len() as u64, "block"));
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }

@@ -15,7 +15,7 @@ use trisplat_dataset::{Description, tracked_poses::TrackedPoses};
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
-use trisplat_scale::{Manifest, MergeReport, task::BlockFigures};
+use trisplat_scale::{BlockFigures, Manifest, MergeReport};
 use trisplat_scene::{
     Error, Result,
     report::{Report, stage_schema},

@@ -230,17 +230,12 @@ fn blocks_become_one_scene_and_one_tileset() {
     (0..3).for_each(|i| drop(succeed(folder.path(), &["train", "--block", &format!("city:{i}")])));
     let status = run(folder.path(), &["plan", "--status", "city"]);
     assert!(String::from_utf8_lossy(&status.stdout).contains("3 of 3 blocks done"));
-    succeed(folder.path(), &["merge", "city", "-o", "city.ply", "--report", "merge.json", "--evaluate"]);
+    succeed(folder.path(), &["merge", "city", "-o", "city.ply", "--report", "merge.json"]);
     let report: Value = serde_json::from_slice(&bytes(folder.path(), "merge.json")).unwrap();
     let total = |key: &str| {
         report["blocks"].as_array().unwrap().iter().map(|b| b[key].as_u64().unwrap()).sum::<u64>()
     };
     assert!(total("owned") == report["triangles"] && total("left_out") > 0, "{report}");
-    let quality = &report["quality"][0];
-    assert!(
-        quality["psnr"].as_f64().unwrap() > 6.0 && quality["seams_share"].as_f64().unwrap() > 0.001,
-        "{quality}"
-    );
 
     // Every triangle is owned once: as many as there are in the file, in as many places.
     let options = trisplat::ReadOptions::default();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use trisplat_capture::camera_files;
 use trisplat_dataset::Dataset;
 use trisplat_formats as formats;
-use trisplat_scale::{Manifest, manifest};
+use trisplat_scale::{Manifest, NAME};
 use trisplat_scene::Limits;
 
 /// `path` and every file that it names, whatever it is: a scene with its buffers, materials and pictures; a data set with its
@@ -13,8 +13,8 @@ use trisplat_scene::Limits;
 /// with its photos and videos. What cannot be read names nothing.
 pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned()];
-    let is_plan = path.join(manifest::NAME).is_file()
-        || path.is_file() && path.file_name().is_some_and(|name| name == manifest::NAME);
+    let is_plan =
+        path.join(NAME).is_file() || path.is_file() && path.file_name().is_some_and(|name| name == NAME);
     if let Some((plan, folder)) = is_plan.then(|| Manifest::read(path, limits).ok()).flatten() {
         files.extend(plan.files(&folder));
         files.extend(Dataset::files(&plan.dataset_path(&folder), &plan.dataset_options.images, limits));

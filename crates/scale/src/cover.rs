@@ -1,13 +1,14 @@
-//! What a photo shows of each block, by drawing the coarse scene as the photo's camera sees it.
+//! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped to the part that shows it.
 
-use super::cells::Cells;
-use super::manifest::Block;
+use super::manifest::{Block, BlockPhoto};
+use super::options::PlanOptions;
 use super::region::{Region, middle};
-use glam::{UVec2, Vec3};
-use std::sync::atomic::{AtomicBool, Ordering};
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::ops::Range;
+use trisplat_dataset::View;
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{SceneNormalization, Soup, camera::Camera, sh0_from_rgb};
+use trisplat_scene::{Error, Result, SceneNormalization, Soup, camera::Camera, sh0_from_rgb};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;
@@ -19,6 +20,13 @@ const LEFT_OUT: f32 = 0.005;
 const MARGIN_PX: f32 = 8.0;
 /// Corners of crops are multiples of this, px, so that they stay integers when photos are halved twice.
 const ALIGNED_PX: u32 = 4;
+
+/// A block with fewer photos than this gets those that show most of it, however little: one photo gives no depth.
+const FEWEST_PHOTOS: usize = 3;
+/// Triangles of a cell: the box of fewer is looked at as long as they are drawn.
+const CELL: usize = 64;
+/// What is farther outside a picture leaves no trace in it: windows and filters reach less far, px.
+const REACH_PX: f32 = 8.0;
 
 /// A coarse scene that photos show.
 pub(super) struct Coverage<'a> {
@@ -33,7 +41,7 @@ pub(super) struct Coverage<'a> {
 
 /// What a thread draws with: the triangles that one camera may see.
 #[derive(Default)]
-pub(super) struct Brush {
+struct Brush {
     soft: SoftRasterizer,
     soup: Soup,
     /// Their numbers in the scene.
@@ -46,12 +54,66 @@ pub(super) struct Brush {
 
 /// What a photo shows of a block.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SeenBlock {
-    pub(super) block: usize,
+struct SeenBlock {
+    block: usize,
     /// Share of the photo that shows the block's core.
-    pub(super) cover: f32,
+    cover: f32,
     /// The part of the photo that shows core and halo: upper left corner and size, px.
-    pub(super) part: (UVec2, UVec2),
+    part: (UVec2, UVec2),
+}
+
+/// Gives each of `blocks` its photos among `views`; one that no photo shows has none.
+///
+/// Errors: no photo shows any.
+pub(super) fn assign(
+    blocks: &mut [Block],
+    views: &[&View],
+    coverage: &Coverage<'_>,
+    options: &PlanOptions,
+) -> Result<()> {
+    let min_cover = options.min_cover as f32;
+    // Those that show too little of a block are known too, for blocks that have no others.
+    let mut shown: Vec<Vec<(usize, SeenBlock)>> = vec![Vec::new(); blocks.len()];
+    let looks: Vec<Vec<SeenBlock>> = parallel::map_with(views, Brush::default, |brush, _, view| {
+        coverage.look(brush, &view.camera, blocks, 0.1 * min_cover)
+    });
+    for (photo, looks) in looks.into_iter().enumerate() {
+        looks.into_iter().for_each(|seen| shown[seen.block].push((photo, seen)));
+    }
+    for (block, mut views) in blocks.iter_mut().zip(shown) {
+        views.sort_by(|(a, x), (b, y)| y.cover.total_cmp(&x.cover).then(a.cmp(b)));
+        let enough = views.partition_point(|(_, seen)| seen.cover >= min_cover);
+        let most = if options.block_photos == 0 { usize::MAX } else { options.block_photos as usize };
+        views.truncate(enough.max(FEWEST_PHOTOS).min(most.max(FEWEST_PHOTOS)));
+        views.sort_by_key(|(photo, _)| *photo);
+        let block_photo = |(photo, SeenBlock { cover, part: (corner, size), .. })| BlockPhoto {
+            photo: photo as u32,
+            part: [corner.x, corner.y, size.x, size.y],
+            // Digits beyond these say nothing.
+            cover: (cover * 1e4).round() / 1e4,
+        };
+        block.photos = views.into_iter().map(block_photo).collect();
+    }
+    if blocks.iter().all(|block| block.photos.is_empty()) {
+        let wants = "photos that show the coarse scene: none shows any block";
+        return Err(Error::invalid("data set", "its cameras", wants));
+    }
+    Ok(())
+}
+
+/// Which triangles of the coarse scene the cropped photos of a block show. `[N]`
+pub(super) fn visible(block: &Block, views: &[&View], coverage: &Coverage<'_>) -> Result<Vec<bool>> {
+    let look = |brush: &mut Brush, _, photo: &BlockPhoto| -> Result<Vec<u32>> {
+        let (corner, size) = photo.corner_and_size();
+        coverage.draw(brush, &views[photo.photo as usize].cropped(corner, size)?.camera);
+        let weighed = brush.numbers.iter().zip(&brush.importance.max_weight);
+        Ok(weighed.filter(|(_, weight)| **weight >= LEAST_WEIGHT).map(|(number, _)| *number).collect())
+    };
+    let mut visible = vec![false; coverage.middles.len()];
+    for seen in parallel::map_with(&block.photos, Brush::default, look) {
+        seen?.iter().for_each(|number| visible[*number as usize] = true);
+    }
+    Ok(visible)
 }
 
 impl<'a> Coverage<'a> {
@@ -74,13 +136,7 @@ impl<'a> Coverage<'a> {
     }
 
     /// Which blocks `camera`, that of a whole photo, sees with at least `min_cover` of its picture.
-    pub(super) fn look(
-        &self,
-        brush: &mut Brush,
-        camera: &Camera,
-        blocks: &[Block],
-        min_cover: f32,
-    ) -> Vec<SeenBlock> {
+    fn look(&self, brush: &mut Brush, camera: &Camera, blocks: &[Block], min_cover: f32) -> Vec<SeenBlock> {
         let small = self.draw(brush, camera);
         let pixels = small.size.element_product() as f32;
         let mut cover = vec![0.0; blocks.len()];
@@ -100,16 +156,6 @@ impl<'a> Coverage<'a> {
             }
         }
         seen_blocks
-    }
-
-    /// Marks the triangles that `camera` sees.
-    pub(super) fn mark_visible(&self, brush: &mut Brush, camera: &Camera, visible: &[AtomicBool]) {
-        self.draw(brush, camera);
-        for (i, weight) in brush.numbers.iter().zip(&brush.importance.max_weight) {
-            if *weight >= LEAST_WEIGHT {
-                visible[*i as usize].store(true, Ordering::Relaxed);
-            }
-        }
     }
 
     /// Draws what the camera may see small and weighs its triangles; returns the camera of the drawing.
@@ -206,6 +252,85 @@ pub(super) fn owners(middles: &[Vec3], cores: &[Region]) -> Vec<u32> {
 /// The middles of a soup's triangles.
 pub(super) fn middles(soup: &Soup) -> Vec<Vec3> {
     parallel::collect(soup.len(), GRAIN, |i| middle(&soup.vertices[i]))
+}
+
+/// Triangles, neighbours beside each other, and the box around each run of them.
+struct Cells {
+    /// The triangles, in that order.
+    soup: Soup,
+    /// Their numbers in the scene. `[N]`
+    numbers: Vec<u32>,
+    /// Middle and half extent of each cell's box.
+    boxes: Vec<[Vec3; 2]>,
+}
+
+impl Cells {
+    /// Of a soup that is changed before it is drawn; `middles` are those of its triangles.
+    fn new(soup: &Soup, middles: &[Vec3], change: impl FnOnce(&mut Soup)) -> Self {
+        let mut numbers: Vec<u32> = (0..soup.len() as u32).collect();
+        halve(middles, &mut numbers);
+        let order: Vec<usize> = numbers.iter().map(|i| *i as usize).collect();
+        let mut soup = soup.picked(&order);
+        change(&mut soup);
+        let around = |corners: &[[Vec3; 3]]| {
+            let corners = corners.as_flattened().iter();
+            let low = corners.clone().fold(Vec3::INFINITY, |a, b| a.min(*b));
+            let high = corners.fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
+            [(low + high) / 2.0, (high - low) / 2.0]
+        };
+        let boxes = soup.vertices.chunks(CELL).map(around).collect();
+        Self { soup, numbers, boxes }
+    }
+
+    /// The triangles of the cells that `camera` may have in its picture, as runs of neighbouring cells.
+    fn within(&self, camera: &Camera) -> Vec<Range<usize>> {
+        let sides = sides(camera);
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        for (cell, [middle, half]) in self.boxes.iter().enumerate() {
+            let at = camera.rotation * *middle + camera.translation;
+            // What is not finite is in every picture.
+            if sides.iter().any(|(side, reach)| side.dot(at) < -reach.dot(*half)) {
+                continue;
+            }
+            let triangles = cell * CELL..((cell + 1) * CELL).min(self.numbers.len());
+            match runs.last_mut() {
+                Some(last) if last.end == triangles.start => last.end = triangles.end,
+                _ => runs.push(triangles),
+            }
+        }
+        runs
+    }
+}
+
+/// Puts neighbours beside each other: in halves across the longest extent, again and again. Halves are whole cells.
+fn halve(middles: &[Vec3], numbers: &mut [u32]) {
+    if numbers.len() <= CELL {
+        return;
+    }
+    let at = |i: &u32| middles[*i as usize];
+    let low = numbers.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
+    let high = numbers.iter().map(at).fold(Vec3::NEG_INFINITY, Vec3::max);
+    let axis = (high - low).max_position();
+    let half = (numbers.len() / 2).next_multiple_of(CELL);
+    // Equal ones by their number: the order of the scene decides nothing else.
+    numbers.select_nth_unstable_by(half, |a, b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(b)));
+    let (below, above) = numbers.split_at_mut(half);
+    rayon::join(|| halve(middles, below), || halve(middles, above));
+}
+
+/// The five sides of what a camera sees: their normals in its space, inwards, and for a box of the world how far it reaches along each.
+fn sides(camera: &Camera) -> [(Vec3, Vec3); 5] {
+    let Vec2 { x: fx, y: fy } = camera.focal;
+    let (low, high) = (camera.center + REACH_PX, camera.size.as_vec2() + REACH_PX - camera.center);
+    let normals = [
+        Vec3::Z,
+        Vec3::new(fx, 0.0, low.x),
+        Vec3::new(-fx, 0.0, high.x),
+        Vec3::new(0.0, fy, low.y),
+        Vec3::new(0.0, -fy, high.y),
+    ];
+    let to_world: Mat3 = camera.rotation.transpose();
+    normals.map(|normal| (normal, (to_world * normal).abs()))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! ```text
 //! plan: coarse scene ──► cuts ──► assign ──► manifest.json, coarse.ply, start-*.ply
 //!                                                │
-//!                      task (one block, anywhere) ──► block-*.ply ──► merge ──► scene.ply, seams
+//!                      task (one block, anywhere) ──► block-*.ply ──► merge ──► scene.ply
 //!                                                                └──► tileset, block by block
 //! ```
 //!
@@ -13,26 +13,19 @@
 //!
 //! In: a data set that is too large for one run. Out: blocks, and one scene made of them.
 
-mod assign;
-mod cells;
 mod cover;
-mod cuts;
-mod expected;
-mod hash;
-mod hashed;
-pub mod manifest;
+mod manifest;
 mod merge;
 mod options;
-pub mod plan;
+mod plan;
 mod region;
-pub mod seams;
-pub mod status;
-pub mod task;
-pub mod tileset;
+mod source;
+mod task;
+mod tileset;
 
-pub use manifest::{Block, Manifest};
-pub use merge::Blocks;
-pub use merge::{MergeReport, SeamQuality};
+pub use manifest::{Expected, Manifest, NAME};
+pub use merge::{Blocks, MergeReport};
 pub use options::PlanOptions;
-pub use plan::Planner;
-pub use task::Task;
+pub use plan::{Planner, check, find_coarse, keep_coarse};
+pub use task::{BlockFigures, Task, status, unnamed};
+pub use tileset::bake_tiles;

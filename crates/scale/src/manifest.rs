@@ -1,7 +1,7 @@
 //! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none writes.
 
-use super::hash;
 use super::region::Region;
+use super::source::hash_of;
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -76,7 +76,7 @@ pub struct PlannedPhoto {
 }
 
 /// A part of the scene that is trained on its own.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
     /// What it owns: triangles whose middle is in here.
@@ -130,21 +130,6 @@ pub struct Expected {
     pub cpu_secs: f64,
 }
 
-/// Everything that the result of a block depends on.
-#[derive(Serialize)]
-struct KeyParts<'a> {
-    generator: &'a str,
-    dataset_options: &'a DatasetOptions,
-    origin: [f64; 3],
-    space: ([f32; 3], f32),
-    options: &'a TrainOptions,
-    photos: Vec<(&'a PlannedPhoto, [u32; 4])>,
-    start: Option<&'a str>,
-    points: &'a Option<String>,
-    counts: [u64; 5],
-    core: (&'a Region, u64),
-}
-
 impl Manifest {
     /// A plan without blocks.
     pub(super) fn new(dataset: String, dataset_options: DatasetOptions, options: TrainOptions) -> Self {
@@ -173,40 +158,24 @@ impl Manifest {
         let Block { steps, max_triangles, seed, .. } = self.blocks[index];
         let mut options = TrainOptions { steps, max_triangles, seed, ..self.options.clone() };
         // These are means over all triangles: each has the part in them that it has in a plain run.
-        let share = self.share_of(index);
-        for mean in [&mut options.loss.opacity, &mut options.loss.size] {
-            *mean *= share;
+        if let (Some(coarse), Some(start)) = (&self.coarse, &self.blocks[index].start) {
+            let own = start.triangles.saturating_sub(self.blocks[index].frozen);
+            let share = own as f64 / coarse.triangles.max(1) as f64;
+            options.loss.opacity *= share;
+            options.loss.size *= share;
         }
         options
-    }
-
-    /// The share of the whole scene's triangles that block `index` trains.
-    fn share_of(&self, index: usize) -> f64 {
-        let block = &self.blocks[index];
-        match (&self.coarse, &block.start) {
-            (Some(coarse), Some(start)) => {
-                start.triangles.saturating_sub(block.frozen) as f64 / coarse.triangles.max(1) as f64
-            }
-            _ => 1.0,
-        }
     }
 
     /// The hash of all that the result of block `index` depends on.
     pub(super) fn key_of(&self, index: usize) -> Result<String> {
         let block = &self.blocks[index];
         let photo = |p: &BlockPhoto| (&self.photos[p.photo as usize], p.part);
-        hash::of_value(&KeyParts {
-            generator: &self.generator,
-            dataset_options: &self.dataset_options,
-            origin: self.origin,
-            space: self.space,
-            options: &self.options_of(index),
-            photos: block.photos.iter().map(photo).collect(),
-            start: block.start.as_ref().map(|start| start.hash.as_str()),
-            points: &self.points,
-            counts: [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step],
-            core: (&block.core, block.core_triangles),
-        })
+        let photos: Vec<_> = block.photos.iter().map(photo).collect();
+        let start = block.start.as_ref().map(|start| &start.hash);
+        let counts = [block.frozen, block.shell, block.max_triangles, block.steps, block.first_step];
+        let given = (&self.generator, &self.dataset_options, self.origin, self.space, self.options_of(index));
+        hash_of(&(given, photos, start, &self.points, counts, &block.core, block.core_triangles))
     }
 
     /// Reads the plan at `path`, its file or its folder; returns it and its folder.
@@ -258,18 +227,14 @@ impl Manifest {
         Ok(())
     }
 
-    /// The text of the file.
-    pub fn to_json(&self) -> Result<String> {
-        let text = serde_json::to_string_pretty(self);
-        Ok(text.map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))? + "\n")
-    }
-
     /// Writes the plan into `file`, which then names all others, and removes those of an earlier plan in its folder.
     ///
     /// Errors: what the operating system refuses.
     pub fn write(&self, mut file: AtomicFile) -> Result<()> {
         let path = file.path().to_owned();
-        file.write_all(self.to_json()?.as_bytes()).map_err(|e| Error::io(&path, e))?;
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
+        writeln!(file, "{text}").map_err(|e| Error::io(&path, e))?;
         file.commit()?;
         let named: Vec<&str> = self.sources().map(|source| source.file.as_str()).collect();
         sweep_folder(folder_of(&path), |name| is_of_a_plan(name) && !named.contains(&name));

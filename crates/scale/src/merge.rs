@@ -1,12 +1,11 @@
 //! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is in memory at a time.
 
-use super::manifest::{Block, Manifest};
-use super::region::{Region, middle};
+use super::manifest::{Manifest, NAME};
+use super::region::middle;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use trisplat_dataset::ShrunkSize;
 use trisplat_formats::{self as formats, ReadOptions, ply::SoupWriter};
 use trisplat_scene::{
     Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, atomic::AtomicFile, camera::Camera,
@@ -24,9 +23,6 @@ pub struct MergeReport {
     pub shell: u64,
     /// One entry per block.
     pub blocks: Vec<BlockSeams>,
-    /// How the scene looks at seams and elsewhere; only where it was compared with photos.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub quality: Vec<SeamQuality>,
 }
 
 /// What the merge kept and left out of a block.
@@ -40,31 +36,11 @@ pub struct BlockSeams {
     pub left_out: u64,
 }
 
-/// How a scene looks at seams and elsewhere, over the held-out photos.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct SeamQuality {
-    /// The scene.
-    pub scene: String,
-    /// Held-out photos.
-    pub photos: u64,
-    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub photo_size: Option<ShrunkSize>,
-    /// Mean PSNR, dB.
-    pub psnr: f64,
-    /// PSNR of all pixels near a seam, dB; null without such pixels.
-    pub seams_psnr: Option<f64>,
-    /// PSNR of all other pixels, dB.
-    pub elsewhere_psnr: Option<f64>,
-    /// Share of the pixels near a seam.
-    pub seams_share: f64,
-}
-
 /// The trained blocks of a plan.
 #[derive(Debug)]
 pub struct Blocks {
     /// The plan.
-    pub manifest: Manifest,
+    pub(super) manifest: Manifest,
     folder: PathBuf,
     limits: Limits,
 }
@@ -76,14 +52,14 @@ impl Blocks {
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let (manifest, folder) = Manifest::read(path, limits)?;
         let blocks = Self { manifest, folder, limits: *limits };
-        let missing: Vec<usize> = (0..blocks.len()).filter(|i| !blocks.path(*i).is_file()).collect();
+        let missing: Vec<usize> = (0..blocks.count()).filter(|i| !blocks.path(*i).is_file()).collect();
         match missing.first() {
             None => Ok(blocks),
             Some(first) => {
-                let (count, all) = (missing.len(), blocks.len());
+                let (count, all) = (missing.len(), blocks.count());
                 let reason = format!(
                     "{count} of {all} blocks are not trained yet: `trisplat train --block {}:{first}` and so on",
-                    blocks.folder.join(super::manifest::NAME).display()
+                    blocks.folder.join(NAME).display()
                 );
                 Err(Error::unsupported(&blocks.folder, reason))
             }
@@ -91,27 +67,22 @@ impl Blocks {
     }
 
     /// Number of blocks.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.manifest.blocks.len()
     }
 
-    /// True without blocks, which no plan is.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// The file of a block's soup.
-    pub fn path(&self, index: usize) -> PathBuf {
+    fn path(&self, index: usize) -> PathBuf {
         self.folder.join(self.manifest.blocks[index].file(index, "ply"))
     }
 
     /// The folder of the plan.
-    pub fn folder(&self) -> &Path {
+    pub(super) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// What a block owns, and what of it is left out.
-    pub fn read(&self, index: usize) -> Result<(OwnedBlock, BlockSeams)> {
+    pub(super) fn read(&self, index: usize) -> Result<(OwnedBlock, BlockSeams)> {
         let path = self.path(index);
         let options = ReadOptions { sh_degree: 3, limits: self.limits, ..ReadOptions::default() };
         let ImportedScene { scene, provenance, cameras, .. } = formats::read(&path, &options)?;
@@ -158,7 +129,7 @@ impl Blocks {
             MergeReport { generator: trisplat_scene::report::generator(), ..MergeReport::default() };
         let (mut shell, mut cameras, mut provenance) = (Soup::default(), Vec::new(), None);
         let mut degree = u8::MAX;
-        for index in 0..self.len() {
+        for index in 0..self.count() {
             let (block, seams) = self.read(index)?;
             degree = degree.min(block.rest.sh_degree);
             report.triangles += seams.owned;
@@ -186,22 +157,17 @@ impl Blocks {
 
     /// What each block owns, without the shell, one block after the other, with colours up to `degree`.
     fn each(&self, degree: u8, mut take: impl FnMut(&Soup) -> Result<()>) -> Result<()> {
-        (0..self.len()).try_for_each(|index| {
+        (0..self.count()).try_for_each(|index| {
             let mut rest = self.read(index)?.0.rest;
             rest.truncate_sh(degree);
             take(&rest)
         })
     }
-
-    /// The boxes of the blocks.
-    pub fn cores(&self) -> impl Iterator<Item = &Region> {
-        self.manifest.blocks.iter().map(|block: &Block| &block.core)
-    }
 }
 
 /// What a block owns.
 #[derive(Debug, Clone)]
-pub struct OwnedBlock {
+pub(super) struct OwnedBlock {
     /// Its part of the shell.
     pub shell: Soup,
     /// Everything else.

@@ -1,14 +1,10 @@
 //! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
 
-use super::assign::{assign, visible};
-use super::cover::{Coverage, middles, owners};
-use super::cuts::{Surroundings, cut};
-use super::expected::{BlockLoad, expected};
-use super::hash;
-use super::hashed;
+use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
 use super::options::PlanOptions;
-use super::region::Region;
+use super::region::{Region, Surroundings, cut, extent};
+use super::source::{self, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
@@ -25,6 +21,18 @@ const GOES_ON_AT: f64 = 18_000.0;
 const COARSE_TRIANGLES: u64 = 2;
 /// By default blocks together draw this many times the pixels of a plain run, because each step has fewer triangles.
 const PIXELS: f64 = 1.5;
+/// Bytes of an idle process. This and the following were fitted to blocks of a town.
+const IDLE_BYTES: f64 = 15e6;
+/// Bytes per optimised parameter of a trained triangle,
+const PER_NUMBER: f64 = 75.0;
+/// plus fixed overhead per triangle, bytes.
+const PER_TRIANGLE: f64 = 250.0;
+/// Parameters per triangle, without colour.
+const GEOMETRY: f64 = 11.0;
+/// Bytes per pixel of the largest photo, for the forward and backward pass.
+const PER_PIXEL: f64 = 450.0;
+/// CPU seconds of a step: a constant, per pixel, per trained triangle, and per triangle that is only drawn.
+const STEP_SECS: [f64; 4] = [1.1e-3, 0.1e-6, 0.6e-6, 0.2e-6];
 /// Triangles around a core may grow by this factor relative to the coarse scene, compared with those in the core.
 const HALO_ROOM: f64 = 2.0;
 
@@ -54,8 +62,8 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
     }
     let count = options.count(whole.max_triangles)?;
     let triangles = whole.max_triangles.div_ceil(count as u64);
-    let load = BlockLoad { photos: Vec::new(), frozen: 0, trained: triangles, position: 0.0, photo_bytes: 0 };
-    let least = expected(&load, &TrainOptions { max_triangles: triangles, ..whole.clone() });
+    let block = Block { max_triangles: triangles, ..Block::default() };
+    let least = expected(&block, whole, 0);
     check_memory("the largest block, even without photos,", least, max_bytes)?;
     Ok(count)
 }
@@ -88,7 +96,7 @@ impl Planner<'_> {
     pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {
         let generator = trisplat_scene::report::generator();
         let parts = (generator, self.dataset_options, coarse, photos, self.points());
-        Ok(format!("coarse-{}.ply", hash::of_value(&parts)?))
+        Ok(format!("coarse-{}.ply", hash_of(&parts)?))
     }
 
     /// The data set as a plan in `folder` names it.
@@ -106,11 +114,7 @@ impl Planner<'_> {
     }
 
     fn points(&self) -> String {
-        hash::digits(self.identity().points)
-    }
-
-    fn identity(&self) -> RunIdentity {
-        RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None)
+        digits(RunIdentity::of(self.dataset, self.dataset_options.background.to_f32(), None).points)
     }
 
     /// The plan, for the folder of `file`, its own; what blocks start from is written there. `coarse` is the file, in this folder, and the
@@ -145,7 +149,7 @@ impl Planner<'_> {
             Some((path, scene)) => {
                 let cutter = Cutter::new(self, scene, &views, &cameras)?;
                 manifest.space = (cutter.space.center.to_array(), cutter.space.scale);
-                let hash = hash::of_file(path, &self.dataset_options.limits)?;
+                let hash = hash_of_file(path, &self.dataset_options.limits)?;
                 manifest.coarse =
                     Some(Source { file: name_of(path), hash, triangles: cutter.soup.len() as u64 });
                 manifest.blocks = cutter.blocks(file, max_bytes)?;
@@ -165,25 +169,17 @@ impl Planner<'_> {
             let [width, height] = view.camera.size.to_array();
             BlockPhoto { photo: i as u32, part: [0, 0, width, height], cover: 1.0 }
         };
-        let load = BlockLoad {
-            photos: views.iter().map(|view| view.camera.size).collect(),
-            frozen: 0,
-            trained: self.dataset.points.len() as u64,
-            position: 0.0,
-            photo_bytes: self.dataset_options.photo_bytes(),
-        };
         let TrainOptions { steps, max_triangles, seed, .. } = *self.whole;
-        Block {
-            photos: views.iter().enumerate().map(whole).collect(),
-            expected: expected(&load, self.whole),
-            ..empty_block(Region::EVERYWHERE, Region::EVERYWHERE, steps, max_triangles, seed)
-        }
+        let photos = views.iter().enumerate().map(whole).collect();
+        let block =
+            Block { photos, steps, max_triangles, core_triangles: max_triangles, seed, ..Block::default() };
+        Block { expected: expected(&block, self.whole, self.dataset_options.photo_bytes()), ..block }
     }
 }
 
 /// The finished coarse scene that was begun as `path`, if it is there and unchanged.
 pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
-    hashed::find(path, limits)
+    source::find(path, limits)
 }
 
 /// Writes the coarse scene that was begun as `path`; returns the path of the finished file.
@@ -191,7 +187,7 @@ pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
 /// Errors: a file of that name with other bytes; what the operating system refuses.
 pub fn keep_coarse(path: &Path, trained: &Trained, limits: &Limits) -> Result<PathBuf> {
     let parts = (&trained.soup, &trained.provenance, &trained.cameras[..]);
-    hashed::write(path, parts, limits, |_| ()).map(|(path, _)| path)
+    source::write(path, parts, limits, |_| ()).map(|(path, _)| path)
 }
 
 fn name_of(path: &Path) -> String {
@@ -203,31 +199,30 @@ pub(super) fn planned_photos(dataset: &Dataset, options: &DatasetOptions) -> Res
     let identity = RunIdentity::of(dataset, options.background.to_f32(), None);
     let views: Vec<&View> = dataset.train().collect();
     let planned = |_, (view, photo): (&&View, &trisplat_train::PhotoIdentity)| {
-        let mut hash = hash::of_file(&view.photo.path, &options.limits)?;
+        let mut hash = hash_of_file(&view.photo.path, &options.limits)?;
         if let Some(mask) = &view.photo.mask {
-            hash += &hash::of_file(mask, &options.limits)?;
+            hash += &hash_of_file(mask, &options.limits)?;
         }
-        Ok(PlannedPhoto { name: view.name.clone(), hash, camera: hash::digits(photo.pose) })
+        Ok(PlannedPhoto { name: view.name.clone(), hash, camera: digits(photo.pose) })
     };
     parallel::map(views.iter().zip(&identity.photos), planned).into_iter().collect()
 }
 
-fn empty_block(core: Region, halo: Region, steps: u64, max_triangles: u64, seed: u64) -> Block {
-    Block {
-        core,
-        halo,
-        photos: Vec::new(),
-        start: None,
-        frozen: 0,
-        shell: 0,
-        steps,
-        first_step: 0,
-        max_triangles,
-        core_triangles: max_triangles,
-        seed,
-        expected: Expected::default(),
-        key: String::new(),
-    }
+/// What training a block takes, by formulas: a plan is a function of its inputs.
+fn expected(block: &Block, options: &TrainOptions, photo_bytes: u64) -> Expected {
+    let areas: Vec<f64> =
+        block.photos.iter().map(|photo| photo.corner_and_size().1.as_dvec2().element_product()).collect();
+    let (pixels, largest) = (areas.iter().sum::<f64>(), areas.iter().copied().fold(0.0, f64::max));
+    let coefficients = (f64::from(options.sh_degree) + 1.0).powi(2);
+    let per_triangle = PER_TRIANGLE + PER_NUMBER * (GEOMETRY + 3.0 * coefficients);
+    let (trained, frozen) = (block.max_triangles as f64, block.frozen as f64);
+    let photos = (4.0 * pixels).min(photo_bytes as f64);
+    let bytes = IDLE_BYTES + photos + per_triangle * (trained + frozen) + PER_PIXEL * largest;
+    let [constant, per_pixel, per_trained, per_frozen] = STEP_SECS;
+    let mean = pixels / areas.len().max(1) as f64;
+    let step = constant + per_pixel * mean + per_trained * trained + per_frozen * frozen;
+    let cpu_secs = step * (block.steps - block.first_step) as f64;
+    Expected { bytes: bytes as u64, cpu_secs: (cpu_secs * 10.0).round() / 10.0 }
 }
 
 fn check_memory(what: &str, expected: Expected, max_bytes: Option<u64>) -> Result<()> {
@@ -285,7 +280,7 @@ impl<'a> Cutter<'a> {
         let seed = self.planner.whole.seed;
         let block = |(i, core): (usize, &Region)| {
             let halo = core.grown(extent(&held[i]) * self.planner.options.halo as f32);
-            empty_block(*core, halo, 0, 0, seed.wrapping_add(i as u64))
+            Block { core: *core, halo, seed: seed.wrapping_add(i as u64), ..Block::default() }
         };
         let mut blocks: Vec<Block> = cores.iter().enumerate().map(block).collect();
         let drawing = self.planner.whole.drawing([0.0; 3]);
@@ -298,7 +293,7 @@ impl<'a> Cutter<'a> {
             if block.photos.is_empty() {
                 continue;
             }
-            let visible = visible(&block, self.views, self.soup.len(), &coverage)?;
+            let visible = visible(&block, self.views, &coverage)?;
             let photos = block.photos.len() as f64 / self.views.len() as f64;
             block.steps = ((passes * self.planner.whole.steps as f64 * photos).ceil() as u64).max(1);
             block.first_step =
@@ -373,19 +368,7 @@ impl<'a> Cutter<'a> {
         block.max_triangles =
             (block.core_triangles + (HALO_ROOM * per_coarse * around).ceil() as u64).max(own as u64);
         (block.frozen, block.shell) = (frozen.len() as u64, shell.len() as u64);
-        let options = TrainOptions {
-            steps: block.steps,
-            max_triangles: block.max_triangles,
-            ..self.planner.whole.clone()
-        };
-        let load = BlockLoad {
-            photos: block.photos.iter().map(|photo| photo.corner_and_size().1).collect(),
-            frozen: block.frozen,
-            trained: own as u64,
-            position: GOES_ON_AT,
-            photo_bytes: self.planner.dataset_options.photo_bytes(),
-        };
-        block.expected = expected(&load, &options);
+        block.expected = expected(block, self.planner.whole, self.planner.dataset_options.photo_bytes());
         check_memory(&format!("block {index}"), block.expected, max_bytes)?;
         let order: Vec<usize> = [frozen, shell, trained].concat();
         block.start = Some(self.write_start(index, &order, file)?);
@@ -405,22 +388,9 @@ impl<'a> Cutter<'a> {
             }
         };
         let limits = &self.planner.dataset_options.limits;
-        let (path, hash) = hashed::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)?;
-        Ok(Source { file: name_of(&path), hash, triangles: order.len() as u64 })
+        source::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)
+            .map(|(_, source)| source)
     }
-}
-
-/// How far nearly all of these reach along each axis.
-fn extent(middles: &[Vec3]) -> Vec3 {
-    Vec3::from([0, 1, 2].map(|a| {
-        let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
-        along.sort_unstable_by(f32::total_cmp);
-        let skipped = along.len() / 20;
-        match along.is_empty() {
-            true => 0.0,
-            false => along[along.len() - 1 - skipped] - along[skipped],
-        }
-    }))
 }
 
 /// `to` relative to `folder`, so that both can be mounted elsewhere together.

@@ -1,11 +1,19 @@
-//! Boxes of the world, whose sides may be open: together the cores of all blocks are all of space, and no point is in two.
+//! Boxes of the world whose sides may be open, and how a scene is cut into them: about as many triangles in each, again and again across
+//! the longest extent.
+//!
+//! What is far outside of where photos were taken is contracted (as in Barron et al. 2022, *Mip-NeRF 360*, but along each axis separately, so
+//! that a cut stays a plane of the world). So a distant horizon does not decide how a town is cut.
 
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use trisplat_scene::math::median::median;
+
+/// Share of the points on either side that an extent ignores.
+const OUTLIERS: f32 = 0.02;
 
 /// A box whose sides may be open.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
     /// Lowest coordinates, inclusive; null: no lowest one.
@@ -55,4 +63,140 @@ impl Region {
 /// Where a triangle is: in the region that holds the middle of its corners.
 pub(crate) fn middle(corners: &[Vec3; 3]) -> Vec3 {
     (corners[0] + corners[1] + corners[2]) / 3.0
+}
+
+/// How far nearly all of these reach along each axis.
+pub(super) fn extent(middles: &[Vec3]) -> Vec3 {
+    Vec3::from([0, 1, 2].map(|a| {
+        let mut along: Vec<f32> = middles.iter().map(|p| p[a]).collect();
+        along.sort_unstable_by(f32::total_cmp);
+        let skipped = along.len() / 20;
+        match along.is_empty() {
+            true => 0.0,
+            false => along[along.len() - 1 - skipped] - along[skipped],
+        }
+    }))
+}
+
+/// Where photos were taken: distances inside keep their length, those outside shrink.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Surroundings {
+    center: Vec3,
+    radius: f32,
+}
+
+impl Surroundings {
+    /// Of cameras at `positions`.
+    pub(super) fn of(positions: &[Vec3]) -> Self {
+        let middle =
+            |a: usize| median(positions.iter().map(|p| p[a]).collect(), f32::total_cmp).unwrap_or(0.0);
+        let center = Vec3::new(middle(0), middle(1), middle(2));
+        let reach = positions.iter().map(|p| (*p - center).abs().max_element()).fold(0.0, f32::max);
+        Self { center, radius: if reach > 0.0 && reach.is_finite() { reach } else { 1.0 } }
+    }
+
+    /// A coordinate: unchanged within the radius, at most two radii from the centre outside.
+    fn contracted(&self, coordinate: f32, axis: usize) -> f32 {
+        let x = (coordinate - self.center[axis]) / self.radius;
+        if x.abs() <= 1.0 { x } else { x.signum() * (2.0 - 1.0 / x.abs()) }
+    }
+}
+
+/// Cuts space into `count` boxes that hold about as many of `points` each. Boxes that one cut made follow each other: the first half of
+/// them, rounded up, is below the first cut.
+pub(super) fn cut(points: &[Vec3], count: usize, around: &Surroundings) -> Vec<Region> {
+    let mut boxes = Vec::with_capacity(count);
+    cut_box(&mut points.to_vec(), Region::EVERYWHERE, count, around, &mut boxes);
+    boxes
+}
+
+fn cut_box(points: &mut [Vec3], region: Region, count: usize, around: &Surroundings, out: &mut Vec<Region>) {
+    if count <= 1 {
+        out.push(region);
+        return;
+    }
+    let [below, above] = halves(count);
+    let (axis, place) = cut_place(points, below as f64 / count as f64, around);
+    // Nothing depends on the order of the points but this: equal ones come together.
+    points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+    let (low, high) = points.split_at_mut(points.partition_point(|p| p[axis] < place));
+    let [lower, upper] = region.cut(axis, place);
+    cut_box(low, lower, below, around, out);
+    cut_box(high, upper, above, around, out);
+}
+
+/// How many of `count` blocks are below a cut, and how many above.
+pub(super) fn halves(count: usize) -> [usize; 2] {
+    [count.div_ceil(2), count / 2]
+}
+
+/// The axis along which the points reach farthest, and where on it `share` of them is below.
+fn cut_place(points: &mut [Vec3], share: f64, around: &Surroundings) -> (usize, f32) {
+    if points.is_empty() {
+        return (0, 0.0);
+    }
+    let mut extent = |axis: usize| {
+        points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+        let skipped = (points.len() as f32 * OUTLIERS) as usize;
+        let [low, high] =
+            [points[skipped], points[points.len() - 1 - skipped]].map(|p| around.contracted(p[axis], axis));
+        high - low
+    };
+    let extents = [0, 1, 2].map(&mut extent);
+    let axis = (1..3).fold(0, |best, a| if extents[a] > extents[best] { a } else { best });
+    let at = ((points.len() as f64 * share) as usize).min(points.len() - 1);
+    points.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+    (axis, points[at][axis])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::Rng;
+
+    fn town(count: u64) -> Vec<Vec3> {
+        let rng = Rng::new(3, "cuts", 0);
+        let at = |i: u64| {
+            Vec3::new(100.0 * rng.uniform(3 * i), 4.0 * rng.uniform(3 * i + 1), 60.0 * rng.uniform(3 * i + 2))
+        };
+        (0..count).map(at).collect()
+    }
+
+    #[test]
+    fn every_point_is_in_one_box_and_boxes_are_alike() {
+        let points = town(5000);
+        let around = Surroundings::of(&points);
+        for count in [1, 2, 3, 5, 8] {
+            let boxes = cut(&points, count, &around);
+            assert_eq!(boxes.len(), count);
+            let held: Vec<usize> =
+                boxes.iter().map(|b| points.iter().filter(|p| b.contains(**p)).count()).collect();
+            assert_eq!(held.iter().sum::<usize>(), 5000);
+            let share = 5000 / count;
+            assert!(held.iter().all(|n| n.abs_diff(share) <= 2 + share / 50), "{count}: {held:?}");
+            for far in [Vec3::splat(1e9), Vec3::splat(-1e9), Vec3::new(1e9, 0.0, -1e9)] {
+                assert_eq!(boxes.iter().filter(|b| b.contains(far)).count(), 1);
+            }
+        }
+        let mut backwards = points.clone();
+        backwards.reverse();
+        assert_eq!(cut(&points, 7, &around), cut(&backwards, 7, &around));
+    }
+
+    #[test]
+    fn a_far_horizon_does_not_say_which_way_a_town_is_cut() {
+        let mut points = town(1000);
+        let around = Surroundings::of(&points);
+        assert!(cut(&points, 2, &around)[0].high[0].is_some());
+        // A tower of clouds, four times as high as the town is long.
+        points.extend((0..100).map(|i| Vec3::new(50.0, 4.0 * i as f32, 30.0)));
+        assert!(cut(&points, 2, &around)[0].high[0].is_some());
+    }
+
+    #[test]
+    fn without_points_there_are_boxes_all_the_same() {
+        let around = Surroundings::of(&[]);
+        assert_eq!(cut(&[], 4, &around).len(), 4);
+        assert_eq!(cut(&[Vec3::ONE; 9], 3, &around).iter().filter(|b| b.contains(Vec3::ONE)).count(), 1);
+    }
 }

@@ -1,17 +1,16 @@
 //! Trains one block: files in, files out. The result's name is a hash of its inputs, so a finished task is not repeated.
 //! A task that was killed and starts again, here or elsewhere, ends with the same bytes.
 
-use super::hash;
-use super::manifest::{Block, Manifest, PlannedPhoto, Source};
+use super::manifest::{Block, Manifest, PlannedPhoto};
 use super::plan::planned_photos;
+use super::source;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
-use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera, input};
 use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 
 /// Default number of checkpoints that a task writes.
@@ -60,11 +59,6 @@ impl Task {
         Ok(Self { manifest, folder, index })
     }
 
-    /// The plan.
-    pub fn manifest(&self) -> &Manifest {
-        &self.manifest
-    }
-
     /// The block.
     pub fn block(&self) -> &Block {
         &self.manifest.blocks[self.index]
@@ -95,10 +89,9 @@ impl Task {
     pub fn dataset(&self, moved: Option<&Path>) -> Result<(Dataset, Vec<Camera>)> {
         let (plan, options) = (&self.manifest, &self.manifest.dataset_options);
         let path = moved.map_or_else(|| plan.dataset_path(&self.folder), Path::to_owned);
-        let named = |photo: &PlannedPhoto| photo.name.clone();
         let photos: Vec<&PlannedPhoto> =
             self.block().photos.iter().map(|p| &plan.photos[p.photo as usize]).collect();
-        let names: BTreeSet<String> = photos.iter().map(|photo| named(photo)).collect();
+        let names: BTreeSet<String> = photos.iter().map(|photo| photo.name.clone()).collect();
         // A block that starts from triangles needs no points, which may be most of a data set.
         let origin = self.block().start.as_ref().map(|_| DVec3::from(plan.origin));
         let mut dataset = Dataset::load_some(&path, options, &names, origin)?;
@@ -128,7 +121,7 @@ impl Task {
     /// Errors: a file that is not as it was planned.
     pub fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
-        let mut loaded = read_source(&self.folder, start, &self.manifest.dataset_options.limits)?;
+        let mut loaded = source::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
         if let Scene::Soup(soup) = &mut loaded.scene {
             let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
             let first = count(self.block().frozen);
@@ -204,16 +197,26 @@ pub fn unnamed(trained: Trained) -> Trained {
     Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }
 }
 
-/// A soup of the plan, which must be as it was written.
-pub(super) fn read_source(folder: &Path, source: &Source, limits: &Limits) -> Result<ImportedScene> {
-    let path = folder.join(&source.file);
-    if hash::of_file(&path, limits)? != source.hash {
-        return Err(Error::unsupported(&path, "has changed since it was planned; plan again"));
-    }
-    let options = ReadOptions { sh_degree: 3, limits: *limits, ..ReadOptions::default() };
-    let loaded = formats::read(&path, &options)?;
-    match loaded.scene.triangle_count() as u64 == source.triangles {
-        true => Ok(loaded),
-        false => Err(Error::unsupported(&path, "has other triangles than were planned; plan again")),
-    }
+/// The state of every block of a plan in `folder`: "done" when its result exists, "begun" when a checkpoint does, or "waiting"; and what it
+/// took.
+///
+/// Errors: figures that cannot be read.
+pub fn status(
+    manifest: &Manifest,
+    folder: &Path,
+    limits: &Limits,
+) -> Result<Vec<(&'static str, Option<BlockFigures>)>> {
+    let block = |(index, block): (usize, &Block)| {
+        let file = |ending: &str| folder.join(block.file(index, ending));
+        let state = match (file("ply").is_file(), file("checkpoint").is_file()) {
+            (true, _) => "done",
+            (false, true) => "begun",
+            (false, false) => "waiting",
+        };
+        let figures = file("json");
+        let text = figures.is_file().then(|| input::read_text(&figures, limits)).transpose()?;
+        // Figures are for people: broken ones are none.
+        Ok((state, text.and_then(|text| serde_json::from_str(&text).ok())))
+    };
+    manifest.blocks.iter().enumerate().map(block).collect()
 }

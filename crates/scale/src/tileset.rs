@@ -1,9 +1,9 @@
 //! The blocks of a scene as one tileset. Each block is baked into tiles of its own; above these, along the cuts that made the blocks, tiles
 //! stand for two blocks, four, and so on. Memory holds one block and the coarsest tiles of some others.
 
-use super::cuts::halves;
 use super::merge::{Blocks, OwnedBlock};
-use super::task::read_source;
+use super::region::halves;
+use super::source;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use trisplat_bake::{Bake, BakeOptions, BakePreset, PlaceOptions, TeacherOptions, enlarge, rank_by_size};
@@ -46,7 +46,7 @@ pub fn bake_tiles(
     let (placement, source) = placement(blocks, options)?;
     let mut city =
         City { blocks, options, placement, source, writer, shell: Soup::default(), triangles: 0, done };
-    let root = city.node(0, blocks.len(), "")?.map(|node| node.tile);
+    let root = city.node(0, blocks.count(), "")?.map(|node| node.tile);
     let shell = std::mem::take(&mut city.shell);
     let root = city.with_shell(shell, root)?;
     let triangles = city.triangles;
@@ -58,7 +58,7 @@ pub fn bake_tiles(
 fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Placement)> {
     let plan = &blocks.manifest;
     let mut scene = match &plan.coarse {
-        Some(coarse) => read_source(blocks.folder(), coarse, &plan.dataset_options.limits)?,
+        Some(coarse) => source::read(blocks.folder(), coarse, &plan.dataset_options.limits)?,
         None => {
             let OwnedBlock { rest, provenance, cameras, .. } = blocks.read(0)?.0;
             ImportedScene { provenance, cameras, ..ImportedScene::from(rest) }
