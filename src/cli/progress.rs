@@ -7,7 +7,6 @@ use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
-use trisplat_dataset::tracked_poses::TrackedPoses;
 use trisplat_job::watched::TrialRun;
 use trisplat_scene::report::{StageDetails, StageEvent, StageReport, counted};
 use trisplat_train::TrainDetails;
@@ -187,10 +186,6 @@ fn row(stage: &StageReport) -> String {
     }
     if let Some(text) = capture_rows::row(stage) {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
-    }
-    if let Some(poses) = stage.details_as::<TrackedPoses>() {
-        let text = format!("{} moved by {:.2} px", counted(poses.moved, "photo"), poses.moved_px);
-        return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
     if let Some(watched) = stage.details_as::<TrialRun>() {
         let text = format!("{} left out of short trainings", counted(watched.photos.len() as u64, "photo"));

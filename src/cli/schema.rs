@@ -11,7 +11,7 @@ use trisplat_bake::{
 #[cfg(feature = "bench")]
 use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
-use trisplat_dataset::{Description, tracked_poses::TrackedPoses};
+use trisplat_dataset::Description;
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
@@ -127,7 +127,6 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<BackgroundDetails>(g),
         stage_schema::<CropDetails>(g),
         stage_schema::<ArrangeDetails>(g),
-        stage_schema::<TrackedPoses>(g),
         stage_schema::<TrialRun>(g),
         stage_schema::<TeacherDetails>(g),
         stage_schema::<CollisionDetails>(g),

@@ -24,14 +24,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
-use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize, tracked_poses::TrackedPoses};
+use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize};
 use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
 use trisplat_scene::{
     Error, ImportedScene, Result,
     atomic::AtomicFile,
     layered::{Layered, Layers},
-    report::{OutputReport, Report, StageReport, counted},
+    report::{OutputReport, Report, counted},
 };
 use trisplat_train::{
     Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
@@ -193,10 +193,6 @@ impl Shown<'_, '_> {
         let asked = self.args.dataset_options.masks;
         if asked == Masks::Auto && begins.photos.is_some_and(|photos| photos.masks(asked) == Masks::Cut) {
             self.terminal.line("masks are silhouettes: nothing is drawn beside the object (--masks ignore draws there what no photo shows)");
-        }
-        let tracked = |stage: &StageReport| stage.details_as::<TrackedPoses>()?.summary();
-        for moved in begins.stages.iter().filter_map(tracked) {
-            self.terminal.line(&format!("{moved} (--set poses=off leaves them)"));
         }
         Ok(())
     }

@@ -62,10 +62,7 @@ fn a_training_of_few_photos() {
         TrainJob::new(photos.clone(), options.clone()).run(&mut observer).unwrap();
     assert!(bytes(folder, &trained) == scene);
     assert!(bytes(folder, &teacher.unwrap()) == read(folder, "a.teacher.ply"));
-    assert_eq!(
-        report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(),
-        ["poses", "teacher", "train"]
-    );
+    assert_eq!(report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(), ["teacher", "train"]);
     let mut without = TrainJob::new(photos, options);
     without.teacher = Some(TeacherSource::Off);
     assert!(bytes(folder, &without.run(&mut |_| Continue(())).unwrap().trained) != scene);

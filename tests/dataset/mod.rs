@@ -4,7 +4,6 @@ mod broken;
 mod mutants;
 mod phone;
 mod silhouettes;
-mod tracked_poses;
 mod transforms;
 
 use glam::{DVec2, DVec3, UVec2, Vec2};

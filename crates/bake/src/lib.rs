@@ -24,7 +24,6 @@ mod bvh;
 mod cells;
 mod chunk;
 mod color;
-mod corrected_poses;
 mod counts;
 mod crop;
 mod decimate;

@@ -59,7 +59,6 @@ impl<'a> Recipe<'a> {
         let given = loaded.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
             photos.transform(&loaded.provenance.placement);
-            photos.correct_poses(&loaded.cameras);
         }
         let mut pictures = Pictures { photos, drawn: None };
         let loaded = self.background(loaded, &pictures)?;

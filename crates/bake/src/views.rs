@@ -1,7 +1,6 @@
 //! The photos of a bake, or pictures that replace them: they decide the importance and the colour of a
 //! triangle.
 
-use super::corrected_poses::corrected;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos, exposure::Exposures};
@@ -191,16 +190,6 @@ impl Views {
         self.cameras = cameras.iter().map(|camera| placed::to_file(camera, placement, self.origin)).collect();
         let (transform, origin) = (placement.transform(), self.origin);
         self.points = points.iter().map(|p| transform((p.as_dvec3() + origin).as_vec3())).collect();
-    }
-
-    /// Takes over the poses that the scene's training corrected. `stored` are the cameras of its file; call this
-    /// after [`Views::transform`]. Cameras of other photos change nothing.
-    pub fn correct_poses(&mut self, stored: &[Camera]) {
-        if self.drawn.is_none()
-            && let Some(cameras) = corrected(&self.cameras, stored, &self.points)
-        {
-            self.cameras = cameras;
-        }
     }
 
     /// The camera of a photo.

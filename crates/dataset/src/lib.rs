@@ -30,7 +30,6 @@ mod silhouettes;
 mod split;
 pub mod synthetic;
 mod synthetic_scene;
-pub mod tracked_poses;
 mod tracks;
 mod transforms;
 mod undistort;

@@ -27,7 +27,6 @@ mod scores;
 mod steps;
 mod taught;
 mod teacher;
-mod tracked;
 mod training;
 mod unhardened;
 pub mod watched;

@@ -135,7 +135,6 @@ pub(super) fn teacher_options(
         "preset": TrainPreset::Outdoor,
         "steps": share(run.options.steps, STEPS_SHARE),
         "seed": run.options.seed,
-        "poses": run.options.poses,
     });
     if !has_budget || run.is_given("max_triangles") {
         given["max_triangles"] = share(run.options.max_triangles, TRIANGLES_SHARE).into();

@@ -5,7 +5,6 @@ use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
 use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing};
 use super::taught::TaughtRun;
 use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun};
-use super::tracked;
 use super::watched::{self, TrialRun, WatchedTraining};
 use super::watching::Watching;
 use std::path::PathBuf;
@@ -43,7 +42,7 @@ use trisplat_train::{
 /// job.teacher = Some(TeacherSource::Off);
 /// let done = job.run(&mut |_| Continue(()))?;
 /// assert_eq!(done.trained.steps, 20);
-/// assert_eq!(done.report.stages[1].skipped.as_deref(), Some("`teacher` off"));
+/// assert_eq!(done.report.stages[0].skipped.as_deref(), Some("`teacher` off"));
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
@@ -64,8 +63,6 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
-    /// What became of the photos' poses before the run; `None` before [`TrainJob::follow_tracks`].
-    pub poses: Option<StageReport>,
     /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
     pub watched: Option<TrialRun>,
     /// Wall-clock time of the short trainings.
@@ -133,7 +130,6 @@ impl TrainJob {
             teacher_share: None,
             teacher_file: None,
             budget: None,
-            poses: None,
             watched: None,
             watch_secs: 0.0,
             began: None,
@@ -185,18 +181,6 @@ impl TrainJob {
         Ok(TrainDone { trained, report, teacher, teacher_share })
     }
 
-    /// Moves photos to where the tracks of a COLMAP model see them, if they stand elsewhere. [`TrainJob::watch`] calls this unless
-    /// it was called before.
-    pub fn follow_tracks(&mut self) {
-        if self.poses.is_none() {
-            let poses = match &self.resume {
-                Some(checkpoint) => checkpoint.meta.options.poses,
-                None => self.options.options.poses,
-            };
-            self.poses = Some(tracked::follow_tracks(&mut self.dataset, &self.dataset_options, poses));
-        }
-    }
-
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
     /// photos does not. [`TrainJob::run`] calls this unless it was called before.
     ///
@@ -206,7 +190,6 @@ impl TrainJob {
         if self.resume.is_none() {
             budget::check(self.budget, &self.options)?;
         }
-        self.follow_tracks();
         let unsure = self.teacher.is_none() && self.undecided().is_unsure();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
@@ -390,7 +373,7 @@ impl TrainJob {
             photos,
             teacher: plan,
             teacher_share,
-            stages: self.poses.into_iter().chain(watched).chain(stage).collect(),
+            stages: watched.into_iter().chain(stage).collect(),
             warnings,
             watched: self.watched.is_some(),
             dataset_options: how,

@@ -68,7 +68,7 @@ pub use gpu::{CardScene, GpuBackend, GpuLimits, StepTimes};
 pub use identity::PhotoIdentity;
 pub use identity::RunIdentity;
 pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight};
-pub use options::{PoseUse, TrainOptions, TrainPreset};
+pub use options::{TrainOptions, TrainPreset};
 pub use outputs::{PREVIEW, Preview, RunOptions};
 pub use params::{Anneal, Params, TrainState};
 pub use prepared_run::PreparedRun;

@@ -47,18 +47,6 @@ pub enum TrainPreset {
     PaperEngine,
 }
 
-/// Whether poses are corrected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum PoseUse {
-    /// By the tracks of a COLMAP model, where photos do not show its points where they should.
-    #[default]
-    Auto,
-    /// Never.
-    Off,
-}
-
 /// How a soup is trained.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -86,9 +74,6 @@ pub struct TrainOptions {
     /// Whether to correct photos that differ in exposure and white balance, or are darker in their corners.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub exposure: ExposureUse,
-    /// Whether the poses of photos are corrected.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    pub poses: PoseUse,
     /// Steps after which 12,000, 20,000, 24,000 and 27,000 of a 30,000-step run are done; zeros: in proportion. Runs with a
     /// budget choose them.
     #[cfg_attr(feature = "cli", arg(skip))]

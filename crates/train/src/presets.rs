@@ -1,8 +1,8 @@
 //! The presets, one per kind of scene: outdoor in full, the others as differences from it.
 
 use super::options::{
-    DensifyOptions, InitOptions, LossOptions, PoseUse, RateOptions, SampleWeight, SolidifyOptions,
-    TrainDrawOptions, TrainOptions, TrainPreset, WarmupOptions,
+    DensifyOptions, InitOptions, LossOptions, RateOptions, SampleWeight, SolidifyOptions, TrainDrawOptions,
+    TrainOptions, TrainPreset, WarmupOptions,
 };
 use trisplat_dataset::exposure::ExposureUse;
 
@@ -50,7 +50,6 @@ const OUTDOOR: TrainOptions = TrainOptions {
     sh_degree: 3,
     seed: 0,
     exposure: ExposureUse::Auto,
-    poses: PoseUse::Auto,
     milestones: [0; 4],
     draw: TrainDrawOptions { sort_per_pixel: false },
     init: InitOptions { size: 2.2, shell_subdivisions: 4 },

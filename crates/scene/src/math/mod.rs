@@ -9,7 +9,6 @@ pub mod finite;
 pub mod lanes;
 pub mod median;
 pub mod metric;
-pub mod normal_equations;
 pub mod octasphere;
 mod power;
 pub mod real;
