@@ -13,7 +13,7 @@ use clap::ArgMatches;
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
-use trisplat_dataset::{Dataset, ShrunkSize};
+use trisplat_dataset::Dataset;
 use trisplat_formats::{info::Softness, output::Output};
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
 use trisplat_scene::{
@@ -21,7 +21,7 @@ use trisplat_scene::{
     layered::Layers,
     report::{Report, counted},
 };
-use trisplat_train::{HardenedGain, TrainDetails};
+use trisplat_train::TrainDetails;
 
 /// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<()> {
@@ -64,14 +64,7 @@ fn say(report: &Report, progress: &Progress) {
     for warning in &report.warnings {
         progress.warn(warning);
     }
-    let hardened = report.details::<TrainDetails>().and_then(|details| details.hardened);
-    if let Some(HardenedGain { views, psnr_before, psnr_after, photo_size, kept: true }) = hardened {
-        let size = ShrunkSize::beside(photo_size);
-        progress.line(&format!(
-            "hardening: {psnr_after:.1} dB, {psnr_before:.1} dB without, on {} not trained on{size}",
-            counted(views, "view")
-        ));
-    }
+    let hardened = report.details::<TrainDetails>();
     let softness = report.details::<TeacherDetails>().and_then(|details| details.softness);
     if let (Some(softness), None) = (softness, hardened) {
         progress.line(&soft_note(&softness, report.details().as_ref()));

@@ -14,8 +14,7 @@ use trisplat_train::TrainOptions;
 pub struct HardenArgs {
     /// Train a soft scene solid first: minutes, for a file that looks like the soft scene.
     ///
-    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. If views
-    /// that were not trained on look worse than without it, the file holds the scene baked without it. Gaussian
+    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. Gaussian
     /// splats are always trained solid: with it in four times as many steps, on more and larger pictures.
     #[arg(long, value_name = "STEPS", num_args = 0..=1, require_equals = true, default_missing_value = "2000",
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]

@@ -15,7 +15,6 @@ use trisplat_raster::{
 };
 use trisplat_scene::{Asset, ImportedScene, Soup, camera::Camera, math::metric};
 use trisplat_teacher::{Background, Teacher};
-use trisplat_train::TrainDetails;
 
 const BLACK: [f32; 3] = [0.0; 3];
 const WHITE: [f32; 3] = [1.0; 3];
@@ -131,10 +130,7 @@ fn hardened(soup: Soup, background: BackgroundFrom) -> Asset {
     let scene = ImportedScene { cameras: eyes(), ..ImportedScene::from(soup) };
     let mut job = BakeJob::new([BakeInput::scene(scene)], options);
     job.harden = Some(HardenOptions::of_steps(400));
-    let done = job.run(&mut |_| Continue(())).unwrap();
-    let gain = done.report.details::<TrainDetails>().unwrap().hardened.unwrap();
-    assert!(gain.kept, "{gain:?}");
-    done.asset
+    job.run(&mut |_| Continue(())).unwrap().asset
 }
 
 #[test]

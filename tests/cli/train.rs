@@ -242,7 +242,6 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     let report = path("r.json");
     assert_eq!(stage(&report, "train")["details"]["steps"], 40);
     assert!(stage(&report, "refit").get("details").is_some(), "the soft pictures are there still");
-    harden_keeps_the_better(&report, &said);
     // With photos these are what it is trained on.
     let photos = dataset();
     let said = bake(&["-o", "photos.glb", "--harden=10", "--dataset", photos.to_str().unwrap()]);
@@ -250,7 +249,6 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
         stage(&report, "train")["details"]["held_out"][0]["name"].as_str().unwrap().contains('.'),
         "{said}"
     );
-    harden_keeps_the_better(&report, &said);
     // A mesh is solid: nothing to train.
     std::fs::copy(path("hard.glb"), path("soft.ply")).unwrap();
     std::fs::rename(path("soft.ply"), path("mesh.glb")).unwrap();
@@ -260,23 +258,6 @@ fn a_soft_scene_is_hardened_and_baked_by_one_command() {
     assert!(
         said.lines().any(|l| l.starts_with("train") && l.contains("not needed: the input is a mesh")),
         "{said}"
-    );
-}
-
-/// What is written is what other views show better, and the program says which.
-fn harden_keeps_the_better(report: &Path, said: &str) {
-    let gain = &stage(report, "train")["details"]["hardened"];
-    let psnr = |key: &str| gain[key].as_f64().unwrap();
-    let kept = gain["kept"].as_bool().unwrap();
-    assert_eq!(kept, psnr("psnr_after") >= psnr("psnr_before"), "{gain}");
-    assert!(gain["views"].as_u64().unwrap() > 0 && psnr("psnr_before") > 10.0, "{gain}");
-    let words = if kept { "hardening: " } else { "--harden made it worse: " };
-    assert!(said.contains(words), "{said}");
-    let solid = stage(report, "solid");
-    assert_eq!(
-        solid.get("skipped").is_some(),
-        kept,
-        "the stages are those of the bake that is kept: {solid}"
     );
 }
 

@@ -71,32 +71,6 @@ fn a_synthetic_scene_reaches_a_psnr() {
 }
 
 #[test]
-fn what_the_steps_leave_out_is_counted() {
-    let folder = tempfile::tempdir().unwrap();
-    // A quarter of them is not too small for the warm-up.
-    let dataset = scene(folder.path(), &SyntheticOptions { width: 384, views: 6, ..small() });
-    let mut options = options(16);
-    (options.warmup.quarter_until, options.warmup.half_until) = (15_000.0, 30_000.0);
-    let skipped = trained(&dataset, &options).skipped;
-    // Half of the steps at a sixteenth of the pixels, half at a quarter.
-    let pixels = 16 * 384 * 288;
-    assert_eq!(skipped.pixels.done, pixels / 32 + pixels / 8);
-    assert_eq!(skipped.pixels.done + skipped.pixels.skipped, pixels);
-    assert!(skipped.rows.done > 0 && skipped.rows.skipped > 0, "{skipped:?}");
-    // Degrees of view-dependent colour come one by one; each triangle has 16 functions.
-    assert!(skipped.coefficients.skipped > 0, "{skipped:?}");
-    assert_eq!(
-        skipped.coefficients.done + skipped.coefficients.skipped,
-        16 * (skipped.rows.done + skipped.rows.skipped)
-    );
-
-    (options.warmup.quarter_until, options.warmup.half_until) = (0.0, 0.0);
-    (options.rates.sparse, options.sh_degree, options.steps) = (false, 0, 4);
-    let skipped = trained(&dataset, &options).skipped;
-    assert!([skipped.pixels, skipped.rows, skipped.coefficients].iter().all(|work| work.skipped == 0));
-}
-
-#[test]
 fn the_same_bits_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &small());
@@ -347,17 +321,13 @@ fn a_data_set_without_training_photos_is_an_error_that_says_so() {
 fn solid_ends_opaque_and_of_one_colour() {
     let folder = tempfile::tempdir().unwrap();
     let dataset = scene(folder.path(), &dense());
-    let run = |preset| {
-        trained(&dataset, &TrainOptions { steps: 800, max_triangles: 3000, ..TrainOptions::preset(preset) })
-    };
-    let (solid, paper) = (run(TrainPreset::Solid), run(TrainPreset::PaperEngine));
-    for trained in [&solid, &paper] {
-        assert_valid(&trained.soup);
-        assert_eq!(trained.soup.sh_degree, 0);
-        assert!(trained.soup.opacity.iter().all(|&o| o == 1.0));
-        assert!(trained.soup.sigma.iter().all(|&s| s <= trisplat_bake::SOLID_SIGMA));
-    }
-    // As an engine draws them, 4 x 4 samples per pixel.
-    let (solid, paper) = (psnr(&solid), psnr(&paper));
-    assert!(solid > 14.0 && solid > paper + 1.0, "{solid:.2} dB, {paper:.2} dB");
+    let preset = TrainOptions::preset(TrainPreset::Solid);
+    let solid = trained(&dataset, &TrainOptions { steps: 800, max_triangles: 3000, ..preset });
+    assert_valid(&solid.soup);
+    assert_eq!(solid.soup.sh_degree, 0);
+    assert!(solid.soup.opacity.iter().all(|&o| o == 1.0));
+    assert!(solid.soup.sigma.iter().all(|&s| s <= trisplat_bake::SOLID_SIGMA));
+    // As an engine draws it, 4 x 4 samples per pixel.
+    let psnr = psnr(&solid);
+    assert!(psnr > 14.0, "{psnr:.2} dB");
 }

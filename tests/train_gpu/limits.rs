@@ -53,7 +53,7 @@ fn ways() -> [Way; 3] {
     [
         way("soft", |_| {}, |_| {}),
         way("per pixel", |o| o.draw.sort_per_pixel = true, |_| {}),
-        way("regularised", |_| {}, |r| (r.beta_size, r.beta_opaque, r.beta_normal) = (1e-3, 1.0, 0.1)),
+        way("regularised", |_| {}, |r| (r.beta_size, r.beta_normal) = (1e-3, 0.1)),
     ]
 }
 

@@ -80,7 +80,6 @@ fn soft_runs_are_those_of_the_cpu() {
         (TrainPreset::Outdoor, true, SampleWeight::Alternating),
         (TrainPreset::Outdoor, true, SampleWeight::Error),
         (TrainPreset::Indoor, false, SampleWeight::Alternating),
-        (TrainPreset::PaperEngine, false, SampleWeight::Alternating),
     ] {
         let mut options = options(preset, 100);
         options.densify.sample_by = sample_by;

@@ -46,14 +46,6 @@ const CASES: &[Case] = &[
     Case { name: "solid, soft still", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.1, ..PLAIN },
     Case { name: "solid, hardening", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.5, ..PLAIN },
     Case { name: "solid, at the end", preset: TrainPreset::Solid, sh_degree: 0, progress: 0.99, ..PLAIN },
-    Case { name: "paper's engine", preset: TrainPreset::PaperEngine, progress: 0.5, ..PLAIN },
-    Case {
-        name: "paper's engine at the end",
-        preset: TrainPreset::PaperEngine,
-        sh_degree: 0,
-        progress: 0.99,
-        ..PLAIN
-    },
     Case { name: "L1 alone", rates: |r| r.dssim = 0.0, sh_degree: 0, ..PLAIN },
     Case { name: "SSIM alone", rates: |r| r.dssim = 1.0, sh_degree: 0, ..PLAIN },
     Case { name: "degree 2", sh_degree: 2, masked: true, ..PLAIN },
@@ -103,12 +95,7 @@ const CASES: &[Case] = &[
         sh_degree: 0,
         ..PLAIN
     },
-    Case {
-        name: "regularised",
-        rates: |r| (r.beta_size, r.beta_opaque, r.beta_sigma) = (1e-3, 1.0, 0.1),
-        sh_degree: 0,
-        ..PLAIN
-    },
+    Case { name: "regularised", rates: |r| r.beta_size = 1e-3, sh_degree: 0, ..PLAIN },
 ];
 
 type Outcome = (TrainState, StepStats, BackendVisibility);

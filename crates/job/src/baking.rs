@@ -4,7 +4,6 @@ use super::event::{Observer, add, stages};
 use super::fitted::fitted;
 use super::gaussians::{self, Effort};
 use super::harden::{self, HardenOptions, Hardened};
-use super::unhardened::Unhardened;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, count, merge};
@@ -78,8 +77,6 @@ enum Inputs {
 struct Scenes {
     scenes: Vec<ImportedScene>,
     views: Option<Views>,
-    /// The scene before hardening, for comparison.
-    unhardened: Option<Unhardened>,
 }
 
 /// A baked scene and its report.
@@ -136,9 +133,9 @@ impl BakeJob {
         let mut report = Report::new("bake");
         report.inputs = self.names();
         report.warnings.extend(self.photos.iter().flat_map(|photos| photos.warnings.iter().cloned()));
-        let Scenes { scenes, mut views, unhardened } = self.scenes(&mut report, observer)?;
-        let (mut options, has_photos) = (self.options, self.photos.is_some());
-        let mut asset = match (self.max_bytes, &to) {
+        let Scenes { scenes, mut views } = self.scenes(&mut report, observer)?;
+        let mut options = self.options;
+        let asset = match (self.max_bytes, &to) {
             (Some(limit), Some((output, _))) => {
                 let found = fitted(limit, &scenes, views.as_mut(), &options, output, &report, observer)?;
                 drop(scenes);
@@ -151,10 +148,6 @@ impl BakeJob {
             }
         };
         report.options = serde_json::to_value(&options).unwrap_or_default();
-        if let Some(unhardened) = unhardened {
-            let photos = views.as_mut().filter(|_| has_photos);
-            asset = unhardened.better(asset, photos, &options, &mut report)?;
-        }
         if let Some((output, files)) = to {
             output::write(&asset, output, files, &options.output, &mut report, &mut stages(observer))?;
         }
@@ -181,11 +174,10 @@ impl BakeJob {
             Inputs::Splats(splats) => return self.solid_of(&splats, views, report, observer),
         };
         let Some(hardening) = &self.harden else {
-            return Ok(Scenes { scenes: inputs, views, unhardened: None });
+            return Ok(Scenes { scenes: inputs, views });
         };
         hardening.validate()?;
         let soft = merge(inputs)?;
-        let mut unhardened = None;
         let hardened = match harden::needless(&soft) {
             Some(why) => Hardened::needless(soft, why),
             None => {
@@ -200,15 +192,11 @@ impl BakeJob {
                     |soft, details| Ok(background(soft, has_photos, options, details)),
                 )?;
                 let behind = report.details::<BackgroundDetails>().and_then(|found| found.behind());
-                // `max_bytes` holds for the hardened scene only.
-                if self.max_bytes.is_none() {
-                    unhardened = Some(Unhardened::new(&soft, behind, photos, how));
-                }
                 harden::harden((self.path(), soft), behind, photos, how, &training, observer)?
             }
         };
         add(hardened.stage, report, observer);
-        Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures), unhardened })
+        Ok(Scenes { scenes: vec![hardened.scene], views: views.or(hardened.pictures) })
     }
 
     /// The solid scene of Gaussians. Making it is a stage of `report`.
@@ -226,7 +214,7 @@ impl BakeJob {
         let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
         let solid = gaussians::solid((self.path(), splats), photos, how, amount, observer)?;
         add(solid.stage, report, observer);
-        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures), unhardened: None })
+        Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures) })
     }
 
     /// The first file, for messages.

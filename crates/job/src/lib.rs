@@ -28,7 +28,6 @@ mod steps;
 mod taught;
 mod teacher;
 mod training;
-mod unhardened;
 pub mod watched;
 mod watching;
 

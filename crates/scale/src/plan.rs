@@ -12,7 +12,7 @@ use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, ImportedScene, Limits, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
 };
-use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, TrainPreset, Trained};
+use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, Trained};
 
 /// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a
 /// block, but before triangles become opaque.
@@ -56,10 +56,6 @@ pub struct Planner<'a> {
 pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
     options.validate()?;
     whole.validate()?;
-    if whole.preset == TrainPreset::PaperEngine {
-        let expected = "another preset: its losses are means over a whole scene";
-        return Err(Error::invalid("preset", "paper-engine, in blocks", expected));
-    }
     let count = options.count(whole.max_triangles)?;
     let triangles = whole.max_triangles.div_ceil(count as u64);
     let block = Block { max_triangles: triangles, ..Block::default() };

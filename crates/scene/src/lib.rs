@@ -27,7 +27,6 @@ mod scene;
 mod soup;
 mod splats;
 mod texture;
-mod work;
 
 pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
 pub use budget::{Budget, BudgetClock, Seconds, Spending};
@@ -40,4 +39,3 @@ pub use scene::{ImportedScene, Scene};
 pub use soup::{SH_C0, Soup, rgb_from_sh0, sh0_from_rgb};
 pub use splats::{ImportedSplats, ScreenFilter, Splats};
 pub use texture::{FaceTexture, StoredPicture, Texture};
-pub use work::WorkCount;

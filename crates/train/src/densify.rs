@@ -35,8 +35,6 @@ pub(crate) struct DensifyPlan<'a> {
     pub prune_weight: f32,
     /// Triangles fainter than this are pruned.
     pub prune_opacity: f64,
-    /// Triangles of at least this σ are pruned.
-    pub prune_sigma: f64,
     /// Number of the densification: alternating sampling goes by opacity at odd ones.
     pub densification: u64,
     /// Grow by cutting triangles in two where the picture is wrong, which does not change the look of a solid
@@ -57,8 +55,6 @@ pub struct Densified {
     pub broken: usize,
     /// Removed: too faint.
     pub faint: usize,
-    /// Removed: too soft for a solid scene.
-    pub soft: usize,
     /// Removed: too little weight at every pixel.
     pub unimportant: usize,
     /// Removed: visible in too few photos.
@@ -143,8 +139,6 @@ fn prune(
             &mut done.broken
         } else if f64::from(plan.anneal.opacity(params.opacity[i])) < plan.prune_opacity {
             &mut done.faint
-        } else if f64::from(plan.anneal.sigma(params.sigma[i])) >= plan.prune_sigma {
-            &mut done.soft
         } else if observed && visibility.max_weight[i] < plan.prune_weight {
             &mut done.unimportant
         } else if observed && visibility.views[i] < MIN_VIEWS.min(visibility.drawn.len() as u32) {
@@ -316,7 +310,6 @@ mod tests {
             grow: true,
             prune_weight: 0.022,
             prune_opacity: 0.014,
-            prune_sigma: f64::INFINITY,
             densification: 1,
             bisect: false,
             anneal: Anneal::NONE,

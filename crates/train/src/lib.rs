@@ -30,7 +30,6 @@ mod frame_loss;
 mod from_scene;
 #[cfg(feature = "gpu")]
 mod gpu;
-mod hardening;
 mod identity;
 mod init;
 mod neighbours;
@@ -45,7 +44,6 @@ mod relocate;
 mod run;
 mod schedule;
 mod shell;
-mod skipped;
 mod start;
 mod timeline;
 mod trained;
@@ -76,9 +74,6 @@ pub use progress::{TrainEvent, TrainObserver, TrainSample};
 pub use run::TrainRun;
 pub use schedule::{EngineShading, Schedule, StepParams};
 pub use shell::shell_around;
-pub use skipped::SkippedWork;
 pub use start::Part;
-pub use trained::{HardenedGain, TrainDetails, Trained};
+pub use trained::{TrainDetails, Trained};
 pub use trainer::Trainer;
-
-pub use trisplat_scene::WorkCount;

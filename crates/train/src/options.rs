@@ -43,8 +43,6 @@ pub enum TrainPreset {
     #[serde(rename = "soft-indoor", alias = "indoor")]
     #[cfg_attr(feature = "cli", value(name = "soft-indoor", alias = "indoor"))]
     Indoor,
-    /// The paper's own way to opaque triangles, for comparison.
-    PaperEngine,
 }
 
 /// How a soup is trained.
@@ -211,7 +209,7 @@ pub struct WarmupOptions {
 }
 
 /// How the scene becomes solid in the last part of the run (supplement: the final 5,000 of 30,000 steps);
-/// presets that stay soft ignore it. `train::hardening` has the constants.
+/// presets that stay soft ignore it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolidifyOptions {
@@ -252,7 +250,7 @@ default_of_default_preset!(
 impl TrainOptions {
     /// Whether the scene becomes solid.
     pub fn ends_solid(&self) -> bool {
-        matches!(self.preset, TrainPreset::Solid | TrainPreset::PaperEngine)
+        self.preset == TrainPreset::Solid
     }
 
     /// How the rasteriser draws the scene over `background`.

@@ -13,7 +13,6 @@ impl TrainOptions {
             TrainPreset::Outdoor => OUTDOOR,
             TrainPreset::Indoor => INDOOR,
             TrainPreset::Solid => SOLID,
-            TrainPreset::PaperEngine => PAPER_ENGINE,
         }
     }
 }
@@ -84,16 +83,5 @@ const SOLID: TrainOptions = TrainOptions {
     loss: LossOptions { dssim: 0.05, ..OUTDOOR.loss },
     densify: DensifyOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.densify },
     solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0 },
-    ..OUTDOOR
-};
-
-/// `train_game_engine.py` of the paper's code on our soft training: from 25,000 of 30,000 steps on, losses drive σ
-/// down and opacity up, and what stays faint or soft is deleted.
-const PAPER_ENGINE: TrainOptions = TrainOptions {
-    preset: TrainPreset::PaperEngine,
-    sh_degree: 0,
-    init: InitOptions { shell_subdivisions: 0, ..OUTDOOR.init },
-    loss: LossOptions { normal: 0.0001, ..OUTDOOR.loss },
-    solid: SolidifyOptions { opacity_from: 25_000.0, opacity_until: 30_000.0 },
     ..OUTDOOR
 };

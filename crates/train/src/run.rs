@@ -279,7 +279,6 @@ impl<B: TrainBackend> StartedRun<'_, B> {
             photo_size: recorded.photo_size,
             dropped: trainer.dropped(),
             cpu_secs: recorded.cpu_secs,
-            skipped: trainer.skipped(),
             exposure: ExposureDetails::new(
                 trainer.exposure(),
                 dataset.train().map(|view| view.name.as_str()),

@@ -1,7 +1,6 @@
 //! The schedule of a run: rates, resolution, SH degree, regularisers, densifications and the anneal at each
 //! step.
 
-use super::hardening::{Hardening, PruneFaint};
 use super::options::{REFERENCE_STEPS, TrainOptions};
 use super::params::{Anneal, FrozenLook};
 use super::timeline::Timeline;
@@ -36,6 +35,17 @@ const GEOMETRY_FROM: f64 = 5000.0;
 const SIZE_UNTIL: f64 = 25_000.0;
 /// Triangles fainter than this are pruned (0.014, supplement: opacity_dead).
 const PRUNE_OPACITY: f64 = 0.014;
+/// Steepness of the opacity's sigmoid at the end of the anneal, as a factor, reached log-linearly: it drives
+/// each opacity to 0 or 1, whichever lowers the loss.
+const SOLID_GAIN: f64 = 8.0;
+/// Factor of σ at the end of the anneal, reached log-linearly from the first step on (TS+ 0.0001, linearly).
+const SOLID_SIGMA_SCALE: f64 = 0.02;
+/// τ_prune at the end of the anneal, reached linearly (TS+ 0.235).
+const SOLID_PRUNE_WEIGHT: f64 = 0.235;
+/// Triangles fainter than this are pruned at the end of the anneal, reached linearly (TS 0.7).
+const SOLID_PRUNE_OPACITY: f64 = 0.05;
+/// Share of the anneal after which triangles fainter than the second number are pruned.
+const FAINTEST: (f64, f64) = (0.97, 0.4);
 /// First densification, steps of a 30,000-step run (500, supplement).
 pub(crate) const REFINE_FROM: f64 = 500.0;
 
@@ -66,10 +76,6 @@ pub struct StepParams {
     pub beta_normal: f64,
     /// β4, of 1 / mean area.
     pub beta_size: f64,
-    /// Weight of the mean σ.
-    pub beta_sigma: f64,
-    /// Weight of 1 / mean opacity.
-    pub beta_opaque: f64,
     /// Skip triangles without a gradient.
     pub sparse: bool,
     /// Largest alpha of a layer; it rises to 1 with the anneal, because solid triangles must not leak.
@@ -158,15 +164,14 @@ impl<'a> Schedule<'a> {
 
     /// The values for step `step` (from 0).
     pub fn rates(&self, step: u64) -> StepParams {
-        let (o, l, hardening) = (self.options, &self.options.loss, Hardening::of(self.options));
+        let (o, l) = (self.options, &self.options.loss);
         let engine = self.is_engine_shaded(step);
-        let annealing = self.annealed(step) > 0.0;
         let geometry = step >= self.scaled(GEOMETRY_FROM);
         StepParams {
             time: step + 1,
             corners: self.corners_rate(step),
             opacity: OPACITY_RATE,
-            sigma: self.sigma_rate(step),
+            sigma: SIGMA_RATE,
             sh: SH_RATE,
             sh_rest: SH_RATE * SH_REST_SHARE,
             sh_degree: self.sh_degree(step),
@@ -175,9 +180,7 @@ impl<'a> Schedule<'a> {
             beta_distortion: if geometry { l.distortion } else { 0.0 },
             beta_normal: if geometry { l.normal } else { 0.0 },
             beta_size: if step < self.scaled(SIZE_UNTIL) { l.size } else { 0.0 },
-            beta_sigma: if annealing { hardening.loss_sigma } else { 0.0 },
-            beta_opaque: if annealing { hardening.loss_opacity } else { 0.0 },
-            sparse: o.rates.sparse && !(annealing && hardening.loss_sigma + hardening.loss_opacity > 0.0),
+            sparse: o.rates.sparse,
             alpha_cap: if engine { ENGINE_ALPHA_CAP } else { ALPHA_CAP }.max(self.anneal(step).opacity_floor),
             anneal: self.anneal(step),
             engine_shading: engine.then_some(EngineShading::TRAINED),
@@ -236,34 +239,28 @@ impl<'a> Schedule<'a> {
         if self.is_opaque(step) {
             return Anneal::SOLID;
         }
-        let hardening = Hardening::of(self.options);
         let sigma = self.done(step, [0.0, self.options.solid.opacity_until]);
         Anneal {
             opacity_floor: 0.0,
-            opacity_gain: hardening.opacity_gain.powf(self.annealed(step)) as f32,
-            sigma_scale: hardening.sigma_scale.powf(sigma) as f32,
+            opacity_gain: SOLID_GAIN.powf(self.annealed(step)) as f32,
+            sigma_scale: SOLID_SIGMA_SCALE.powf(sigma) as f32,
         }
     }
 
     /// τ_prune after `step`. It rises with the anneal, because a soft scene has small weights, which the
     /// threshold of a solid one would delete at once.
     pub fn prune_weight(&self, step: u64) -> f64 {
-        let (soft, solid) = (self.options.densify.prune_weight, Hardening::of(self.options).prune_weight);
-        soft + (solid - soft) * self.annealed(step)
+        let soft = self.options.densify.prune_weight;
+        soft + (SOLID_PRUNE_WEIGHT - soft) * self.annealed(step)
     }
 
     /// The opacity below which triangles are pruned after `step`; it rises with the anneal.
     pub fn prune_opacity(&self, step: u64) -> f64 {
-        let hardening = Hardening::of(self.options);
-        let risen = PRUNE_OPACITY + (hardening.prune_opacity - PRUNE_OPACITY).max(0.0) * self.annealed(step);
-        let reached = |prune: &PruneFaint| self.is_past(step, prune.from_step).then_some(prune.min_opacity);
-        hardening.prune_faint.iter().flatten().filter_map(reached).fold(risen, f64::max)
-    }
-
-    /// The σ from which triangles are pruned after `step`.
-    pub fn prune_sigma(&self, step: u64) -> f64 {
-        let soft = Hardening::of(self.options).prune_soft.filter(|soft| self.is_past(step, soft.from_step));
-        soft.map_or(f64::INFINITY, |soft| soft.max_sigma)
+        let (share, faintest) = FAINTEST;
+        match self.is_past(step, share * self.options.solid.opacity_until) {
+            true => faintest,
+            false => PRUNE_OPACITY + (SOLID_PRUNE_OPACITY - PRUNE_OPACITY) * self.annealed(step),
+        }
     }
 
     /// True when the scene becomes solid, and `step` is at or beyond a position.
@@ -284,14 +281,6 @@ impl<'a> Schedule<'a> {
             false => (step - from) as f64 / steps.saturating_sub(from).max(1) as f64,
         };
         soft(from) * ENGINE_CORNERS_SCALE * ENGINE_CORNERS_FINAL_SHARE.powf(done)
-    }
-
-    /// Rate of the logarithm of σ.
-    fn sigma_rate(&self, step: u64) -> f64 {
-        match Hardening::of(self.options).sigma_rate.filter(|_| self.annealed(step) > 0.0) {
-            Some(rate) => rate * REFERENCE_STEPS / self.timeline.density(step),
-            None => SIGMA_RATE,
-        }
     }
 
     /// True when the scene is densified after `step` steps have been made.
@@ -342,43 +331,23 @@ mod tests {
         let before = plan.scaled(options.solid.opacity_from) - 1;
         assert_eq!((plan.anneal(before).opacity_floor, plan.anneal(before).opacity_gain), (0.0, 1.0));
         assert_eq!(plan.prune_weight(before), options.densify.prune_weight);
-        let hardening = Hardening::of(&options);
         let last = options.steps - 1;
         assert_eq!(plan.anneal(last), Anneal::SOLID);
         let rates = plan.rates(last);
         assert_eq!((rates.sh_degree, rates.alpha_cap), (0, 1.0));
         let drawing = rates.drawing(&SoftOptions::default());
         assert!(drawing.sort == Sort::Pixel && drawing.window != Window::Soft);
-        assert!((plan.prune_weight(last) - hardening.prune_weight).abs() < 1e-12);
+        assert!((plan.prune_weight(last) - SOLID_PRUNE_WEIGHT).abs() < 1e-12);
         let soft = 0..plan.scaled(options.solid.opacity_until);
         let gains: Vec<f32> = soft.clone().map(|s| plan.anneal(s).opacity_gain).collect();
-        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * hardening.opacity_gain as f32));
+        assert!(gains.is_sorted() && gains.last().is_some_and(|g| *g > 0.95 * SOLID_GAIN as f32));
         let sigmas: Vec<f32> = soft.rev().map(|s| plan.anneal(s).sigma_scale).collect();
         assert!(sigmas.is_sorted());
     }
 
     #[test]
-    fn the_papers_engine_mode_follows_its_script() {
-        let options = TrainOptions { steps: 30_000, ..TrainOptions::preset(TrainPreset::PaperEngine) };
-        let plan = Schedule::new(&options);
-        let at = |step| (plan.rates(step).beta_sigma, plan.rates(step).beta_opaque);
-        assert_eq!((at(24_999), at(25_000)), ((0.0, 0.0), (1.0, 20.0)));
-        let faintest = [24_999, 25_000, 28_999, 29_000].map(|step| plan.prune_opacity(step));
-        assert_eq!(faintest, [0.014, 0.1, 0.1, 0.7]);
-        assert_eq!((plan.prune_sigma(27_999), plan.prune_sigma(28_000)), (f64::INFINITY, 1.0));
-        assert_eq!(plan.rates(29_999).sigma, 0.0008);
-        assert!(
-            (0..30_000)
-                .all(|step| plan.anneal(step) == Anneal::NONE && plan.rates(step).engine_shading.is_none())
-        );
-        // A run with a tenth of the steps changes σ equally.
-        let short = TrainOptions { steps: 3000, ..options };
-        assert!((Schedule::new(&short).rates(2999).sigma - 0.008).abs() < 1e-12);
-    }
-
-    #[test]
     fn what_follows_a_milestone_changes_nothing_before_it() {
-        for preset in [TrainPreset::Solid, TrainPreset::Indoor, TrainPreset::PaperEngine] {
+        for preset in [TrainPreset::Solid, TrainPreset::Indoor] {
             let options =
                 |steps, milestones| TrainOptions { steps, milestones, ..TrainOptions::preset(preset) };
             let (planned, corrected) =
@@ -390,7 +359,7 @@ mod tests {
                     plan.densification(step + 1),
                     plan.grows_after(step + 1),
                 );
-                let pruned = (plan.prune_weight(step), plan.prune_opacity(step), plan.prune_sigma(step));
+                let pruned = (plan.prune_weight(step), plan.prune_opacity(step));
                 (plan.rates(step), plan.level(step), densifies, pruned)
             };
             assert!((0..669).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");

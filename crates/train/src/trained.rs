@@ -5,7 +5,6 @@ use super::eval::{PhotoScore, Quality};
 use super::exposure::ExposureDetails;
 use super::options::TrainOptions;
 use super::progress::TrainSample;
-use super::skipped::SkippedWork;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -46,8 +45,6 @@ pub struct Trained {
     pub dropped: u64,
     /// CPU seconds of the training, evaluations excluded.
     pub cpu_secs: f64,
-    /// The work that the steps of this process skipped.
-    pub skipped: SkippedWork,
     /// The photos' exposures; `None` where they were not estimated.
     pub exposure: Option<ExposureDetails>,
     /// The run was stopped before its last step.
@@ -87,33 +84,11 @@ pub struct TrainDetails {
     /// The use of the budget; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetDetails>,
-    /// The work that the steps skipped; for a resumed run, since it resumed.
-    #[serde(default)]
-    pub skipped: SkippedWork,
     /// The photos' exposures; absent where they were not estimated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<ExposureDetails>,
     /// The held-out photos one by one.
     pub held_out: Vec<PhotoScore>,
-    /// The gain of hardening; absent when it was not compared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub hardened: Option<HardenedGain>,
-}
-
-/// Scores of the hardened and the original scene, as files, on views that were not trained on.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct HardenedGain {
-    /// Number of views that were compared: held-out photos, or soft pictures from other places.
-    pub views: u64,
-    /// Mean PSNR of the bake without hardening, dB.
-    pub psnr_before: f64,
-    /// Mean PSNR of the bake of the hardened scene, dB.
-    pub psnr_after: f64,
-    /// The size that the photos were shrunk to for both, "320x213"; absent where they were not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub photo_size: Option<ShrunkSize>,
-    /// The file holds the hardened scene, because it does not score worse.
-    pub kept: bool,
 }
 
 impl StageDetails for TrainDetails {
@@ -174,11 +149,9 @@ impl Trained {
             samples: self.samples,
             photo_size: self.photo_size,
             budget: self.budget(),
-            skipped: self.skipped,
             psnr_corrected: self.psnr_corrected(),
             exposure: self.exposure.clone(),
             held_out: self.scores.clone(),
-            hardened: None,
         }
     }
 

@@ -12,7 +12,6 @@ use super::params::{Anneal, TrainState};
 use super::progress::TrainSample;
 use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
-use super::skipped::SkippedWork;
 use super::start::{self, FirstScene, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use std::sync::Arc;
@@ -45,7 +44,6 @@ pub struct Trainer<B> {
     visibility: VisibilityStats,
     step: u64,
     dropped: u64,
-    skipped: SkippedWork,
     /// Figures that were not read yet.
     figures: Vec<StepStats>,
     pinned: usize,
@@ -165,7 +163,6 @@ impl<B: TrainBackend> Trainer<B> {
             visibility,
             step,
             dropped,
-            skipped: SkippedWork::default(),
             figures: Vec::new(),
             pinned,
             frozen,
@@ -219,11 +216,6 @@ impl<B: TrainBackend> Trainer<B> {
         self.dropped
     }
 
-    /// The work that this process's steps skipped, for steps with known figures.
-    pub fn skipped(&self) -> SkippedWork {
-        self.skipped
-    }
-
     /// Figures of finished steps, each once, in the order of the steps; with `all`, it waits for unfinished
     /// ones.
     pub fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
@@ -234,7 +226,6 @@ impl<B: TrainBackend> Trainer<B> {
     fn collect_figures(&mut self, all: bool) -> Result<()> {
         let figures = self.backend.figures(all)?;
         self.dropped += figures.iter().map(|stats| stats.dropped).sum::<u64>();
-        self.skipped.rows.turned_out_done(figures.iter().map(|stats| stats.touched).sum());
         self.figures.extend(figures);
         Ok(())
     }
@@ -307,16 +298,12 @@ impl<B: TrainBackend> Trainer<B> {
         self.full_px = self.photos.size(index, 0).x as f32 / pixels.size.x as f32;
         let first = self.visibility.record_photo(index);
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first, id };
-        let triangles = self.backend.len() as u64;
         if let Err(error) = self.backend.step(&photo, &rates) {
             // It was not drawn.
             self.visibility.drawn[index] = !first;
             return Err(error);
         }
         self.step += 1;
-        let whole = self.photos.size(index, 0).element_product();
-        let degrees = (rates.sh_degree, self.options.sh_degree);
-        self.skipped += SkippedWork::of_step((pixels.size.element_product(), whole), triangles, degrees);
         let densified = match Schedule::new(&self.options).densifies_after(self.step) {
             true => Some(self.densify()?),
             false => None,
@@ -369,7 +356,6 @@ impl<B: TrainBackend> Trainer<B> {
             grow: schedule.grows_after(self.step),
             prune_weight: schedule.prune_weight(last) as f32,
             prune_opacity: schedule.prune_opacity(last),
-            prune_sigma: schedule.prune_sigma(last),
             densification: schedule.densification(self.step),
             bisect: schedule.is_engine_shaded(last),
             anneal: schedule.anneal(last),

@@ -19,14 +19,11 @@ pub(crate) const SIZES: [f32; 2] = [0.001, 0.3];
 /// Triangles that grow far beyond it hide whole walls before a photo is drawn that shows the harm.
 pub(crate) const SIZE_OF_ALL: f32 = 15.0;
 
-/// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4; the other two are those of its code
-/// for game engines).
+/// Gradients that bypass the pixels (Held et al. 2025, eq. 3: β1 and β4).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Regularisers {
-    /// ∂(β1 · mean opacity + β / mean opacity)/∂opacity.
+    /// ∂(β1 · mean opacity)/∂opacity.
     d_opacity: f32,
-    /// ∂(β · mean σ)/∂σ.
-    d_sigma: f32,
     /// ∂(β4 / mean area)/∂area.
     d_area: f32,
 }
@@ -44,14 +41,7 @@ impl Regularisers {
         } else {
             0.0
         };
-        let mut d_opacity = rates.beta_opacity / n;
-        if rates.beta_opaque > 0.0 {
-            let opacity = |x: &f32| f64::from(rates.anneal.opacity(*x));
-            let mean = (sum_of(&params.opacity[pinned..], opacity) / n).max(1e-6);
-            d_opacity -= rates.beta_opaque / (mean * mean * n);
-        }
-        let d_sigma = (rates.beta_sigma / n) as f32;
-        Self { d_opacity: d_opacity as f32, d_sigma, d_area: d_area as f32 }
+        Self { d_opacity: (rates.beta_opacity / n) as f32, d_area: d_area as f32 }
     }
 }
 
@@ -197,7 +187,7 @@ impl UpdateStep<'_> {
             self.corners(&mut x.0[i], d_vertices, &mut m.0[i], &mut v.0[i]);
             let anneal = self.rates.anneal;
             let d_opacity = anneal.opacity_grad(x.1[i], d.opacity[i] + self.regularisers.d_opacity);
-            let d_sigma = anneal.sigma_grad(x.2[i], d.sigma[i] + self.regularisers.d_sigma);
+            let d_sigma = anneal.sigma_grad(x.2[i], d.sigma[i]);
             let one = std::slice::from_mut;
             adam(self.opacity, one(&mut x.1[i]), &[d_opacity], one(&mut m.1[i]), one(&mut v.1[i]));
             adam(self.sigma, one(&mut x.2[i]), &[d_sigma], one(&mut m.2[i]), one(&mut v.2[i]));

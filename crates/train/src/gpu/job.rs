@@ -25,7 +25,6 @@ pub(super) enum Count {
     LossSsim,
     LossGeometry,
     SumArea,
-    SumOpacity,
     PhotoTiles,
     SceneGroups,
     FrameGroups,
@@ -94,7 +93,7 @@ impl Jobs {
             jobs.extend([digit(Count::Splats, shift), digit(Count::Pairs, shift)]);
         }
         jobs.push(sum(Count::LossL1, Count::PhotoTiles, 3));
-        jobs.push(sum(Count::SumArea, Count::SceneGroups, 2));
+        jobs.push(sum(Count::SumArea, Count::SceneGroups, 1));
         jobs.push(sum(Count::LossGeometry, Count::FrameGroups, 1));
         let stride = u64::from(gpu.device.limits().min_uniform_buffer_offset_alignment).max(16);
         let buffer = uniform(gpu, "jobs", stride * jobs.len() as u64);

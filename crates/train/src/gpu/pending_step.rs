@@ -42,7 +42,7 @@ impl PendingStep {
             step: StepUniform::new(&plan, photo, rates, shape),
             counts: first_counts(&plan, shape),
             photo: source,
-            regularised: rates.beta_size > 0.0 || rates.beta_opaque > 0.0,
+            regularised: rates.beta_size > 0.0,
             readback,
             dssim: rates.dssim,
             shape,

@@ -207,8 +207,7 @@ impl StepUniform {
 /// Weights of the means over the scene; pinned triangles do not count.
 fn regularisers(rates: &StepParams, scene: SceneShape) -> [f32; 4] {
     let trained = f64::from((scene.triangles - scene.pinned).max(1));
-    [rates.beta_opacity, rates.beta_sigma, rates.beta_size, rates.beta_opaque]
-        .map(|weight| (weight / trained) as f32)
+    [rates.beta_opacity, rates.beta_size, 0.0, 0.0].map(|weight| (weight / trained) as f32)
 }
 
 /// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.

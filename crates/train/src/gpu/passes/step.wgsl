@@ -14,7 +14,7 @@ struct Step {
     anneal: vec4<f32>,             // opacity floor, opacity gain, sigma scale; rows hold opacity and sigma themselves
     rates: vec4<f32>,              // corners, opacity, sigma, SH degree 0; bias-corrected
     update: vec4<f32>,             // higher SH degrees, scale of second moments; is sparse, photo counts as first
-    regularisers: vec4<f32>,       // weights of mean opacity, mean sigma, 1 / mean area, 1 / mean opacity; each over triangles
+    regularisers: vec4<f32>,       // weights of mean opacity and 1 / mean area, over triangles; -; -
     loss: vec4<f32>,               // scales of L1 and SSIM; beta of distortion and of normals, each over pixels
     depths: vec4<f32>,             // mapped depth m = a - b / z: a, b; -; -
     parts: vec4<u32>,              // frozen triangles; these are drawn without a window; triangles of a chunk; pairs of a part of the slots
@@ -71,10 +71,9 @@ const LOSS_MSE: u32 = 12u;
 const LOSS_SSIM: u32 = 13u;
 const LOSS_GEOMETRY: u32 = 14u;
 const SUM_AREA: u32 = 15u;
-const SUM_OPACITY: u32 = 16u;
-const PHOTO_TILES: u32 = 17u;
-const SCENE_GROUPS: u32 = 18u;
-const FRAME_GROUPS: u32 = 19u;
+const PHOTO_TILES: u32 = 16u;
+const SCENE_GROUPS: u32 = 17u;
+const FRAME_GROUPS: u32 = 18u;
 
 // The index of a workgroup of a dispatch that may have two dimensions.
 fn workgroup_index(workgroup: vec3<u32>, count: vec3<u32>) -> u32 {

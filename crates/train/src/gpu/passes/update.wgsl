@@ -257,9 +257,9 @@ fn size(t: WorldTriangle) -> f32 {
 // Updates all of a triangle except its colour of degree 0.
 fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
     var d = gradient;
-    if step.regularisers.z > 0.0 {
+    if step.regularisers.y > 0.0 {
         let mean = mean_of(SUM_AREA, 1e-12);
-        var by_area = area_grad(triangle, -step.regularisers.z / (mean * mean));
+        var by_area = area_grad(triangle, -step.regularisers.y / (mean * mean));
         for (var k = 0u; k < 3u; k++) {
             d.vertices[k] += by_area[k];
         }
@@ -270,14 +270,9 @@ fn move_triangle(i: u32, triangle: WorldTriangle, gradient: TriangleGrad) {
             move_number(3u * k + axis, i, rate, d.vertices[k][axis]);
         }
     }
-    var d_opacity = d.opacity + step.regularisers.x;
-    if step.regularisers.w > 0.0 {
-        let mean = mean_of(SUM_OPACITY, 1e-6);
-        d_opacity -= step.regularisers.w / (mean * mean);
-    }
-    let by_logit = anneal_opacity_grad(x[row_at(ROW_OPACITY, i)], d_opacity);
+    let by_logit = anneal_opacity_grad(x[row_at(ROW_OPACITY, i)], d.opacity + step.regularisers.x);
     move_number(ROW_OPACITY, i, step.rates.y, by_logit);
-    let by_logarithm = anneal_sigma_grad(x[row_at(ROW_SIGMA, i)], d.sigma + step.regularisers.y);
+    let by_logarithm = anneal_sigma_grad(x[row_at(ROW_SIGMA, i)], d.sigma);
     move_number(ROW_SIGMA, i, step.rates.z, by_logarithm);
     for (var k = 1u; k < used_sh(); k++) {
         for (var c = 0u; c < 3u; c++) {
