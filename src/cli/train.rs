@@ -37,7 +37,7 @@ use trisplat_train::{
     Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
     TrainSample, Trained,
     budget::{Budget, BudgetDetails, Seconds},
-    checkpoint, checkpoint_retention,
+    checkpoint,
 };
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that
@@ -237,7 +237,7 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
     let Some(path) = &args.resume else { return Ok((None, Vec::new())) };
     let (checkpoint, warnings) = match path.is_dir() {
         true => {
-            let (newest, checkpoint, broken) = checkpoint_retention::newest(path)?;
+            let (newest, checkpoint, broken) = checkpoint::newest(path)?;
             let broken = broken.iter().map(|error| format!("{error}; resuming from {}", newest.display()));
             (checkpoint, broken.collect())
         }
@@ -337,9 +337,7 @@ fn guard<'a>(
     let goes_on = args.force || args.resume.is_some();
     files.release(goes_on);
     if let Some(path) = &outputs.checkpoint {
-        if let (false, true, Some((_, old))) =
-            (goes_on, args.keep > 1, checkpoint_retention::kept(path).first())
-        {
+        if let (false, true, Some((_, old))) = (goes_on, args.keep > 1, checkpoint::kept(path).first()) {
             let wants = "a name without checkpoints of an earlier run, or --force to replace them";
             return Err(Error::invalid("--checkpoint", old.display(), wants));
         }

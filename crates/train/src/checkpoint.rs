@@ -1,12 +1,7 @@
-//! Checkpoints: everything a run needs to continue bitwise, in one safetensors file.
+//! Checkpoints: everything a run needs to continue bitwise, in one safetensors file; the last ones of a run are kept.
 //!
-//! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian;
-//! `__metadata__.trisplat` is a JSON text with the step, the options and all other values that are not
-//! arrays. It begins with the format and the XXH3 checksum of the whole file: sixteen hexadecimal digits,
-//! computed with zeros in their place.
-
-mod checksum;
-mod header;
+//! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian.
+//! `__metadata__` has the format (`trisplat`), a JSON text with all other values (`run`), and the XXH3 hash of both (`xxh3`).
 
 use super::budget::BudgetController;
 use super::core::Core;
@@ -21,16 +16,19 @@ use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
 use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
-use std::io::Write;
-use std::path::Path;
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, guard::guarded, input};
+use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: u32 = 16;
+const FORMAT: &str = "17";
 
-/// Larger numbers have no finite f32 exponential.
-const MOST_RAW_SIGMA: f32 = 88.0;
+/// Endings of checkpoints in a folder.
+const ENDING: &str = "checkpoint";
+/// Precedes the number of steps in the name of one of several checkpoints.
+const STEP: &str = ".step-";
 
 /// A run between two steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,35 +80,6 @@ impl CheckpointMeta {
     pub fn space(&self) -> SceneNormalization {
         SceneNormalization { center: Vec3::from_array(self.space.0), scale: self.space.1 }
     }
-
-    /// Fails unless a run can have this state.
-    fn validate(&self, path: &Path) -> Result<()> {
-        let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
-        self.options.validate().map_err(|error| bad(error.to_string()))?;
-        if self.step > self.options.steps {
-            return Err(bad(format!("is after step {} of {}", self.step, self.options.steps)));
-        }
-        let (center, scale) = self.space;
-        // Files store world coordinates, those of this space divided by its scale.
-        if !(all_finite(&center) && scale.is_finite() && scale > 0.0 && scale.recip().is_finite()) {
-            return Err(bad(format!("has a scene of centre {center:?} and scale {scale}")));
-        }
-        Ok(())
-    }
-}
-
-/// The text of `__metadata__.trisplat`.
-#[derive(Serialize, Deserialize)]
-struct MetaText<T> {
-    format: u32,
-    checksum: String,
-    run: T,
-}
-
-/// The field that every format has, except the first, which has no number.
-#[derive(Deserialize)]
-struct FormatText {
-    format: Option<u32>,
 }
 
 /// Writes `checkpoint` as a file that appears whole or not at all, even when the power fails.
@@ -118,25 +87,40 @@ struct FormatText {
 /// Errors: those of the operating system; numbers that are not finite, because no run can continue from
 /// these.
 pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
-    checkpoint.check_finite(path)?;
-    write_unchecked(path, checkpoint)
-}
-
-fn write_unchecked(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
-    let io = |e| Error::io(path, e);
     let unwritable = |e: &dyn std::fmt::Display| Error::invalid("checkpoint", e, "numbers JSON can hold");
     let visibility = &checkpoint.visibility;
     let bytes = |flags: &[bool]| flags.iter().map(|f| u8::from(*f)).collect::<Vec<u8>>();
     let (exempt, drawn) = (bytes(&visibility.exempt), bytes(&visibility.drawn));
     let tensors = tensors(checkpoint, &exempt, &drawn).map_err(|e| unwritable(&e))?;
-    let meta = MetaText { format: FORMAT, checksum: checksum::NONE.into(), run: &checkpoint.meta };
-    let meta = serde_json::to_string(&meta).map_err(|e| unwritable(&e))?;
-    let metadata = HashMap::from([("trisplat".to_owned(), meta)]);
-    let mut bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
-    checksum::fill_in(&mut bytes, FORMAT).ok_or_else(|| unwritable(&"no place for its checksum"))?;
+    for (name, tensor) in &tensors {
+        let numbers = if tensor.dtype() == Dtype::F32 { bytemuck::cast_slice(tensor.data()) } else { &[] };
+        if !numbers.iter().all(|number: &f32| number.is_finite()) {
+            let reason =
+                "holds numbers that are not finite; resume from an earlier checkpoint, or train again";
+            return Err(Error::malformed(path, name.clone(), reason));
+        }
+    }
+    let run = serde_json::to_string(&checkpoint.meta).map_err(|e| unwritable(&e))?;
+    let sum = checksum(&run, tensors.iter().map(|(name, tensor)| (&**name, tensor.data())));
+    let metadata = [("trisplat", FORMAT.to_owned()), ("xxh3", sum), ("run", run)];
+    let metadata = metadata.map(|(key, text)| (key.to_owned(), text)).into();
+    let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
     let mut file = AtomicFile::create(path)?;
-    file.write_all(&bytes).map_err(io)?;
+    file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
     file.commit().map(drop)
+}
+
+/// The XXH3 hash of everything in a checkpoint, sixteen hexadecimal digits.
+fn checksum<'a>(run: &str, tensors: impl Iterator<Item = (&'a str, &'a [u8])>) -> String {
+    let mut tensors: Vec<_> = tensors.collect();
+    tensors.sort_unstable_by_key(|(name, _)| *name);
+    let mut hash = Xxh3Default::new();
+    hash.update(run.as_bytes());
+    for (name, data) in tensors {
+        hash.update(name.as_bytes());
+        hash.update(data);
+    }
+    format!("{:016x}", hash.digest())
 }
 
 type Named<'a> = Vec<(String, TensorView<'a>)>;
@@ -175,136 +159,83 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
     bytemuck::cast_slice(values)
 }
 
-/// Reads a checkpoint and checks that no byte has changed, that its options are valid and that its arrays
-/// match.
+/// Reads a checkpoint and checks that no byte has changed.
 ///
-/// Errors: a file that is broken, not a checkpoint, or of another version of trisplat.
+/// Errors: a file that is damaged, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
-    guarded(path, || read_unguarded(path))
+    guarded(path, || {
+        let bytes = input::read_large(path, &Limits::DEFAULT, |file, _| is_container(path, file))?;
+        read_bytes(path, &bytes)
+    })
 }
 
-fn read_unguarded(path: &Path) -> Result<Checkpoint> {
-    let mut bytes = input::read_large(path, &Limits::DEFAULT, |file, len| header::check(path, file, len))?;
-    // Before the content is read; files of other formats have no checksum here.
-    let fits = checksum::fits(&mut bytes, FORMAT);
-    if fits == Some(false) {
-        return Err(header::damaged(path));
+/// Errors: a file that is no safetensors, such as a scene of any size.
+fn is_container(path: &Path, file: &mut File) -> Result<()> {
+    let mut start = Vec::new();
+    file.take(9).read_to_end(&mut start).map_err(|e| Error::io(path, e))?;
+    match start.get(8) {
+        Some(b'{') => Ok(()),
+        Some(_) => {
+            let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
+            Err(Error::unsupported(path, reason))
+        }
+        None => Err(damaged(path)),
     }
-    let meta = read_meta(path, &bytes)?;
-    if fits.is_none() {
-        return Err(header::damaged(path));
+}
+
+fn damaged(path: &Path) -> Error {
+    let reason = "does not fit: the file is damaged; resume from another checkpoint, or train again";
+    Error::malformed(path, "checksum", reason)
+}
+
+fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Checkpoint> {
+    let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|_| damaged(path))?;
+    let metadata = metadata.metadata().clone().unwrap_or_default();
+    let text = |key: &str| metadata.get(key).map(String::as_str);
+    match text("trisplat") {
+        Some(FORMAT) => {}
+        Some(_) => {
+            let reason = format!(
+                "is a checkpoint of another version, this one reads format {FORMAT}: go on with the version that wrote it, \
+                 or train anew"
+            );
+            return Err(Error::unsupported(path, reason));
+        }
+        None => return Err(bad("is not a trisplat checkpoint".into())),
     }
-    meta.validate(path)?;
-    let tensors = SafeTensors::deserialize(&bytes).map_err(|e| broken(path, &e))?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(|_| damaged(path))?;
+    let run = text("run").unwrap_or_default();
+    let sum = checksum(run, tensors.iter().map(|(name, tensor)| (name, tensor.data())));
+    if text("xxh3") != Some(&sum) {
+        return Err(damaged(path));
+    }
+    let meta: CheckpointMeta = serde_json::from_str(run).map_err(|e| bad(e.to_string()))?;
+    meta.options.validate().map_err(|error| bad(error.to_string()))?;
+    if meta.step > meta.options.steps {
+        return Err(bad(format!("is after step {} of {}", meta.step, meta.options.steps)));
+    }
+    let n = tensors.tensor("params.opacity").map_or(0, |tensor| tensor.data().len() / size_of::<f32>());
+    if meta.pinned > n || meta.frozen > meta.pinned {
+        return Err(bad(format!("{} frozen and {} pinned triangles of {n}", meta.frozen, meta.pinned)));
+    }
     let file = Arrays { path, tensors };
-    let params = file.params("params", None)?;
-    let state = TrainState {
-        first: file.params("first", Some(&params))?,
-        second: file.params("second", Some(&params))?,
-        pinned: meta.pinned,
-        frozen: meta.frozen,
-        params,
-    };
-    let n = state.params.len();
-    if state.pinned > n || state.frozen > state.pinned {
-        let reason = format!("{} frozen and {} pinned triangles of {n}", state.frozen, state.pinned);
-        return Err(Error::malformed(path, "__metadata__", reason));
-    }
+    let params = |prefix: &str| file.params(prefix, n, meta.options.sh_degree);
     let flags = |name: &str, count: usize| -> Result<Vec<bool>> {
-        Ok(file.array::<u8>(name, Dtype::U8, &[count])?.iter().map(|b| *b != 0).collect())
+        Ok(file.array::<u8>(name, count)?.iter().map(|b| *b != 0).collect())
     };
     let visibility = VisibilityStats {
-        max_weight: file.array("visibility.max_weight", Dtype::F32, &[n])?,
-        sum_weight: file.array("visibility.sum_weight", Dtype::F32, &[n])?,
-        views: file.array("visibility.views", Dtype::U32, &[n])?,
-        radius_px: file.array("visibility.radius_px", Dtype::F32, &[n])?,
-        error: file.array("visibility.error", Dtype::U64, &[n])?,
+        max_weight: file.array("visibility.max_weight", n)?,
+        sum_weight: file.array("visibility.sum_weight", n)?,
+        views: file.array("visibility.views", n)?,
+        radius_px: file.array("visibility.radius_px", n)?,
+        error: file.array("visibility.error", n)?,
         exempt: flags("visibility.exempt", n)?,
         drawn: flags("visibility.drawn", meta.identity.photos.len())?,
     };
-    let checkpoint = Checkpoint { state, visibility, meta };
-    checkpoint.check_finite(path)?;
-    Ok(checkpoint)
-}
-
-impl Checkpoint {
-    /// Refuses numbers that would spoil every later step.
-    fn check_finite(&self, path: &Path) -> Result<()> {
-        let TrainState { params, first, second, .. } = &self.state;
-        for (prefix, params) in [("params", params), ("first", first), ("second", second)] {
-            let corners = params.vertices.iter().all(|t| t.iter().all(|corner| corner.is_finite()));
-            let others = [&params.opacity[..], &params.sigma, params.sh.as_flattened()];
-            if !corners || !others.iter().all(|values| all_finite(values)) {
-                return Err(not_finite(path, prefix));
-            }
-        }
-        let sides = self.meta.core.iter().flat_map(|core| core.low.into_iter().chain(core.high)).flatten();
-        if !sides.into_iter().all(f32::is_finite) || !all_finite(&self.meta.identity.background) {
-            return Err(not_finite(path, "__metadata__"));
-        }
-        // The derived values must be finite, too: corners in the world, σ = exp(raw).
-        let space = self.meta.space();
-        let is_far = |corner: &Vec3| !(*corner / space.scale + space.center).is_finite();
-        if params.vertices.iter().flatten().any(is_far)
-            || params.sigma.iter().any(|raw| *raw > MOST_RAW_SIGMA)
-        {
-            return Err(not_finite(path, "params"));
-        }
-        let squares = [&second.opacity[..], &second.sigma, second.sh.as_flattened()];
-        let corners = second.vertices.iter().flatten().all(|corner| corner.min_element() >= 0.0);
-        if !corners || !squares.iter().all(|values| values.iter().all(|value| *value >= 0.0)) {
-            let reason = "means of squares below 0; resume from an earlier checkpoint, or train again";
-            return Err(Error::malformed(path, "second", format!("holds {reason}")));
-        }
-        let VisibilityStats { max_weight, sum_weight, radius_px, .. } = &self.visibility;
-        let visibility = [max_weight, sum_weight, radius_px];
-        match visibility.iter().all(|values| all_finite(values)) {
-            true => Ok(()),
-            false => Err(not_finite(path, "visibility")),
-        }
-    }
-}
-
-fn all_finite(values: &[f32]) -> bool {
-    values.iter().all(|value| value.is_finite())
-}
-
-fn not_finite(path: &Path, at: &str) -> Error {
-    Error::malformed(
-        path,
-        at,
-        "holds numbers that are not finite; resume from an earlier checkpoint, or train again",
-    )
-}
-
-/// The values that are not arrays, in a checkpoint of this format.
-fn read_meta(path: &Path, bytes: &[u8]) -> Result<CheckpointMeta> {
-    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| broken(path, &e))?;
-    let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
-    let text = metadata.metadata().as_ref().and_then(|map| map.get("trisplat"));
-    let text = text.ok_or_else(|| bad("is not a trisplat checkpoint".into()))?;
-    let json = |e: serde_json::Error| bad(e.to_string());
-    let format = serde_json::from_str::<FormatText>(text).map_err(json)?.format.unwrap_or(1);
-    if format != FORMAT {
-        let reason = format!(
-            "is a checkpoint of format {format}, this version reads {FORMAT}: go on with the version that wrote it, \
-             or train anew"
-        );
-        return Err(Error::unsupported(path, reason));
-    }
-    serde_json::from_str::<MetaText<CheckpointMeta>>(text).map(|meta| meta.run).map_err(json)
-}
-
-/// An error of the container, and its place.
-fn broken(path: &Path, error: &SafeTensorError) -> Error {
-    let at = match error {
-        SafeTensorError::HeaderTooSmall
-        | SafeTensorError::HeaderTooLarge
-        | SafeTensorError::InvalidHeaderLength => "byte 0".into(),
-        SafeTensorError::TensorNotFound(name) | SafeTensorError::InvalidOffset(name) => name.clone(),
-        _ => "header".into(),
-    };
-    Error::malformed(path, at, error.to_string())
+    let [params, first, second] = [params("params")?, params("first")?, params("second")?];
+    let state = TrainState { params, first, second, pinned: meta.pinned, frozen: meta.frozen };
+    Ok(Checkpoint { state, visibility, meta })
 }
 
 /// The arrays of a file; they are copied out on demand.
@@ -314,45 +245,93 @@ struct Arrays<'a> {
 }
 
 impl Arrays<'_> {
-    /// The values of `name`, which must have this type and shape.
-    fn array<T: Pod>(&self, name: &str, dtype: Dtype, shape: &[usize]) -> Result<Vec<T>> {
-        let view = self.tensors.tensor(name).map_err(|e| broken(self.path, &e))?;
-        if view.dtype() != dtype || view.shape() != shape {
-            let reason = format!("is {} {:?}, expected {dtype} {shape:?}", view.dtype(), view.shape());
-            return Err(Error::malformed(self.path, name.to_owned(), reason));
+    /// The `count` values of `name`.
+    fn array<T: Pod>(&self, name: &str, count: usize) -> Result<Vec<T>> {
+        let bad = |reason: String| Error::malformed(self.path, name.to_owned(), reason);
+        let data = self.tensors.tensor(name).map_err(|e| bad(e.to_string()))?.data();
+        let expected = count.saturating_mul(size_of::<T>());
+        if data.len() != expected {
+            return Err(bad(format!("has {} bytes, expected {expected}", data.len())));
         }
-        Ok(bytemuck::pod_collect_to_vec(view.data()))
+        Ok(bytemuck::pod_collect_to_vec(data))
     }
 
-    /// The size of `name` along each axis.
-    fn shape(&self, name: &str) -> Result<Vec<usize>> {
-        Ok(self.tensors.tensor(name).map_err(|e| broken(self.path, &e))?.shape().to_vec())
-    }
-
-    /// Parameters as large as `like`, or of any size.
-    fn params(&self, prefix: &str, like: Option<&Params>) -> Result<Params> {
-        let sh = format!("{prefix}.sh");
-        let (n, k) = match (like, &self.shape(&sh)?[..]) {
-            (Some(like), _) => (like.len(), like.sh_count()),
-            (None, &[n, k, _]) => (n, k),
-            (None, shape) => {
-                return Err(Error::malformed(self.path, sh, format!("is {shape:?}, expected three axes")));
-            }
-        };
-        let degree = (0..=3u8).find(|degree| (usize::from(*degree) + 1).pow(2) == k);
-        let sh_degree = degree.ok_or_else(|| {
-            Error::malformed(self.path, sh.clone(), format!("has {k} coefficients, expected 1, 4, 9 or 16"))
-        })?;
-        let vertices: Vec<[[f32; 3]; 3]> =
-            self.array(&format!("{prefix}.vertices"), Dtype::F32, &[n, 3, 3])?;
+    /// Parameters of `n` triangles.
+    fn params(&self, prefix: &str, n: usize, sh_degree: u8) -> Result<Params> {
+        let k = (usize::from(sh_degree) + 1).pow(2);
         Ok(Params {
-            vertices: vertices.into_iter().map(|t| t.map(Vec3::from_array)).collect(),
-            opacity: self.array(&format!("{prefix}.opacity"), Dtype::F32, &[n])?,
-            sigma: self.array(&format!("{prefix}.sigma"), Dtype::F32, &[n])?,
-            sh: self.array(&sh, Dtype::F32, &[n, k, 3])?,
+            vertices: self.array(&format!("{prefix}.vertices"), n)?,
+            opacity: self.array(&format!("{prefix}.opacity"), n)?,
+            sigma: self.array(&format!("{prefix}.sigma"), n)?,
+            sh: self.array(&format!("{prefix}.sh"), n * k)?,
             sh_degree,
         })
     }
+}
+
+/// Writes `checkpoint` to `path`. With `keep` above 1, it writes files with the number of steps in their
+/// names, and keeps the last `keep`. Returns the name of the file.
+///
+/// Errors: what the operating system refuses.
+pub(crate) fn write_kept(path: &Path, checkpoint: &Checkpoint, keep: u32) -> Result<PathBuf> {
+    if keep <= 1 {
+        return write(path, checkpoint).map(|()| path.to_owned());
+    }
+    let newest = of_step(path, checkpoint.meta.step);
+    write(&newest, checkpoint)?;
+    // Files of later steps come from before this run resumed at an earlier one, so they are older.
+    let mut kept = kept(path);
+    kept.sort_by_key(|(step, _)| (*step <= checkpoint.meta.step, *step));
+    let surplus = kept.len().saturating_sub(keep as usize);
+    for (_, old) in &kept[..surplus] {
+        std::fs::remove_file(old).map_err(|e| Error::io(old, e))?;
+    }
+    Ok(newest)
+}
+
+/// The file of the checkpoint after `step` steps: `scene.step-00000500.checkpoint`.
+fn of_step(path: &Path, step: u64) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().unwrap_or(ENDING.as_ref()).to_string_lossy();
+    path.with_file_name(format!("{stem}{STEP}{step:08}.{ending}"))
+}
+
+/// Steps and names of the numbered checkpoints of `path`.
+pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let step = |found: PathBuf| {
+        let digits = found.file_stem()?.to_str()?.rsplit_once(STEP)?.1.to_owned();
+        let step = digits.parse().ok()?;
+        (of_step(path, step).file_name() == found.file_name()).then_some((step, found))
+    };
+    entries.filter_map(|entry| step(entry.path())).collect()
+}
+
+/// The newest whole checkpoint of a folder, and the faults of newer ones.
+///
+/// Errors: no checkpoint at all; none that is whole.
+pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    let mut files: Vec<(std::time::SystemTime, PathBuf)> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_file() && path.extension().is_some_and(|ending| ending == ENDING))
+        .filter_map(|path| Some((path.metadata().and_then(|meta| meta.modified()).ok()?, path)))
+        .collect();
+    files.sort();
+    let mut broken = Vec::new();
+    for (_, path) in files.into_iter().rev() {
+        match read(&path) {
+            Ok(checkpoint) => return Ok((path, checkpoint, broken)),
+            Err(error) => broken.push(error.to_string()),
+        }
+    }
+    let reason = match broken.is_empty() {
+        true => "holds no file that ends with .checkpoint; give the file of a checkpoint".to_owned(),
+        false => format!("holds no whole checkpoint: {}", broken.join("; ")),
+    };
+    Err(Error::unsupported(folder, reason))
 }
 
 #[cfg(test)]
@@ -397,7 +376,8 @@ mod tests {
             pace: None,
             prepares: Some(PreparedRun { state: serde_json::json!({ "psnr": 21.3 }), spent_secs: 0.1 }),
         };
-        let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(Params::from_soup(&soup, 2)) };
+        let params = Params::from_soup(&soup, meta.options.sh_degree);
+        let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(params) };
         Checkpoint { state, visibility, meta }
     }
 
@@ -434,10 +414,8 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        // With the same number of digits, so that the file keeps its length.
-        let other = FORMAT + 1;
-        let error = replaced(&format!("format\\\":{FORMAT}"), &format!("format\\\":{other}"));
-        let expected = format!("is a checkpoint of format {other}, this version reads {FORMAT}");
+        let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"16");
+        let expected = format!("is a checkpoint of another version, this one reads format {FORMAT}");
         assert!(error.contains(&expected), "{error}");
         let other = replaced("\"trisplat\":", "\"somebody\":");
         assert!(other.contains("is not a trisplat checkpoint"), "{other}");
@@ -477,30 +455,33 @@ mod tests {
     #[test]
     fn numbers_that_are_not_finite_are_refused() {
         type Damage = fn(&mut Checkpoint);
-        let damages: [(&str, Damage); 11] = [
-            ("params", |c| c.state.params.vertices[1][2].y = f32::NAN),
-            ("params", |c| c.state.params.sh[2][0] = f32::INFINITY),
-            ("first", |c| c.state.first.opacity[0] = f32::NAN),
-            ("second", |c| c.state.second.sigma[2] = f32::NAN),
-            ("visibility", |c| c.visibility.radius_px[0] = f32::NAN),
-            ("__metadata__", |c| c.meta.space.1 = 0.0),
-            // Finite themselves, unlike the values that a file would hold.
-            ("__metadata__", |c| c.meta.space.1 = 1e-40),
-            ("__metadata__", |c| c.meta.identity.background[1] = f32::INFINITY),
-            ("params", |c| c.state.params.vertices[1][2].y = 3e38),
-            ("params", |c| c.state.params.sigma[0] = 89.0),
-            ("second", |c| c.state.second.vertices[1][0].z = -1e-9),
+        let damages: [(&str, Damage); 5] = [
+            ("params.vertices", |c| c.state.params.vertices[1][2].y = f32::NAN),
+            ("params.sh", |c| c.state.params.sh[2][0] = f32::INFINITY),
+            ("first.opacity", |c| c.state.first.opacity[0] = f32::NAN),
+            ("second.sigma", |c| c.state.second.sigma[2] = f32::NAN),
+            ("visibility.radius_px", |c| c.visibility.radius_px[0] = f32::NAN),
         ];
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.safetensors");
         for (at, damage) in damages {
             let mut checkpoint = sample();
             damage(&mut checkpoint);
-            write_unchecked(&path, &checkpoint).unwrap();
-            let error = read(&path).unwrap_err().to_string();
-            assert!(error.contains(&format!("{at}: ")), "{error}");
-            assert!(at == "__metadata__" || write(&path, &checkpoint).is_err(), "{error}");
+            let error = write(&path, &checkpoint).unwrap_err().to_string();
+            assert!(error.contains(&format!("{at}: ")) && !path.exists(), "{error}");
         }
+    }
+
+    #[test]
+    fn a_scene_is_no_checkpoint_and_says_where_it_belongs() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let file = File::create(&path).unwrap();
+        (&file).write_all(b"ply\nformat ascii").unwrap();
+        // A hole, which no machine has the memory to read.
+        file.set_len(200 << 30).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("is not a checkpoint of a training run; to start from a scene"), "{error}");
     }
 
     #[test]

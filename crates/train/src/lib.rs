@@ -19,7 +19,6 @@
 mod backend;
 pub mod budget;
 pub mod checkpoint;
-pub mod checkpoint_retention;
 mod core;
 mod cpu;
 mod densify;

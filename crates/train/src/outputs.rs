@@ -2,7 +2,7 @@
 
 use super::backend::TrainBackend;
 use super::budget::{BudgetController, Spending};
-use super::checkpoint_retention;
+use super::checkpoint;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
 use super::prepared_run::PreparedRun;
 use super::progress::{TrainEvent, TrainObserver, TrainSample};
@@ -201,7 +201,7 @@ impl<'a> Recorder<'a> {
                 state: state.clone(),
                 spent_secs: spending.seconds(),
             });
-            Ok((checkpoint.meta.step, checkpoint_retention::write(path, &checkpoint, outputs.keep)?))
+            Ok((checkpoint.meta.step, checkpoint::write_kept(path, &checkpoint, outputs.keep)?))
         });
         match written {
             Ok(written) => self.checkpoint = Some(written),
