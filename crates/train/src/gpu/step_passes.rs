@@ -242,7 +242,7 @@ impl StepPasses<'_> {
                 let bindings = [all(self.step), scene.part(at, 0), all(&chunk.x), all(&buffers.partial_sums)];
                 to.run(&self.passes.regularise, Spread::Over(chunk.count, GROUP), &bindings);
             }
-            self.sum(to, sum(Count::SumArea, Count::SceneGroups, 2));
+            self.sum(to, sum(Count::SumArea, Count::SceneGroups, 1));
         }
         for (at, chunk) in scene.chunks.iter().enumerate() {
             let bindings = [
