@@ -23,7 +23,7 @@
 //!
 //! From photos with poses: [`Dataset::load`], then [`train()`], then [`BakeJob`] with the photos. The folder `examples` has whole
 //! programs. Everything else is in the crates of the workspace, one per room: `trisplat-raster`, `trisplat-formats` and so on. The command line and its progress bars are behind the feature `cli`, training and drawing on a graphics card behind
-//! `gpu`, the window behind `view`, the benchmarks behind `bench`; only `cli` is on unless `default-features = false`.
+//! `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
 
 #[cfg(feature = "cli")]
 #[doc(hidden)]

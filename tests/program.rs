@@ -4,5 +4,7 @@ mod cli;
 mod faults;
 #[path = "common/folders.rs"]
 mod folders;
+#[path = "common/samples.rs"]
+mod samples;
 #[path = "common/skip.rs"]
 mod skip;

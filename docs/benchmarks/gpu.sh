@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures training and drawing on this machine's graphics card, in at most eight minutes, with programs that are already built:
-#   cargo build --release --features gpu,bench
+#   cargo build --release --features gpu && cargo build --release -p trisplat-bench --features gpu
 #   cargo test --release --features gpu --test card --no-run
 #   docs/benchmarks/gpu.sh [PROGRAM] [TEST PROGRAM] [DATASET] >gpu.txt
 # DATASET is a folder of photos and poses, which are taken at full size. Without a card, SMALL=1 measures software Vulkan on small
@@ -10,7 +10,8 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 program=$(realpath "${1:-$root/target/release/trisplat}")
 tests=${2:+$(realpath "$2")}
 dataset=${3:+$(realpath "$3")}
-[ -x "$program" ] || { echo "gpu.sh: $program is no program; build it first" >&2; exit 1; }
+bench=$(dirname "$program")/trisplat-bench
+[ -x "$program" ] && [ -x "$bench" ] || { echo "gpu.sh: $program or $bench is no program; build both first" >&2; exit 1; }
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
@@ -27,11 +28,10 @@ within() {
 if [ -n "${SMALL:-}" ]; then
     # Its compiler takes long, and so do debug builds of this program.
     end=$((SECONDS + 2400)) test_seconds=1800 run_seconds=200
-    sizes=64:500:400:80 card=(--triangles 3000 --sizes 160x107 --steps 4 --warmup 2 --cpu-steps 4)
+    sizes=64:500:400:80
     fps=(--triangles 5000 --sizes 160x90 --frames 5 --warmup 1) steps=60 triangles=500
 else
     sizes='640:50000:200000:400 1280:200000:1000000:300 1920:400000:3000000:300'
-    card=(--presets soft-outdoor,solid --triangles 200000,1000000,3000000 --sizes 1600x1000 --steps 100 --cpu-steps 2)
     fps=(--triangles 2000000 --sizes 1280x720,1920x1080,3840x2160 --frames 200) steps=30000 triangles=3000000
 fi
 
@@ -58,11 +58,6 @@ if [ -n "$tests" ]; then
         cat tests.log
     fi
 fi
-
-echo
-echo '## Steps of the sample scene, and where their time goes'
-within 110 "$program" bench card "${card[@]}" --json 2>card.txt >card.json || echo 'stopped early'
-cat card.txt
 
 # last FILE KEY: a number of the last sample of a log.
 last() { tail -n 1 "$1" | grep -o "\"$2\":[0-9.e+-]*" | cut -d: -f2; }
@@ -93,7 +88,7 @@ touch cards.txt
 for size in $sizes; do
     IFS=: read -r width points most count <<<"$size"
     rm -rf photos
-    "$program" sample dataset -o photos --views 16 --width "$width" --points "$points" 2>/dev/null
+    "$bench" sample dataset -o photos --views 16 --width "$width" --points "$points" 2>/dev/null
     run gpu "$count" "$most" "$run_seconds"
     run cpu "$((count / 10 < 40 ? 40 : count / 10))" "$most" 15
 done
@@ -102,7 +97,7 @@ sort -u cards.txt | sed 's/^/card: /'
 # Frames a second, before the data set, which takes all that is left.
 echo
 echo '## Frames per second of the solid scene'
-within 60 "$program" bench fps "${fps[@]}" 2>&1 || echo 'stopped early'
+within 60 "$bench" fps "${fps[@]}" 2>&1 || echo 'stopped early'
 
 if [ -n "$dataset" ]; then
     echo
@@ -120,7 +115,6 @@ if [ -n "$dataset" ]; then
         printf '| %s | %s | %.1f | %.2f | %.5s |\n' "$(last line.jsonl step)" "$(last line.jsonl triangles)" \
             "$(last line.jsonl wall_secs)" "$(last line.jsonl psnr)" "$(last line.jsonl test_psnr || true)"
     done <log.jsonl
-    [ ! -s scene.ply ] || { within 30 "$program" bench card scene.ply --dataset "$dataset" --steps 40 2>&1 || echo 'stopped early'; }
 fi
 echo
 echo "measured in $SECONDS s"

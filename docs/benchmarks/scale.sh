@@ -3,13 +3,12 @@
 #
 #   sh docs/benchmarks/scale.sh TRISPLAT PHOTOS FOLDER [training options]
 #
-# Without PHOTOS at that place the town is made there. BLOCKS="2 4" chooses others, PLAN="--passes 0.5" gives options to the plan only.
+# BLOCKS="2 4" chooses others, PLAN="--passes 0.5" gives options to the plan only.
 set -eu
 
 trisplat=$1 photos=$2 folder=$3
 shift 3
 mkdir -p "$folder"
-[ -e "$photos" ] || "$trisplat" sample town -o "$photos" --views 120 --width 240 --lots 6
 one=$folder/one.ply
 [ -e "$one" ] || "$trisplat" train "$photos" -o "$one" --report "$folder/one.json" --threads 1 "$@"
 for blocks in ${BLOCKS:-1 2 4 8}; do

@@ -8,9 +8,8 @@ use trisplat_scene::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
-pub const OUTPUTS: [&str; 14] = [
+pub const OUTPUTS: [&str; 12] = [
     "checkpoint",
-    "csv",
     "curve",
     "folder",
     "log",
@@ -22,7 +21,6 @@ pub const OUTPUTS: [&str; 14] = [
     "screenshots",
     "sheet",
     "work",
-    "worst",
 ];
 /// The option that names what a run goes on from and then replaces: the command guards it itself.
 pub const RESUMED: &str = "resume";

@@ -7,10 +7,6 @@ pub mod bake;
 pub mod bake_args;
 mod bake_bytes;
 mod bake_city;
-#[cfg(feature = "bench")]
-pub mod bench;
-#[cfg(feature = "bench")]
-mod bench_cost;
 pub mod capture;
 mod capture_rows;
 mod counts;
@@ -29,7 +25,7 @@ pub mod make;
 pub mod merge;
 pub mod mesh;
 pub mod messages;
-#[cfg(not(all(feature = "bench", feature = "gpu", feature = "view")))]
+#[cfg(not(feature = "view"))]
 pub mod missing;
 mod numbers;
 mod out_of_memory;
@@ -41,13 +37,10 @@ pub mod program;
 pub mod progress;
 pub mod render;
 mod resume;
-pub mod sample;
 pub mod schema;
 mod settings_hint;
 mod short_help;
 mod signals;
-#[cfg(feature = "bench")]
-mod stress;
 mod suggestions;
 pub mod teacher_args;
 mod terminal;

@@ -144,14 +144,6 @@ impl<'a> Outputs<'a> {
         self.plan_as(option, path, self.replace)
     }
 
-    /// Plans to add to the end of `path`, which may exist.
-    ///
-    /// Errors: those of [`Outputs::plan`].
-    #[cfg(feature = "bench")]
-    pub(super) fn append(&mut self, option: &'static str, path: &Path) -> Result<()> {
-        self.plan_as(option, path, true)
-    }
-
     fn plan_as(&mut self, option: &'static str, path: &Path, replace: bool) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
         let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));

@@ -1,14 +1,12 @@
 //! The program: its commands, and the run of one of them.
 
-#[cfg(feature = "bench")]
-use super::bench;
 use super::inputs::Inputs;
-#[cfg(not(all(feature = "bench", feature = "view")))]
+#[cfg(not(feature = "view"))]
 use super::missing;
 use super::{
     Global, bake, bake_args, capture, eval, files::Stdout, flags, generated, info, make, merge, mesh,
-    messages, numbers, out_of_memory, panics, plan, render, sample, schema, settings_hint, short_help,
-    signals, suggestions, train, train_args, validate, version::version,
+    messages, numbers, out_of_memory, panics, plan, render, schema, settings_hint, short_help, signals,
+    suggestions, train, train_args, validate, version::version,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -45,8 +43,6 @@ pub enum Command {
     Info(info::InfoArgs),
     /// Check a file of trisplat or another tool for errors.
     Validate(validate::ValidateArgs),
-    /// Make a synthetic soup or data set to try things on.
-    Sample(sample::SampleArgs),
     /// Train a soup of triangles on posed photos.
     Train(Box<train_args::TrainArgs>),
     /// Cut a scene that is too large for one run into blocks, to be trained one by one.
@@ -63,12 +59,6 @@ pub enum Command {
     /// Fly through a scene in a window (not in this build).
     #[cfg(not(feature = "view"))]
     View(missing::MissingArgs),
-    /// Measure what commands cost.
-    #[cfg(feature = "bench")]
-    Bench(bench::BenchArgs),
-    /// Measure what commands cost (not in this build).
-    #[cfg(not(feature = "bench"))]
-    Bench(missing::MissingArgs),
     /// Print a JSON Schema.
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
@@ -138,17 +128,12 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
         Command::View(_) => Err(missing::error("view")),
-        #[cfg(feature = "bench")]
-        Command::Bench(args) => bench::run(args, &cli.global, inputs),
-        #[cfg(not(feature = "bench"))]
-        Command::Bench(_) => Err(missing::error("bench")),
         Command::Info(args) => info::run(args, out),
         Command::Validate(args) => {
             let options =
                 ReadOptions { limits, allow_outside: cli.global.allow_outside, ..ReadOptions::default() };
             validate::run(args, &options, out)
         }
-        Command::Sample(args) => sample::run(args, inputs),
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => generated::completions(args, &mut Cli::command()),
         Command::Man(args) => generated::man(args, Cli::command()),
@@ -169,15 +154,6 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::Info(args) => Some(&mut args.dataset_options),
         #[cfg(feature = "view")]
         Command::View(args) => Some(&mut args.dataset_options),
-        #[cfg(feature = "bench")]
-        Command::Bench(args) => match &mut args.bench {
-            bench::BenchCommand::Cost(args) => Some(&mut args.dataset_options),
-            #[cfg(feature = "gpu")]
-            bench::BenchCommand::Fps(args) => Some(&mut args.dataset_options),
-            #[cfg(feature = "gpu")]
-            bench::BenchCommand::Card(args) => Some(&mut args.dataset_options),
-            _ => None,
-        },
         _ => None,
     }
 }

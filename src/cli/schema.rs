@@ -8,8 +8,6 @@ use trisplat_bake::{
     ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
     WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
 };
-#[cfg(feature = "bench")]
-use trisplat_bench::{bake::BakeRow, cost::CostReport, stress::StressReport};
 use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use trisplat_dataset::Description;
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
@@ -58,18 +56,6 @@ pub enum SchemaName {
     Validate,
     /// The header of a BVH file.
     Bvh,
-    /// The rows of `trisplat bench bake --json`.
-    #[cfg(feature = "bench")]
-    Bench,
-    /// The output of `trisplat bench stress --json`.
-    #[cfg(feature = "bench")]
-    Stress,
-    /// What `trisplat bench cost --json` prints.
-    #[cfg(feature = "bench")]
-    Cost,
-    /// The rows of `trisplat bench fps --json`.
-    #[cfg(all(feature = "bench", feature = "gpu"))]
-    Fps,
 }
 
 impl SchemaName {
@@ -88,14 +74,6 @@ impl SchemaName {
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),
-            #[cfg(feature = "bench")]
-            SchemaName::Bench => schemars::schema_for!(Vec<BakeRow>),
-            #[cfg(feature = "bench")]
-            SchemaName::Stress => schemars::schema_for!(StressReport),
-            #[cfg(feature = "bench")]
-            SchemaName::Cost => schemars::schema_for!(CostReport),
-            #[cfg(all(feature = "bench", feature = "gpu"))]
-            SchemaName::Fps => schemars::schema_for!(Vec<trisplat_bench::fps::FpsRow>),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');

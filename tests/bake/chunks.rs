@@ -3,7 +3,7 @@
 use super::hostile::{finite, grid, mesh_of};
 use glam::Vec3;
 use trisplat_bake::{ChunkDetails, ChunkOptions, FaceOrder, MAX_CHUNK_TRIANGLES, chunk};
-use trisplat_sample::scenes::{SampleScene, soup};
+use trisplat_bench::scenes::studio;
 use trisplat_scene::{Asset, mesh::Mesh, report::Outcome};
 
 /// The mesh in chunks of at most `limit` faces, in their order.
@@ -64,7 +64,7 @@ fn chunks_hold_every_face_once() {
 #[test]
 fn a_small_scene_is_one_chunk_and_stays_as_it_is() {
     for limit in [0, 1000] {
-        let mesh = mesh_of(&soup(SampleScene::Studio, 1000, 1));
+        let mesh = mesh_of(&studio(1000, 1));
         let mut asset = Asset { mesh: mesh.clone(), ..Asset::default() };
         let outcome = chunk(
             &mut asset,
@@ -89,7 +89,7 @@ fn a_chunk_fits_16_bit_indices() {
 /// Chunks are better than runs of the same size along a curve, and triangles of another scale get their own.
 #[test]
 fn large_triangles_do_not_bloat_the_chunks_of_small_ones() {
-    let mut soup = soup(SampleScene::Studio, 20_000, 2);
+    let mut soup = studio(20_000, 2);
     for triangle in soup.vertices.iter_mut().step_by(50) {
         *triangle = triangle.map(|v| 100.0 * v); // 2% a hundred times as large and far
     }

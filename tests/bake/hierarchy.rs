@@ -6,12 +6,12 @@ use glam::{DVec3, Vec3, vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_bake::{BvhDetails, BvhOptions, bvh};
+use trisplat_bench::scenes::studio;
 use trisplat_formats::{
     ReadOptions, Source,
     bvh::{BvhHeader, belongs, position_hash, read, write},
     ply,
 };
-use trisplat_sample::scenes::{SampleScene, soup};
 use trisplat_scene::{
     Asset, Error, Result, Rng, Scene,
     bvh::{Bvh, RayHit},
@@ -160,7 +160,7 @@ fn read_bytes(bytes: &[u8]) -> Result<(BvhHeader, Bvh)> {
 #[test]
 fn the_file_comes_back_as_it_was() {
     for limit in [0, 100] {
-        let asset = built(mesh_of(&soup(SampleScene::Studio, 2000, 1)), limit);
+        let asset = built(mesh_of(&studio(2000, 1)), limit);
         let (header, back) = read_bytes(&bytes_of(&asset)).unwrap();
         assert!(Some(&back) == asset.bvh.as_ref());
         assert_eq!(header.chunks.len(), asset.chunks.len());

@@ -1,7 +1,7 @@
 //! Soups that have broken bakers, by name, and the scenes that tests run stages on.
 
 use glam::{Vec3, vec3};
-use trisplat_sample::scenes::{SampleScene, soup};
+use trisplat_bench::scenes::{degenerate, studio};
 use trisplat_scene::{
     Rng, Soup,
     mesh::{Colors, Mesh},
@@ -108,8 +108,8 @@ pub(crate) fn finite() -> Vec<(&'static str, Soup)> {
         ("opacity 0 and 1", opacities),
         ("invisible", soup_of((0..50).map(|i| (random_triangle(i, Vec3::ZERO, 1.0), 0.0, 0.5)))),
         ("softest", soup_of((0..50).map(|i| (random_triangle(i, Vec3::ZERO, 1.0), 1.0, 1e3)))),
-        ("studio", soup(SampleScene::Studio, 3000, 1)),
-        ("degenerate sample", soup(SampleScene::Degenerate, 0, 0)),
+        ("studio", studio(3000, 1)),
+        ("degenerate sample", degenerate()),
     ]
 }
 

@@ -192,7 +192,7 @@ fn the_default_preset_bakes_whatever_can_be_drawn() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    let soup = trisplat_sample::scenes::soup(trisplat_sample::scenes::SampleScene::Studio, 40_000, 3);
+    let soup = trisplat_bench::scenes::studio(40_000, 3);
     for mut preset in presets() {
         preset.prune.max_triangles = preset.prune.max_triangles.map(|_| 20_000);
         preset.chunk.chunk_triangles = preset.chunk.chunk_triangles.min(1000);

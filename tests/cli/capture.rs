@@ -336,7 +336,7 @@ fn pycolmap_finds_the_poses_of_the_sample() {
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     };
-    trisplat("sample dataset -o truth --views 16 --width 480");
+    crate::samples::photos(folder.path().join("truth"), [16, 480, 1500], 0);
     let said = trisplat(&format!("capture truth/images -o set --poses {python}"));
     assert!(said.contains("16 of 16 photos have a pose") && said.contains("pycolmap"), "{said}");
     let load = |name: &str| Dataset::load(folder.path().join(name), &DatasetOptions::default()).unwrap();

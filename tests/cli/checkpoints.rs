@@ -17,8 +17,7 @@ fn succeed(output: Output) -> String {
 /// A folder with a data set and the checkpoint `a.checkpoint` of a run that was stopped in the middle.
 fn stopped() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let small = ["--views", "6", "--width", "24", "--points", "40"];
-    succeed(run(folder.path(), &[&["sample", "dataset", "-o", "photos"], &small[..]].concat()));
+    crate::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);
     let options = [
         "--steps",
         "20",

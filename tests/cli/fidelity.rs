@@ -34,7 +34,7 @@ pub(super) fn inputs() -> (String, String, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let text = |path: PathBuf| path.to_str().unwrap().to_owned();
     let soup = text(folder.path().join("soup.ply"));
-    succeed(&["sample", "studio", "--triangles", "800", "-o", &soup]);
+    crate::samples::studio(&soup, 800);
     (soup, text(sample("dataset")), folder)
 }
 
@@ -332,13 +332,10 @@ fn info_prints_a_table_of_a_data_set() {
 fn a_made_data_set_can_be_read() {
     let (_, _, folder) = inputs();
     let out = folder.path().join("made").to_str().unwrap().to_owned();
-    let make = ["sample", "dataset", "-o", &out, "--views", "3", "--width", "16", "--points", "20"];
-    succeed(&make);
+    crate::samples::photos(&out, [3, 16, 20], 0);
     let dataset = Dataset::load(Path::new(&out), &DatasetOptions::default()).unwrap();
     assert_eq!((dataset.views.len(), dataset.points.len(), dataset.test().count()), (3, 20, 1));
     assert!(dataset.views.iter().all(|v| v.photo.decode().is_ok()));
-    fail(&make, &["--force", "made"]);
-    succeed(&[make.as_slice(), &["--force"]].concat());
 }
 
 #[test]

@@ -24,14 +24,8 @@ struct Attempt {
 }
 
 /// Options that no input can be given to, and why.
-const WITHOUT_INPUTS: [(&str, &str); 9] = [
-    ("sample studio", "output"),
-    ("sample degenerate", "output"),
-    ("sample dataset", "output"),
-    ("sample town", "output"),
+const WITHOUT_INPUTS: [(&str, &str); 4] = [
     ("man", "folder"),
-    // It reads nothing when it measures.
-    ("bench stress", "worst"),
     // Both take names that are not taken yet.
     ("view", "screenshots"),
     // Folders with files of their own: tests/cli/user_files.rs.
@@ -42,8 +36,7 @@ const WITHOUT_INPUTS: [(&str, &str); 9] = [
 /// A folder with a soup and photos of enough places for two blocks.
 fn large_folder() -> tempfile::TempDir {
     let folder = folder();
-    let sample = "sample dataset -o photos --views 8 --width 32 --points 200 --force";
-    succeed(run(folder.path(), &sample.split(' ').collect::<Vec<_>>()));
+    crate::samples::photos(folder.path().join("photos"), [8, 32, 200], 0);
     folder
 }
 
@@ -145,10 +138,6 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     let eval = "eval a.ply photos --as solid --split all --save-renders {} -f";
     add("eval", "save_renders", eval, &["photos/images"]);
     add("render", "output", "render a.ply --dataset photos --split all -o {} -f", &["photos/images"]);
-    if cfg!(feature = "bench") {
-        add("bench bake", "csv", "bench bake --python a.ply --csv {} -f", &["a.ply"]);
-        add("bench floor", "output", "bench floor a.ply options.json {}", &["a.ply", "options.json"]);
-    }
     let of_plan = |plan: &str| {
         let kinds = [("manifest", ".json"), ("start-", ".ply"), ("coarse-", ".ply")];
         kinds.iter().flat_map(|(begin, end)| like(folder, plan, begin, end)).collect::<Vec<_>>()
@@ -168,7 +157,7 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     all
 }
 
-/// The options of every command that take paths: `bench bake`, `csv`.
+/// The options of every command that take paths: `train`, `log`.
 fn path_options(command: &clap::Command, name: &str, found: &mut BTreeSet<(String, String)>) {
     for option in command.get_arguments() {
         if option.get_value_parser().type_id() == TypeId::of::<PathBuf>() {
@@ -188,8 +177,7 @@ fn check_that_all_are_tried(attempts: &[Attempt]) {
     let tried = attempts.iter().map(|attempt| (attempt.command, attempt.option));
     let known: BTreeSet<(&str, &str)> = tried.chain(WITHOUT_INPUTS).collect();
     for (command, option) in &found {
-        // These need a graphics card to begin.
-        let is_output = OUTPUTS.contains(&option.as_str()) && command != "bench fps";
+        let is_output = OUTPUTS.contains(&option.as_str());
         let is_known = known.contains(&(command.as_str(), option.as_str()));
         assert!(
             !is_output || is_known,
@@ -200,7 +188,6 @@ fn check_that_all_are_tried(attempts: &[Attempt]) {
     let expected = OUTPUTS.iter().chain([&RESUMED, &IMAGES]).filter(|option| {
         let is_built = |feature: bool, of_it: &[&str]| feature || !of_it.contains(*option);
         is_built(cfg!(feature = "view"), &["screenshots"])
-            && is_built(cfg!(feature = "bench"), &["csv", "worst"])
     });
     expected.for_each(|option| assert!(options.contains(option), "no command has `{option}`"));
 }
@@ -211,17 +198,14 @@ fn no_output_of_any_command_is_something_that_it_reads() {
     let before = state(folder.path());
     let attempts = attempts(folder.path());
     check_that_all_are_tried(&attempts);
-    for Attempt { command, option, line, inputs } in attempts {
+    for Attempt { option, line, inputs, .. } in attempts {
         for input in inputs {
             // On systems without file numbers a hard link is another file.
             if cfg!(not(unix)) && input.starts_with("link.") {
                 continue;
             }
             let line = line.replace("{}", &input);
-            let flag = match command {
-                "bench floor" => "OUTPUT".to_owned(),
-                _ => format!("--{}", option.replace('_', "-")),
-            };
+            let flag = format!("--{}", option.replace('_', "-"));
             refused(folder.path(), &line.split(' ').collect::<Vec<_>>(), &[&flag, " is ", "input"]);
             assert_eq!(state(folder.path()), before, "{line}");
         }
@@ -285,17 +269,6 @@ fn previews_of_an_earlier_run_need_force() {
     refused(folder.path(), &train, &["--preview", "--force"]);
     assert_eq!(state(folder.path()), before);
     succeed(run(folder.path(), &[&train[..], &["--force"]].concat()));
-}
-
-#[cfg(feature = "bench")]
-#[test]
-fn tables_and_cases_of_others_are_not_replaced_by_benchmarks() {
-    let folder = folder();
-    std::fs::write(folder.path().join("mine"), "precious").unwrap();
-    let before = state(folder.path());
-    refused(folder.path(), &["bench", "stress", "--worst", "mine"], &["mine", "--force"]);
-    refused(folder.path(), &["bench", "bake", "--csv", "mine"], &["mine: is no table"]);
-    assert_eq!(state(folder.path()), before);
 }
 
 #[cfg(target_os = "linux")]

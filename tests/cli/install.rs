@@ -10,11 +10,7 @@ fn the_version_names_where_it_is_from_and_its_features() {
     assert_eq!(version, concat!("trisplat ", env!("CARGO_PKG_VERSION")));
     let (from, features) = rest.trim_end_matches(')').split_once("; ").unwrap_or_else(|| panic!("{said}"));
     assert_eq!(from, option_env!("TRISPLAT_COMMIT").unwrap_or("built from source"));
-    let names = [
-        ("bench", cfg!(feature = "bench")),
-        ("gpu", cfg!(feature = "gpu")),
-        ("view", cfg!(feature = "view")),
-    ];
+    let names = [("gpu", cfg!(feature = "gpu")), ("view", cfg!(feature = "view"))];
     for (name, on) in names {
         assert_eq!(features.split(", ").any(|feature| feature == name), on, "{said}");
     }

@@ -234,7 +234,7 @@ fn every_command_has_a_manual_page() {
     let folder = tempfile::tempdir().unwrap();
     let man = folder.path().join("man");
     assert!(trisplat(&[&"man", &man]).status.success());
-    for name in ["trisplat.1", "trisplat-bake.1", "trisplat-train.1", "trisplat-bench-fps.1"] {
+    for name in ["trisplat.1", "trisplat-bake.1", "trisplat-train.1", "trisplat-view.1"] {
         let page = std::fs::read_to_string(man.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert!(page.contains(".TH "), "{name}");
     }

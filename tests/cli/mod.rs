@@ -1,8 +1,5 @@
 //! The command line as a user meets it: exit codes, messages, layers, files.
 
-#[cfg(feature = "bench")]
-mod bench_cost;
-#[cfg(feature = "bench")]
 mod budget;
 mod capture;
 mod checkpoints;

@@ -2,6 +2,7 @@
 //! way costs nothing else.
 
 use super::{fails, sample, stderr, trisplat};
+use crate::samples;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -11,9 +12,8 @@ type Argument<'a> = &'a dyn AsRef<OsStr>;
 /// A folder with a soup `a.ply` and a data set `photos` of four small photos.
 pub(super) fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let small = ["--views", "4", "--width", "24", "--points", "40"];
-    succeed(run(folder.path(), &[&["sample", "dataset", "-o", "photos"], &small[..]].concat()));
-    succeed(run(folder.path(), &["sample", "studio", "--triangles", "60", "-o", "a.ply"]));
+    samples::photos(folder.path().join("photos"), [4, 24, 40], 0);
+    samples::studio(folder.path().join("a.ply"), 60);
     folder
 }
 

@@ -45,14 +45,6 @@ fn rest(command: &str, flag: &str) -> Vec<&'static str> {
         "eval" => "a.ply photos",
         "render" => "a.ply --orbit 1 -o out",
         "view" => "a.ply",
-        "sample studio" | "sample degenerate" => "-o out.ply",
-        "sample dataset" | "sample town" => "-o out --views 1",
-        "bench bake" => "--triangles 10 --runs 1",
-        "bench fps" => "a.ply",
-        "bench card" => "--triangles 10",
-        "bench raster" => "--frames 1",
-        "bench cost" => "photos",
-        "bench stress" => "--cases 1",
         _ => "",
     };
     let more = match flag {

@@ -63,9 +63,6 @@ fn additions(arguments: &[&str]) -> &'static [&'static str] {
         ["mesh", "photos", ..] => &["--max-size", "96"],
         ["eval", ..] => &["--ssaa", "1"],
         ["make", ..] => &["--force", "--steps", "200", "--max-size", "60", "--max-triangles", "500"],
-        ["bench", "bake"] => &["--triangles", "2000", "--runs", "1"],
-        ["bench", "stress"] => &["--cases", "20000", "--climb", "50"],
-        ["bench", "cost", ..] => &["--steps", "20", "--max-triangles", "300", "--max-size", "64"],
         _ => &[],
     }
 }
@@ -96,10 +93,6 @@ fn every_command_of_the_readme_runs() {
         if arguments[..2] == ["mesh", "scene.ply"] {
             // So few steps make a fog, which has no surface: the sample has one.
             arguments[1] = "soft.ply";
-        }
-        if arguments[0] == "bench" && cfg!(not(feature = "bench")) {
-            crate::skip::skipped(&format!("built without the feature bench: {command}"));
-            continue;
         }
         if arguments[0] == "view" && cfg!(not(feature = "view")) {
             crate::skip::skipped(&format!("built without the feature view: {command}"));

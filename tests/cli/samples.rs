@@ -4,15 +4,15 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat_bake::{Bake, BakeOptions, Views};
+use trisplat_bench::scenes;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, OutputOptions, OutputTarget, ReadOptions, ply::write_soup};
 use trisplat_job::EvalJob;
-use trisplat_sample::scenes::{SampleScene, provenance, soup};
-use trisplat_scene::{ImportedScene, Scene};
+use trisplat_scene::{ImportedScene, Scene, Soup};
 
-fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
+fn check(soup: &Soup, recipe: &str, file: &str) {
     let mut bytes = Vec::new();
-    write_soup(&mut bytes, &soup(name, triangles, seed), &provenance(name, triangles, seed, 0), &[]).unwrap();
+    write_soup(&mut bytes, soup, &scenes::provenance(recipe), &[]).unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/soups").join(file);
     if std::env::var_os("UPDATE").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -25,12 +25,12 @@ fn check(name: SampleScene, triangles: usize, seed: u64, file: &str) {
 
 #[test]
 fn studio_is_current() {
-    check(SampleScene::Studio, 8000, 1, "studio.ply");
+    check(&scenes::studio(8000, 1), &scenes::studio_recipe(8000, 1, 0), "studio.ply");
 }
 
 #[test]
 fn degenerate_is_current() {
-    check(SampleScene::Degenerate, 0, 0, "degenerate.ply");
+    check(&scenes::degenerate(), scenes::DEGENERATE_RECIPE, "degenerate.ply");
 }
 
 /// The README's command that trains on the sample data set, and the file that it writes.

@@ -117,19 +117,6 @@ fn what_eval_and_info_write_satisfies_their_schemas() {
     satisfies(SchemaName::Dataset, &serde_json::from_slice(&info).unwrap());
 }
 
-#[cfg(feature = "bench")]
-#[test]
-fn a_report_of_costs_satisfies_its_schema() {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.args(["bench", "cost", "-q", "--json", "--max-size", "64", "--steps", "10,20"]);
-    command.args(["--max-triangles", "300", "--budget", "1h"]).arg(root().join("samples/dataset"));
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(report["cells"].as_array().map(Vec::len), Some(2));
-    satisfies(SchemaName::Cost, &report);
-}
-
 #[test]
 fn a_wrong_config_does_not_satisfy_the_schema() {
     for wrong in [

@@ -238,8 +238,7 @@ fn one_or_two_photos_are_refused_before_anything_runs_and_no_folder_is_left() {
         assert!(!fake.at("m.make").exists(), "{input}");
     }
     // A data set with poses too.
-    let small = "sample dataset -o two --views 2 --width 32 --points 60";
-    fake.succeed(&small.split(' ').collect::<Vec<_>>());
+    crate::samples::photos(fake.at("two"), [2, 32, 60], 0);
     let said = fake.error(&["make", "two", "-o", "m.glb"]);
     assert!(said.contains("2 photos are not enough; give 3 or more"), "{said}");
     assert!(!fake.at("m.make").exists() && !fake.at("m.glb").exists());

@@ -3,11 +3,14 @@
 
 pub(crate) mod dual;
 pub(crate) mod edits;
+pub(crate) mod exact;
 pub(crate) mod folders;
 pub(crate) mod oracle;
 pub(crate) mod phone;
 pub(crate) mod png;
+pub(crate) mod ray_caster;
 pub(crate) mod regressions;
+pub(crate) mod samples;
 
 /// A viewpoint none of whose numbers is a default.
 pub(crate) const VIEWPOINT: trisplat_scene::camera::Viewpoint = trisplat_scene::camera::Viewpoint {

@@ -337,6 +337,13 @@ fn layers<R: Number>(
         let (z, normal) = plane_at(piece, camera, p);
         out.push(Layer { alpha, z, normal, piece: index });
     }
+    if !rules.per_pixel {
+        // Depths that differ by less than 5e-6 may be taken in either order by single precision, equal ones go by their index.
+        for pair in out.windows(2) {
+            let gap = pieces[pair[1].piece].depth.value() / pieces[pair[0].piece].depth.value() - 1.0;
+            *margin = if gap > 0.0 { margin.min(100.0 * gap) } else { *margin };
+        }
+    }
     if rules.per_pixel {
         out.sort_by(|a, b| a.z.value().total_cmp(&b.z.value()));
         for pair in out.windows(2) {

@@ -180,7 +180,10 @@ fn the_sample_is_what_the_generator_makes() {
     for name in ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"] {
         let [made, kept] =
             [folder.path(), Path::new(SAMPLE)].map(|root| std::fs::read_to_string(root.join(name)).unwrap());
-        assert_eq!(made, kept, "{name}: run `trisplat sample dataset -o samples/dataset`");
+        assert_eq!(
+            made, kept,
+            "{name}: run `cargo run -p trisplat-bench -- sample dataset -f -o samples/dataset`"
+        );
     }
     let dataset = load(Path::new(SAMPLE));
     assert_eq!(dataset.views.len(), options.views as usize);

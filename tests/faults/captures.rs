@@ -2,13 +2,13 @@
 
 use super::cases::{Case, plain};
 use super::tree;
+use crate::samples;
 use std::path::Path;
 
 /// Photos in `in/photos/images`, `views` of them, and the program with a model of them.
-fn begin(folder: &Path, views: &str) {
+fn begin(folder: &Path, views: u32) {
     std::fs::create_dir_all(folder.join("out")).unwrap();
-    let small = ["--views", views, "--width", "32", "--points", "200"];
-    plain(folder, &[&["sample", "dataset", "-o", "in/photos"], &small[..]].concat());
+    samples::photos(folder.join("in/photos"), [views, 32, 200], 0);
     let mut program = tree::Tree::new();
     program.insert("in/colmap".into(), include_bytes!("../common/colmap.sh").into());
     for (name, bytes) in tree::read(&folder.join("in/photos/sparse/0")) {
@@ -19,7 +19,7 @@ fn begin(folder: &Path, views: &str) {
 
 fn case(
     name: &'static str,
-    views: &str,
+    views: u32,
     arguments: &'static [&'static str],
     together: &'static [&'static str],
     earlier: impl FnOnce(&Path),
@@ -33,16 +33,15 @@ fn case(
 
 pub(crate) fn capture_new() -> Case {
     const CAPTURE: &[&str] = &["capture", "in/photos/images", "-o", "out/set", "--poses", "in/colmap"];
-    case("capture", "4", CAPTURE, &[], |_| {})
+    case("capture", 4, CAPTURE, &[], |_| {})
 }
 
 pub(crate) fn capture_replaces() -> Case {
     const CAPTURE: &[&str] =
         &["capture", "in/photos/images", "-o", "out/set", "--poses", "in/colmap", "--force"];
     let together = &["out/set/images/", "out/set/sparse/"];
-    case("capture over one of other photos", "4", CAPTURE, together, |folder| {
-        let other = ["sample", "dataset", "-o", "in/other", "--views", "5", "--width", "32", "--seed", "7"];
-        plain(folder, &other);
+    case("capture over one of other photos", 4, CAPTURE, together, |folder| {
+        samples::photos(folder.join("in/other"), [5, 32, 1500], 7);
         plain(folder, &["capture", "in/other/images", "-o", "out/set", "--poses", "in/colmap"]);
         std::fs::write(folder.join("out/set/images/mine.txt"), "mine").unwrap();
     })
@@ -64,5 +63,5 @@ pub(crate) fn make() -> Case {
         "200",
         "--force",
     ];
-    case("make", "8", MAKE, &[], |_| {})
+    case("make", 8, MAKE, &[], |_| {})
 }

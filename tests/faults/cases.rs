@@ -2,6 +2,7 @@
 
 use super::run::{Fault, Injector, Kind, Run};
 use super::tree::{self, Tree};
+use crate::samples;
 use std::path::Path;
 use std::process::Command;
 use trisplat_train::checkpoint;
@@ -39,9 +40,8 @@ fn before(arguments: &[&str]) -> Tree {
     let path = folder.path();
     std::fs::create_dir_all(path.join("in")).unwrap();
     std::fs::create_dir_all(path.join("out")).unwrap();
-    plain(path, &["sample", "studio", "--triangles", "60", "-o", "in/a.ply"]);
-    let small = ["--views", "4", "--width", "24", "--points", "40"];
-    plain(path, &[&["sample", "dataset", "-o", "in/photos"], &small[..]].concat());
+    samples::studio(path.join("in/a.ply"), 60);
+    samples::photos(path.join("in/photos"), [4, 24, 40], 0);
     // What is no soup is judged without a bake, a hundred times sooner.
     std::fs::write(path.join("in/mesh.obj"), "v -1 0 0\nv 1 0 0\nv 0 -1 0\nf 1 2 3\n").unwrap();
     if !arguments.is_empty() {
@@ -235,8 +235,8 @@ fn whole(
     let path = folder.path();
     tree::write(path, &before(&[]));
     std::fs::create_dir_all(path.join("out")).unwrap();
-    let small = ["--views", "8", "--width", "32", "--points", "200"];
-    plain(path, &[&["sample", "dataset", "-o", "in/photos", "--force"], &small[..]].concat());
+    samples::photos(path.join("in/photos"), [8, 32, 200], 0);
+    samples::studio(path.join("in/large.ply"), 2500);
     earlier.iter().for_each(|arguments| plain(path, arguments));
     Case { name, arguments, before: tree::read(path), together, kept: None, all_or_nothing: true }
 }
@@ -285,21 +285,7 @@ pub(crate) fn tiles() -> Case {
         "tile_triangles=1000",
         "--force",
     ];
-    let soup = vec!["sample", "studio", "--triangles", "2500", "-o", "in/large.ply"];
-    whole("bake of tiles over old ones", TILES, &[], &[soup, [TILES, &["--scale-by", "0.4=0.25"]].concat()])
-}
-
-const DATASET: &[&str] =
-    &["sample", "dataset", "-o", "out/set", "--views", "3", "--width", "16", "--points", "20"];
-
-pub(crate) fn dataset_new() -> Case {
-    whole("sample dataset", DATASET, &["out/set"], &[])
-}
-
-pub(crate) fn dataset_replaces() -> Case {
-    const AGAIN: &[&str] =
-        &["sample", "dataset", "-o", "out/set", "--views", "3", "--width", "16", "--points", "20", "--force"];
-    whole("sample dataset over an old one", AGAIN, &["out/set"], &[[AGAIN, &["--seed", "7"]].concat()])
+    whole("bake of tiles over old ones", TILES, &[], &[[TILES, &["--scale-by", "0.4=0.25"]].concat()])
 }
 
 pub(crate) fn manual() -> Case {

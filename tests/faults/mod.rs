@@ -113,16 +113,6 @@ fn a_manual() {
 }
 
 #[test]
-fn a_sample_data_set() {
-    visit(&cases::dataset_new());
-}
-
-#[test]
-fn a_sample_data_set_that_replaces_one() {
-    visit(&cases::dataset_replaces());
-}
-
-#[test]
 fn a_capture() {
     visit(&captures::capture_new());
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
 use trisplat_bake::{BvhDetails, BvhOptions, bvh};
+use trisplat_bench::scenes::studio;
 use trisplat_formats::{
     Format, bvh as bvh_file,
     check::{Checked, Severity, check},
@@ -14,7 +15,6 @@ use trisplat_formats::{
     info::{Info, SceneKind, info},
     ply,
 };
-use trisplat_sample::scenes::{SampleScene, soup};
 use trisplat_scene::{
     Asset, FaceTexture, Provenance, Texture,
     image::RgbImage,
@@ -262,7 +262,7 @@ fn a_broken_file_of_any_format_is_a_finding() {
 fn sample(folder: &Folder) -> PathBuf {
     let mut bytes = Vec::new();
     let origin = Provenance { trainer: Some("a trainer".into()), ..Provenance::default() };
-    ply::write_soup(&mut bytes, &soup(SampleScene::Studio, 500, 1), &origin, &[]).expect("written");
+    ply::write_soup(&mut bytes, &studio(500, 1), &origin, &[]).expect("written");
     folder.write("soup.ply", &bytes)
 }
 

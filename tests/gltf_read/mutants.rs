@@ -3,11 +3,11 @@
 use crate::common::edits::mutate;
 use std::path::Path;
 use trisplat_bake::{BakeOptions, BakePreset, Lit, LitOptions};
+use trisplat_bench::scenes;
 use trisplat_formats::{
     self as formats, OutputOptions, OutputTarget, ReadOptions,
     check::{Severity, check},
 };
-use trisplat_sample::scenes::{self, SampleScene};
 use trisplat_scene::Asset;
 
 /// How a mutant is baked and written.
@@ -49,7 +49,7 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.glb");
     let fast = BakeOptions::preset(BakePreset::Fast);
-    let asset = trisplat::bake(scenes::soup(SampleScene::Studio, 16, 1), &fast).unwrap();
+    let asset = trisplat::bake(scenes::studio(16, 1), &fast).unwrap();
     written(&asset, &path, &OutputOptions::default()).unwrap();
     let (json, bin) = parts(&std::fs::read(&path).unwrap());
     for (key, value) in [
@@ -80,7 +80,7 @@ fn a_viewpoint_that_no_camera_has_is_chosen_again() {
 fn mutants_of_a_glb_are_baked_to_valid_files_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (mutant, out) = (folder.path().join("mutant.glb"), folder.path().join("out.glb"));
-    let soup = scenes::soup(SampleScene::Studio, 16, 1);
+    let soup = scenes::studio(16, 1);
     for (i, (bake, output)) in bakes().iter().enumerate() {
         let asset = trisplat::bake(soup.clone(), bake).unwrap();
         written(&asset, &mutant, output).unwrap();

@@ -9,7 +9,4 @@ mod frames;
 mod gradients;
 mod hostile;
 mod scenes;
-#[cfg(feature = "bench")]
 mod solid;
-#[cfg(feature = "bench")]
-mod stress;

@@ -1,6 +1,6 @@
-//! Plans, tasks, merges and tilesets at the command line, on a small town.
+//! Plans, tasks, merges and tilesets at the command line, on a small scene.
 
-use crate::common::folders::copy_folder;
+use crate::common::{folders::copy_folder, samples};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -37,13 +37,12 @@ fn fail(folder: &Path, arguments: &[&str], needles: &[&str]) {
 
 const TRAINING: [&str; 6] = ["--steps", "240", "--max-triangles", "3000", "--min-cover", "0.05"];
 
-/// A folder with photos of a town and a plan of three blocks, `city`; made once, copied for every test.
+/// A folder with photos and a plan of three blocks, `city`; made once, copied for every test.
 fn planned() -> TempDir {
     static MADE: OnceLock<TempDir> = OnceLock::new();
     let made = MADE.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        let small = ["--views", "30", "--width", "64", "--lots", "2", "--points", "800"];
-        succeed(folder.path(), &[&["sample", "town", "-o", "photos"], &small[..]].concat());
+        samples::photos(folder.path().join("photos"), [30, 64, 800], 0);
         succeed(folder.path(), &[&["plan", "photos", "-o", "city", "--blocks", "3"], &TRAINING[..]].concat());
         folder
     });

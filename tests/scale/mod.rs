@@ -1,5 +1,4 @@
 //! Scenes in blocks: what a task may change, what it may not, and that blocks make one scene again.
 
-#[cfg(feature = "bench")]
 mod city;
 mod parts;

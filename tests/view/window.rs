@@ -2,6 +2,7 @@
 //! them tests say so and pass, unless TRISPLAT_REQUIRE_GPU=1.
 
 use super::drag::drop_on;
+use crate::samples;
 use glam::{UVec2, Vec3};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -193,7 +194,7 @@ fn red(picture: &RgbImage) -> usize {
 #[test]
 fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    samples::studio(desk.at("studio.ply"), 4000);
     // A file: `render` takes the colours of a soft soup from its soft pictures, the window shows them as they are.
     desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
@@ -272,7 +273,7 @@ fn sharpness(picture: &RgbImage) -> f64 {
 #[test]
 fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    samples::studio(desk.at("studio.ply"), 4000);
     desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
     // No card draws a frame in a thousandth of a second in software.
@@ -303,7 +304,7 @@ fn ticks(child: &Child) -> u64 {
 #[test]
 fn a_window_at_rest_draws_nothing() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    samples::studio(desk.at("studio.ply"), 4000);
     desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
     desk.open(&["view", "studio.glb", "--size", "640x480"]);
     let spent = |desk: &Desk| {
@@ -323,7 +324,7 @@ fn a_window_at_rest_draws_nothing() {
 #[test]
 fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    samples::studio(desk.at("studio.ply"), 4000);
     desk.open(&["view", "studio.ply", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots"]);
     desk.xdotool("key h");
     let whole = desk.screenshot(1);
@@ -350,7 +351,7 @@ fn a_region_is_drawn_hides_what_is_outside_and_is_saved_for_the_bake() {
 #[test]
 fn a_file_that_is_dropped_is_shown_and_a_broken_one_changes_nothing() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "studio", "--triangles", "4000", "-o", "studio.ply"]);
+    samples::studio(desk.at("studio.ply"), 4000);
     desk.run(&["bake", "studio.ply", "-o", "a scene.glb", "--teacher", "off"]);
     write_photos(&desk.at("photos"));
     std::fs::write(desk.at("one.obj"), "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n").unwrap();
@@ -406,8 +407,7 @@ fn a_window_that_cannot_be_filled_closes_with_the_reason() {
 #[test]
 fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches() {
     let Some(mut desk) = Desk::new() else { return };
-    let make = ["sample", "dataset", "--views", "12", "--width", "64", "--points", "300", "-o", "photos"];
-    desk.run(&make);
+    samples::photos(desk.at("photos"), [12, 64, 300], 0);
     let train = |output: &'static str, more: &[&'static str]| {
         let plain = [
             "train",
@@ -437,7 +437,7 @@ fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches(
 #[test]
 fn a_training_goes_on_when_its_window_is_closed() {
     let Some(mut desk) = Desk::new() else { return };
-    desk.run(&["sample", "dataset", "--views", "12", "--width", "64", "--points", "300", "-o", "photos"]);
+    samples::photos(desk.at("photos"), [12, 64, 300], 0);
     // Long enough that it is not over when the window is closed, and then stopped.
     let train = ["train", "photos", "--steps", "300000", "--max-cpu-secs", "15", "--max-triangles", "600"];
     desk.open(&[&train[..], &["--backend", "cpu", "--view", "-o", "scene.ply"]].concat());

@@ -1,63 +1,59 @@
-//! `trisplat bench bake`: what the main job costs, next to the floor and to other tools, in one run.
+//! `bake`: what the main job costs, next to the floor and to other tools, in one run.
 //!
 //! Every case is a whole process. The *floor* reads the same input and writes as many bytes as the
 //! bake's output with plain buffered I/O: no converter can be cheaper. The cases run in turn, round by
 //! round, so that a machine that slows down slows all of them; the median of the rounds is kept.
 
-use super::machine::Machine;
-use super::measure::{self, Usage};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use super::cli::print_json;
+use super::machine::{self, Usage};
+use super::scenes;
+use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use trisplat_formats::ply;
-use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::{Error, Provenance, Result, atomic::AtomicFile};
+use trisplat_scene::{Error, Provenance, Result, Soup, ranges};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
-pub struct BakeBenchArgs {
+pub(crate) struct BakeBenchArgs {
     /// Numbers of triangles; every case runs at each.
     #[arg(long, value_delimiter = ',', default_value = "10000,100000,1000000", value_name = "N,N,…",
-          value_parser = trisplat_scene::ranges::count)]
-    pub triangles: Vec<usize>,
+          value_parser = ranges::count)]
+    triangles: Vec<usize>,
     /// Runs of every case; the median is kept.
-    #[arg(long, default_value_t = 3, value_name = "N", value_parser = trisplat_scene::ranges::count)]
-    pub runs: usize,
+    #[arg(long, default_value_t = 3, value_name = "N", value_parser = ranges::count)]
+    runs: usize,
     /// Print rows as JSON.
     #[arg(long)]
-    pub json: bool,
-    /// Append rows to this CSV file.
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
+    json: bool,
+    /// The program to measure [default: the one beside this program].
+    #[arg(long, value_name = "PROGRAM")]
+    trisplat: Option<PathBuf>,
     /// Python with trimesh, to measure that too.
     #[arg(long, value_name = "PROGRAM")]
-    pub python: Option<PathBuf>,
+    python: Option<PathBuf>,
     /// Folder of node_modules/.bin with gltfpack or gltf-transform, to measure those too.
     #[arg(long, value_name = "FOLDER")]
-    pub node_bin: Option<PathBuf>,
+    node_bin: Option<PathBuf>,
 }
 
 /// One case at one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct BakeRow {
+#[derive(Debug, Serialize)]
+struct BakeRow {
     /// What ran: "fast", "default", "default+bvh", "floor", "trimesh".
-    pub case: String,
+    case: String,
     /// Triangles of the input.
-    pub triangles: u64,
+    triangles: usize,
     /// Bytes read.
-    pub input_bytes: u64,
+    input_bytes: u64,
     /// Bytes written.
-    pub output_bytes: u64,
-    /// User plus system seconds, median over the runs.
-    pub cpu_seconds: f64,
-    /// Seconds from start to end, median over the runs.
-    pub wall_seconds: f64,
-    /// Largest resident memory over the runs.
-    pub peak_bytes: u64,
+    output_bytes: u64,
+    /// Medians over the runs.
+    #[serde(flatten)]
+    usage: Usage,
     /// CPU time over that of the floor of the same input.
-    pub cpu_over_floor: f64,
+    cpu_over_floor: f64,
 }
 
 /// A command line to measure.
@@ -70,40 +66,60 @@ struct BakeCase {
     floor: &'static str,
 }
 
-/// Measures every size; rows in order of size, then case. Calls `on_row` with each row as soon as it is there.
-pub fn run(args: &BakeBenchArgs, mut on_row: impl FnMut(&BakeRow)) -> Result<Vec<BakeRow>> {
+/// Measures every size and prints rows in order of size, then case.
+pub(crate) fn run(args: &BakeBenchArgs) -> Result<()> {
     let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
     let mut rows = Vec::new();
+    eprintln!("triangles   case             cpu s    wall s   peak MB   out MB   cpu/floor");
     for &triangles in &args.triangles {
         let cases = cases(args, folder.path(), triangles)?;
-        let measured = measure_in_turn(&cases, args.runs.max(1))?;
-        let floor_of = |name: &str| {
+        let measured = measure_in_turn(&cases, args.runs)?;
+        let cpu_of = |name: &str| {
             cases.iter().zip(&measured).find(|(c, _)| c.name == name).map_or(f64::NAN, |(_, u)| u.cpu_seconds)
         };
         for (case, usage) in cases.iter().zip(&measured) {
             let row = BakeRow {
                 case: case.name.clone(),
-                triangles: triangles as u64,
+                triangles,
                 input_bytes: bytes(&case.input),
                 output_bytes: bytes(&case.output),
-                cpu_seconds: usage.cpu_seconds,
-                wall_seconds: usage.wall_seconds,
-                peak_bytes: usage.peak_bytes,
-                cpu_over_floor: usage.cpu_seconds / floor_of(case.floor),
+                usage: *usage,
+                cpu_over_floor: usage.cpu_seconds / cpu_of(case.floor),
             };
-            on_row(&row);
+            eprintln!(
+                "{:>9}   {:<15}{:>8.3}{:>10.3}{:>10.1}{:>9.1}{:>10.2}",
+                row.triangles,
+                row.case,
+                usage.cpu_seconds,
+                usage.wall_seconds,
+                usage.peak_bytes as f64 * 1e-6,
+                row.output_bytes as f64 * 1e-6,
+                row.cpu_over_floor,
+            );
             rows.push(row);
         }
     }
-    if let Some(path) = &args.csv {
-        super::machine::append_csv(path, &Machine::here(), &rows)?;
+    if args.json { print_json(&rows) } else { Ok(()) }
+}
+
+/// The program that is measured.
+fn trisplat(args: &BakeBenchArgs, this: &Path) -> Result<PathBuf> {
+    let name = format!("trisplat{}", std::env::consts::EXE_SUFFIX);
+    let program = args.trisplat.clone().unwrap_or_else(|| this.with_file_name(name));
+    if !program.is_file() {
+        return Err(Error::invalid(
+            "--trisplat",
+            program.display(),
+            "the program; `cargo build --release` makes it",
+        ));
     }
-    Ok(rows)
+    Ok(program)
 }
 
 /// Writes the inputs of one size and lists the command lines.
 fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<BakeCase>> {
-    let this = std::env::current_exe().map_err(|e| Error::io("trisplat", e))?;
+    let this = std::env::current_exe().map_err(|e| Error::io("trisplat-bench", e))?;
+    let program = trisplat(args, &this)?;
     let at = |name: &str| folder.join(name);
     let (sh0, sh3) = (at("sh0.ply"), at("sh3.ply"));
     write_inputs(&sh0, &sh3, triangles)?;
@@ -111,14 +127,14 @@ fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<Ba
     let bake = |name: &str, input: &Path, output: &str, floor, flags: &[&str]| {
         let output = at(output);
         let mut command: Vec<OsString> =
-            vec![this.clone().into(), "bake".into(), "-q".into(), "--force".into()];
+            vec![program.clone().into(), "bake".into(), "-q".into(), "--force".into()];
         command.extend([input.into(), "-o".into(), output.clone().into()]);
         command.extend(flags.iter().map(OsString::from));
         BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor }
     };
     let floor = |name: &'static str, input: &Path, like: &str| {
         let output = at("floor.bin");
-        let words = [this.as_os_str(), "bench".as_ref(), "floor".as_ref(), input.as_ref()];
+        let words = [this.as_os_str(), "floor".as_ref(), input.as_ref()];
         let files = [at(like).into_os_string(), output.clone().into_os_string()];
         let command = words.into_iter().map(OsString::from).chain(files).collect();
         BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor: name }
@@ -171,12 +187,12 @@ fn other_tools(args: &BakeBenchArgs, folder: &Path) -> Vec<BakeCase> {
 
 /// The same scene as SH degree 0 and as degree 3 (45 coefficients that the bake does not use).
 fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
-    let mut soup = scenes::soup(SampleScene::Studio, triangles, 1);
+    let mut soup = scenes::studio(triangles, 1);
     let provenance = Provenance::default();
-    let write = |path: &Path, soup: &trisplat_scene::Soup| {
-        let mut file = AtomicFile::create(path)?;
-        ply::write_soup(&mut file, soup, &provenance, &[]).map_err(|e| Error::io(path, e))?;
-        file.commit().map(drop)
+    let write = |path: &Path, soup: &Soup| {
+        let mut bytes = Vec::new();
+        let written = ply::write_soup(&mut bytes, soup, &provenance, &[]);
+        written.and_then(|()| std::fs::write(path, bytes)).map_err(|e| Error::io(path, e))
     };
     write(sh0, &soup)?;
     scenes::raise_sh(&mut soup, 3, 1);
@@ -189,7 +205,7 @@ fn measure_in_turn(cases: &[BakeCase], runs: usize) -> Result<Vec<Usage>> {
     let mut all = vec![Vec::new(); cases.len()];
     for round in 0..=runs {
         for (case, usages) in cases.iter().zip(&mut all) {
-            let usage = measure::measure(&case.command)?;
+            let usage = machine::measure(&case.command)?;
             if round > 0 {
                 usages.push(usage);
             }
@@ -216,16 +232,16 @@ fn bytes(path: &Path) -> u64 {
 }
 
 /// The floor: reads all of `input` and writes as many bytes as `like` has to `output`.
-pub fn floor(input: &Path, like: &Path, output: &Path) -> Result<()> {
+pub(crate) fn floor(input: &Path, like: &Path, output: &Path) -> Result<()> {
     let mut block = vec![0u8; 1 << 20];
     let mut file = std::fs::File::open(input).map_err(|e| Error::io(input, e))?;
     while file.read(&mut block).map_err(|e| Error::io(input, e))? > 0 {}
-    let mut out = AtomicFile::create(output)?;
+    let mut out = std::fs::File::create(output).map_err(|e| Error::io(output, e))?;
     let mut left = bytes(like);
     while left > 0 {
         let part = left.min(block.len() as u64);
         out.write_all(&block[..part as usize]).map_err(|e| Error::io(output, e))?;
         left -= part;
     }
-    out.commit().map(drop)
+    Ok(())
 }

@@ -1,104 +1,98 @@
-//! `trisplat bench fps`: frames per second at the paper's sizes, along real camera paths, checked.
+//! `fps`: frames per second at the paper's sizes, along real camera paths, checked.
 //!
 //! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
 //! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
 
-use super::frames::{self, Agreement, FrameCost, FrameCount, fitted};
-use super::machine::Machine;
-use super::three;
+use super::{cli::print_json, scenes};
 use glam::{UVec2, Vec3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::path::PathBuf;
+use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_gpu::AdapterOptions;
+use trisplat_gpu::{AdapterOptions, Timer};
 use trisplat_job::BakedScene;
-use trisplat_sample::scenes::{self, SampleScene};
-use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene, camera::Camera};
-use trisplat_view::{Headless, Model, orbit};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::{
+    Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, mesh::Mesh, process,
+};
+use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, Model, orbit};
+
+/// Background colour: one that no scene is likely to have, so that holes are seen.
+const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
+const NEAR: f32 = 0.01;
+/// Least agreement of a frame with the solid rasteriser on the CPU that counts as the same picture, dB.
+const LEAST_PSNR: f64 = 30.0;
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
-pub struct FpsArgs {
+pub(crate) struct FpsArgs {
     /// Scene to draw: .glb .gltf .obj .off .ply .pt; a soup is baked in memory.
     #[arg(value_name = "FILE", required_unless_present = "triangles", conflicts_with = "triangles")]
-    pub file: Option<PathBuf>,
+    file: Option<PathBuf>,
     /// Draw the sample scene with these numbers of triangles instead of a file.
-    #[arg(long, value_delimiter = ',', value_name = "N,N,…")]
-    pub triangles: Vec<usize>,
+    #[arg(long, value_delimiter = ',', value_name = "N,N,…", value_parser = trisplat_scene::ranges::count)]
+    triangles: Vec<usize>,
     /// Data set whose cameras are the path; without it a circle around the scene.
     #[arg(long, value_name = "DATASET", requires = "file")]
-    pub dataset: Option<PathBuf>,
+    dataset: Option<PathBuf>,
     /// Sizes of the picture, px: by default the paper's.
     #[arg(long, value_delimiter = ',', default_value = "1280x720,1920x1080,3840x2160", value_name = "WxH,…",
           value_parser = trisplat_scene::image::parse_size)]
-    pub sizes: Vec<UVec2>,
+    sizes: Vec<UVec2>,
     /// Frames that are timed.
     #[arg(long, default_value_t = 300, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub frames: u32,
+    frames: u32,
     /// Frames that are drawn before the clock starts.
     #[arg(long, default_value_t = 30, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
-    pub warmup: u32,
-    /// Rounds over all cases; the fastest round of each is kept.
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub rounds: u32,
-    /// Samples per pixel at edges (MSAA): 1 or 4.
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
-    pub msaa: u32,
-    /// Also draw with three.js in headless Chromium: a folder whose node_modules holds three and playwright-core.
-    #[arg(long, value_name = "FOLDER")]
-    pub three: Option<PathBuf>,
-    /// Chromium for --three.
-    #[arg(long, default_value = "/usr/bin/chromium", value_name = "PROGRAM")]
-    pub chromium: PathBuf,
+    warmup: u32,
+    /// Samples per pixel at edges (MSAA).
+    #[arg(long, default_value = "1", value_name = "N", value_parser = ["1", "4"])]
+    msaa: String,
     /// Print rows as JSON.
     #[arg(long)]
-    pub json: bool,
-    /// Append rows to this CSV file.
-    #[arg(long, value_name = "FILE")]
-    pub csv: Option<PathBuf>,
+    json: bool,
     /// Which graphics card draws.
     #[command(flatten, next_help_heading = "Graphics card")]
-    pub adapter: AdapterOptions,
+    adapter: AdapterOptions,
     /// How the data set is read.
     #[command(flatten, next_help_heading = "Data set")]
-    pub dataset_options: DatasetOptions,
+    dataset_options: DatasetOptions,
 }
 
-/// One case at one size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct FpsRow {
+/// One scene at one size.
+#[derive(Debug, Serialize)]
+struct FpsRow {
     /// The scene's file, or "studio".
-    pub scene: String,
-    /// What drew it: "default", or "three.js".
-    pub case: String,
+    scene: String,
     /// Triangles of the scene.
-    pub triangles: u64,
-    /// Width of the picture, px.
-    pub width: u32,
-    /// Height of the picture, px.
-    pub height: u32,
-    /// Samples per pixel at edges.
-    pub msaa: u32,
+    triangles: usize,
+    size: [u32; 2],
     /// 1000 / median milliseconds per frame.
-    pub fps: f64,
-    /// What a frame costs.
+    fps: f64,
     #[serde(flatten)]
-    pub cost: FrameCost,
-    /// Bytes of GPU memory per triangle; null for other renderers.
-    pub bytes_per_triangle: Option<f64>,
-    /// Frames timed.
-    pub frames: u32,
-    /// Frames before.
-    pub warmup: u32,
-    /// Cameras of the path.
-    pub cameras: u64,
-    /// How close a frame comes to the CPU's.
-    #[serde(flatten)]
-    pub agreement: Agreement,
+    cost: FrameCost,
+    /// Bytes of GPU memory per triangle.
+    bytes_per_triangle: f64,
+    /// How close a frame comes to the CPU's, dB.
+    psnr: f64,
     /// Graphics card, graphics API and driver.
-    pub adapter: String,
+    adapter: String,
+}
+
+/// What a frame costs, over the frames of a path.
+#[derive(Debug, Serialize)]
+struct FrameCost {
+    /// Milliseconds from the end of one frame to the end of the next, with two in flight: median.
+    frame_ms: f64,
+    /// The 99th percentile, ms.
+    frame_p99_ms: f64,
+    /// Milliseconds by the timestamps of the graphics card, median; null where it has none.
+    gpu_ms: Option<f64>,
+    /// CPU milliseconds per frame, all threads: with a software renderer this is the drawing itself.
+    cpu_ms: f64,
+    /// Triangles of the chunks that were drawn, mean.
+    drawn: f64,
 }
 
 /// A scene and the camera path through it.
@@ -108,29 +102,36 @@ struct Flythrough {
     path: Vec<Camera>,
 }
 
-/// Measures everything; calls `on_row` with each row as soon as it is there.
-pub fn run(args: &FpsArgs, mut on_row: impl FnMut(&FpsRow)) -> Result<Vec<FpsRow>> {
-    if ![1, 4].contains(&args.msaa) {
-        return Err(Error::invalid("msaa", args.msaa, "1 or 4"));
-    }
+/// Measures everything and prints each row as soon as it is there.
+pub(crate) fn run(args: &FpsArgs) -> Result<()> {
     let mut card = Headless::new(&args.adapter)?;
     let mut rows = Vec::new();
-    let counts: Vec<Option<usize>> =
-        if args.file.is_some() { vec![None] } else { args.triangles.iter().copied().map(Some).collect() };
+    eprintln!("{}", card.gpu.describe());
+    eprintln!(
+        "scene                 triangles        size      FPS   median ms   p99 ms    gpu ms    cpu ms      drawn  B/tri  dB"
+    );
+    let counts = args.triangles.iter().copied().map(Some);
+    let counts: Vec<Option<usize>> = if args.file.is_some() { vec![None] } else { counts.collect() };
     for triangles in counts {
         let flythrough = flythrough(args, triangles)?;
         let model = card.upload(&flythrough.asset, None)?;
         for &size in &args.sizes {
-            let mut measured = measure(args, &mut card, &flythrough, &model, size)?;
-            measured.sort_by(|a, b| a.cost.frame_ms.total_cmp(&b.cost.frame_ms));
-            measured.iter().for_each(&mut on_row);
-            rows.extend(measured);
+            let row = measure(args, &mut card, &flythrough, &model, size)?;
+            let FrameCost { frame_ms, frame_p99_ms, gpu_ms, cpu_ms, drawn } = &row.cost;
+            eprintln!(
+                "{:<20}{:>11}{:>12}{:>9.1}{frame_ms:>12.2}{frame_p99_ms:>9.2}{:>10}{cpu_ms:>10.1}{drawn:>11.0}{:>7.1}{:>4.0}",
+                row.scene,
+                row.triangles,
+                format!("{}x{}", size.x, size.y),
+                row.fps,
+                gpu_ms.map_or("-".to_owned(), |ms| format!("{ms:.2}")),
+                row.bytes_per_triangle,
+                row.psnr,
+            );
+            rows.push(row);
         }
     }
-    if let Some(path) = &args.csv {
-        super::machine::append_csv(path, &Machine::here(), &rows)?;
-    }
-    Ok(rows)
+    if args.json { print_json(&rows) } else { Ok(()) }
 }
 
 /// Reads the file, or makes the sample scene, and plans the camera path.
@@ -141,17 +142,8 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
             (name, formats::read(file, &ReadOptions::with_degree(0))?)
         }
         (None, count) => {
-            let soup = scenes::soup(SampleScene::Studio, count.unwrap_or(100_000), 1);
-            let scene = Scene::Soup(soup);
-            (
-                "studio".into(),
-                ImportedScene {
-                    scene,
-                    provenance: Default::default(),
-                    warnings: Vec::new(),
-                    cameras: Vec::new(),
-                },
-            )
+            let soup = scenes::studio(count.unwrap_or_default(), 1);
+            ("studio".into(), ImportedScene::from(Scene::Soup(soup)))
         }
     };
     let mut baked = BakedScene::new(loaded)?;
@@ -172,58 +164,156 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
     Ok(Flythrough { name, asset: baked.asset, path })
 }
 
-/// The model, and with `--three` three.js beside it, at one size, round by round.
+/// One scene at one size.
 fn measure(
     args: &FpsArgs,
     card: &mut Headless,
     flythrough: &Flythrough,
     model: &Model,
     size: UVec2,
-) -> Result<Vec<FpsRow>> {
+) -> Result<FpsRow> {
     let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
-    let count = FrameCount { warmup: args.warmup as usize, frames: args.frames as usize };
-    let checked = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
-    let frame = frames::picture(card, model, checked)?;
-    let agreement = frames::check("default", &frame, &flythrough.asset.mesh, checked)?;
-    let bytes = model.bytes as f64 / model.triangles().max(1) as f64;
-    let mut rows = vec![("default", Some(bytes), agreement, card.gpu.describe(), None::<FrameCost>)];
-    if args.three.is_some() {
-        rows.push(("three.js", None, Agreement { psnr: f64::NAN, off: f64::NAN }, String::new(), None));
-    }
-    for _ in 0..args.rounds {
-        for (name, bytes, agreement, adapter, best) in &mut rows {
-            let cost = match (*bytes, &args.three) {
-                (None, Some(folder)) => {
-                    let seen =
-                        three::time(folder, &args.chromium, &flythrough.asset, &path, args.msaa, count)?;
-                    *agreement = frames::check(name, &seen.picture, &flythrough.asset.mesh, &path[0])?;
-                    *adapter = seen.adapter;
-                    seen.cost
-                }
-                _ => frames::time(card, model, &path, args.msaa, count)?,
-            };
-            if best.is_none_or(|best| cost.frame_ms < best.frame_ms) {
-                *best = Some(cost);
-            }
+    let first = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
+    let psnr = check(&picture(card, model, first)?, &flythrough.asset.mesh, first)?;
+    let cost = time(args, card, model, &path)?;
+    Ok(FpsRow {
+        scene: flythrough.name.clone(),
+        triangles: flythrough.asset.mesh.face_count(),
+        size: size.to_array(),
+        fps: 1e3 / cost.frame_ms,
+        cost,
+        bytes_per_triangle: model.bytes as f64 / model.triangles().max(1) as f64,
+        psnr,
+        adapter: card.gpu.describe(),
+    })
+}
+
+/// Draws along a path of cameras and times it.
+fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> Result<FrameCost> {
+    let canvas = Canvas::new(&card.gpu, path[0].size, if args.msaa == "4" { 4 } else { 1 })?;
+    let mut timer = Timer::new(&card.gpu);
+    let (mut frame_ms, mut gpu_ms, mut drawn) = (Vec::new(), Vec::new(), 0);
+    let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
+    let warmup = args.warmup as usize;
+    for i in 0..warmup + args.frames as usize + 1 {
+        let params = params(&path[i % path.len()]);
+        let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
+        let slot = timer.as_mut().and_then(Timer::begin);
+        let timestamps = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
+        let stats: DrawStats = card.draw(&mut encoder, &canvas, model, &params, timestamps)?;
+        if let (Some(timer), Some(slot)) = (&mut timer, slot) {
+            timer.end(slot, &mut encoder);
         }
+        let submission = card.gpu.queue.submit([encoder.finish()]);
+        if let Some(timer) = &mut timer {
+            timer.submitted();
+        }
+        // Wait for the frame before this one: at most two are in flight.
+        if let Some(before) = last.replace(submission) {
+            card.gpu.wait(Some(before))?;
+        }
+        let now = Instant::now();
+        let measured = timer.as_mut().map_or(Vec::new(), Timer::collect);
+        if i == warmup {
+            cpu = process::cpu_secs();
+        } else if i > warmup {
+            frame_ms.push((now - mark).as_secs_f64() * 1e3);
+            gpu_ms.extend(measured);
+            drawn += stats.triangles;
+        }
+        mark = now;
     }
-    let row = |(name, bytes, agreement, adapter, cost): (&str, _, _, _, Option<FrameCost>)| {
-        cost.map(|cost| FpsRow {
-            scene: flythrough.name.clone(),
-            case: name.to_owned(),
-            triangles: flythrough.asset.mesh.face_count() as u64,
-            width: size.x,
-            height: size.y,
-            msaa: args.msaa,
-            fps: 1e3 / cost.frame_ms,
-            cost,
-            bytes_per_triangle: bytes,
-            frames: args.frames,
-            warmup: args.warmup,
-            cameras: path.len() as u64,
-            agreement,
-            adapter,
-        })
-    };
-    Ok(rows.into_iter().filter_map(row).collect())
+    let cpu_ms = (process::cpu_secs() - cpu) * 1e3;
+    card.gpu.wait(None)?;
+    let count = frame_ms.len() as f64;
+    Ok(FrameCost {
+        frame_ms: quantile(&mut frame_ms, 0.5),
+        frame_p99_ms: quantile(&mut frame_ms, 0.99),
+        gpu_ms: (!gpu_ms.is_empty()).then(|| quantile(&mut gpu_ms, 0.5)),
+        cpu_ms: cpu_ms / count,
+        drawn: drawn as f64 / count,
+    })
+}
+
+fn params(camera: &Camera) -> FrameParams<'static> {
+    let (display, background) = (DisplayMode::Color, BACKGROUND);
+    FrameParams {
+        camera: *camera,
+        near: NEAR,
+        background,
+        display,
+        wireframe: false,
+        subset: None,
+        level_bias: 0.0,
+    }
+}
+
+/// One frame, drawn and read back.
+fn picture(card: &mut Headless, model: &Model, camera: &Camera) -> Result<RgbImage> {
+    let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
+    let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
+    card.draw(&mut encoder, &canvas, model, &params(camera), None)?;
+    card.gpu.queue.submit([encoder.finish()]);
+    canvas.pixels(&card.gpu)
+}
+
+/// Compares a frame with what the solid rasteriser on the CPU draws, dB.
+///
+/// # Errors
+/// They are not the same picture.
+fn check(frame: &RgbImage, mesh: &Mesh, camera: &Camera) -> Result<f64> {
+    let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
+    options.validate(camera.size)?;
+    let psnr = psnr(frame, &SolidRasterizer::new().render(mesh, camera, &options));
+    if !(psnr >= LEAST_PSNR) {
+        return Err(Error::Gpu(format!(
+            "another picture than on the CPU at {}x{}: {psnr:.1} dB; update the driver or try another `graphics_api`",
+            camera.size.x, camera.size.y
+        )));
+    }
+    Ok(psnr)
+}
+
+/// Peak signal-to-noise ratio of two pictures, dB; 99 for equal ones.
+fn psnr(a: &RgbImage, b: &RgbImage) -> f64 {
+    let codes = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
+    let squares: u64 = codes.map(|(p, q)| u64::from(p.abs_diff(*q)).pow(2)).sum();
+    let mean = squares as f64 / (3 * a.rgb.len().max(1)) as f64;
+    if mean > 0.0 { (10.0 * (255.0f64.powi(2) / mean).log10()).min(99.0) } else { 99.0 }
+}
+
+/// The value below which `share` of them lie; sorts them.
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1) as f64;
+    values.get((share * last).ceil() as usize).copied().unwrap_or(f64::NAN)
+}
+
+/// The camera for a picture of another size: the same vertical field of view, wider or narrower.
+fn fitted(camera: &Camera, size: UVec2) -> Camera {
+    let (old, new) = (camera.size.as_vec2(), size.as_vec2());
+    let scale = new.y / old.y;
+    let center = new / 2.0 + (camera.center - old / 2.0) * scale;
+    Camera { focal: camera.focal * scale, center, size, ..*camera }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_screen_does_not_agree() {
+        let size = UVec2::new(4, 2);
+        let full = RgbImage { size, rgb: (0..8).map(|i| [30 * i, 9, 200 - i]).collect(), alpha: None };
+        let empty = RgbImage { size, rgb: vec![[255, 0, 255]; 8], alpha: None };
+        assert!(psnr(&empty, &full) < 15.0);
+        assert_eq!(psnr(&full, &full), 99.0);
+    }
+
+    #[test]
+    fn quantiles_are_values_that_occurred() {
+        let mut values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        assert_eq!([0.0, 0.5, 0.99, 1.0].map(|q| quantile(&mut values, q)), [1.0, 3.0, 5.0, 5.0]);
+        assert!(quantile(&mut [], 0.5).is_nan());
+    }
 }

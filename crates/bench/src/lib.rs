@@ -1,18 +1,15 @@
-//! Measures cost and stability: `trisplat bench`, behind the feature `bench`.
+//! A development program: what trisplat costs and how exact it is, and the samples that tests and docs use.
 //!
-//! In: a machine. Out: figures of cost and accuracy.
+//! In: a machine, scenes, photos. Out: tables of cost and accuracy, synthetic scenes.
 
-pub mod bake;
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints tables")]
+
+mod bake;
+pub mod cli;
+mod cost;
 #[cfg(feature = "gpu")]
-pub mod card;
-pub mod cost;
-#[cfg(feature = "gpu")]
-pub mod fps;
-#[cfg(feature = "gpu")]
-mod frames;
-pub mod machine;
-pub mod measure;
-pub mod raster;
+mod fps;
+mod machine;
+pub mod scenes;
 pub mod stress;
-#[cfg(feature = "gpu")]
-mod three;
+mod studio;

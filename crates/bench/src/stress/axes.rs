@@ -1,12 +1,11 @@
 //! What a case of the stress test is stretched along, one table: its name, range, ordinary value, and how it is applied.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// An axis: the index into [`AXES`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Axis {
+pub(super) enum Axis {
     /// Every coordinate, and the near plane, times this.
     Scale,
     /// Camera and triangles are moved this far from the origin, in units of the scene.
@@ -36,74 +35,66 @@ pub enum Axis {
 
 /// A row of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AxisRow {
+pub(super) struct AxisRow {
     /// The axis.
-    pub axis: Axis,
+    pub(super) axis: Axis,
     /// Its name.
-    pub name: &'static str,
-    /// Its unit, empty for a plain number.
-    pub unit: &'static str,
+    pub(super) name: &'static str,
     /// Smallest value.
-    pub least: f64,
+    pub(super) least: f64,
     /// Largest value, when the axis is stretched alone.
-    pub most: f64,
+    pub(super) most: f64,
     /// Largest value in all other cases: layers are costly.
-    pub most_in_pairs: f64,
+    pub(super) most_in_pairs: f64,
     /// The value in a case that is not stretched along it.
-    pub ordinary: f64,
+    pub(super) ordinary: f64,
     /// Whether values are spread evenly by their logarithm.
-    pub log: bool,
+    pub(super) log: bool,
 }
 
 /// One in this many of the cases that are stretched along the layers alone goes to the end of the axis: it costs as much as
 /// thousands of others.
-pub const DEEP_EVERY: u64 = 256;
+pub(super) const DEEP_EVERY: u64 = 256;
 
 /// Smallest opacity: the cutoff of the soft rasteriser.
 const CUTOFF: f64 = 1.0 / 255.0;
 
-const fn row(
-    axis: Axis,
-    (name, unit): (&'static str, &'static str),
-    least: f64,
-    most: f64,
-    ordinary: f64,
-) -> AxisRow {
-    AxisRow { axis, name, unit, least, most, most_in_pairs: most, ordinary, log: true }
+const fn row(axis: Axis, name: &'static str, least: f64, most: f64, ordinary: f64) -> AxisRow {
+    AxisRow { axis, name, least, most, most_in_pairs: most, ordinary, log: true }
 }
 
 /// All axes, in the order of [`Axis`].
-pub const AXES: [AxisRow; 12] = [
-    row(Axis::Scale, ("scale", ""), 1e-30, 1e30, 1.0),
-    row(Axis::Distance, ("distance", "scene units"), 1.0, 1e7, 1.0),
-    row(Axis::Aspect, ("aspect", ""), 1.0, 1e8, 2.0),
-    row(Axis::Inradius, ("inradius", "px"), 1e-4, 1e4, 3.0),
-    row(Axis::Sigma, ("sigma", ""), 1e-4, 1e3, 1.0),
-    row(Axis::Opacity, ("opacity", ""), CUTOFF, 1.0, 0.6),
-    row(Axis::DepthRatio, ("depth_ratio", ""), 1.0, 1e7, 3.0),
-    row(Axis::Focal, ("focal", "px"), 1.0, 1e6, 16.0),
-    AxisRow { log: false, ..row(Axis::Behind, ("behind", ""), 0.0, 1.0, 0.0) },
-    row(Axis::Gap, ("gap", "share of depth"), 1e-9, 1.0, 1.0),
-    AxisRow { most_in_pairs: 16.0, ..row(Axis::Layers, ("layers", ""), 1.0, 1e5, 4.0) },
-    row(Axis::Sh, ("sh", ""), 1e-3, 1e6, 0.5),
+pub(super) const AXES: [AxisRow; 12] = [
+    row(Axis::Scale, "scale", 1e-30, 1e30, 1.0),
+    row(Axis::Distance, "distance", 1.0, 1e7, 1.0),
+    row(Axis::Aspect, "aspect", 1.0, 1e8, 2.0),
+    row(Axis::Inradius, "inradius", 1e-4, 1e4, 3.0),
+    row(Axis::Sigma, "sigma", 1e-4, 1e3, 1.0),
+    row(Axis::Opacity, "opacity", CUTOFF, 1.0, 0.6),
+    row(Axis::DepthRatio, "depth_ratio", 1.0, 1e7, 3.0),
+    row(Axis::Focal, "focal", 1.0, 1e6, 16.0),
+    AxisRow { log: false, ..row(Axis::Behind, "behind", 0.0, 1.0, 0.0) },
+    row(Axis::Gap, "gap", 1e-9, 1.0, 1.0),
+    AxisRow { most_in_pairs: 16.0, ..row(Axis::Layers, "layers", 1.0, 1e5, 4.0) },
+    row(Axis::Sh, "sh", 1e-3, 1e6, 0.5),
 ];
 
 impl Axis {
     /// Its row of the table.
-    pub fn row(self) -> &'static AxisRow {
+    pub(super) fn row(self) -> &'static AxisRow {
         &AXES[self as usize]
     }
 }
 
 impl AxisRow {
     /// The value at `share` of the way from `from` to `to`; on log axes, interpolates the logarithm.
-    pub fn between(&self, from: f64, to: f64, share: f64) -> f64 {
+    pub(super) fn between(&self, from: f64, to: f64, share: f64) -> f64 {
         let value = if self.log { from * (to / from).powf(share) } else { from + (to - from) * share };
         value.clamp(from, to)
     }
 
     /// Where a value lies between `from` and `to`, in [0, 1]: the inverse of [`Self::between`].
-    pub fn share(&self, from: f64, to: f64, value: f64) -> f64 {
+    pub(super) fn share(&self, from: f64, to: f64, value: f64) -> f64 {
         let share =
             if self.log { (value / from).ln() / (to / from).ln() } else { (value - from) / (to - from) };
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }

@@ -1,12 +1,10 @@
-//! What is promised of the rasterisers and the files, in numbers: the one table, which `trisplat bench stress` checks and
+//! What is promised of the rasterisers and the files, in numbers: the one table, which `trisplat-bench stress` checks and
 //! docs/numerics.md repeats.
 
 use super::axes::Axis;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 /// The range of an axis on which the promises of accuracy hold, all axes at once.
-pub fn domain(axis: Axis) -> (f64, f64) {
+pub(super) fn domain(axis: Axis) -> (f64, f64) {
     let row = axis.row();
     match axis {
         Axis::Scale => (row.least, row.most),
@@ -25,9 +23,8 @@ pub fn domain(axis: Axis) -> (f64, f64) {
 }
 
 /// What is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Promise {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Promise {
     /// 99.9% of the values of soft frames: error relative to 1 or to the largest sum of magnitudes in a colour.
     Frames,
     /// The largest such error of a case: single precision may take a pixel to the other side of a jump, but rarely.
@@ -50,9 +47,8 @@ pub enum Promise {
 }
 
 /// Cases on which a promise holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum On {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum On {
     /// Those whose values lie in [`domain`].
     Domain,
     /// All of them, to the ends of the axes, whose triangles are no longer than [`REACH`] times their depth.
@@ -63,21 +59,21 @@ pub enum On {
 
 /// Longest side of a triangle over its depth, up to which the solid rasteriser's promise holds: its corners' depths are
 /// differences of coordinates of that size in single precision.
-pub const REACH: f64 = 100.0;
+pub(super) const REACH: f64 = 100.0;
 
 /// A row of the table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PromiseRow {
+pub(super) struct PromiseRow {
     /// What is measured.
-    pub promise: Promise,
+    pub(super) promise: Promise,
     /// Its name in reports.
-    pub name: &'static str,
+    pub(super) name: &'static str,
     /// Where it holds.
-    pub on: On,
+    pub(super) on: On,
     /// The largest value that is no failure.
-    pub at_most: f64,
+    pub(super) at_most: f64,
     /// The share of the cases that may fail; of `Frames` and `Gradients` that of the numbers.
-    pub rate: f64,
+    pub(super) rate: f64,
 }
 
 /// Largest error of a value that nobody sees: half a level of 8 bits.
@@ -87,7 +83,7 @@ const HALF_A_LEVEL: f64 = 1.96e-3;
 const WORST_FRAME_RATE: f64 = 1e-4;
 
 /// All promises.
-pub const PROMISES: [PromiseRow; 9] = [
+pub(super) const PROMISES: [PromiseRow; 9] = [
     row(Promise::Frames, "frames", On::Domain, 1e-4, 1e-3),
     row(Promise::WorstFrame, "worst_frame", On::Domain, HALF_A_LEVEL, WORST_FRAME_RATE),
     row(Promise::Gradients, "gradients", On::Domain, 1e-3, 1e-3),

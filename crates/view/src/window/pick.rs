@@ -77,12 +77,11 @@ mod tests {
     use super::*;
     use trisplat_bake::TeacherOptions;
     use trisplat_bake::{BakeOptions, bake};
-    use trisplat_sample::scenes::{self, SampleScene};
     use trisplat_scene::{ImportedScene, Scene};
 
     #[test]
     fn a_click_finds_the_soups_triangle_behind_a_baked_face() {
-        let soup = scenes::soup(SampleScene::Studio, 3000, 1);
+        let soup = trisplat_bench::scenes::studio(3000, 1);
         let loaded = ImportedScene {
             scene: Scene::Soup(soup.clone()),
             provenance: Default::default(),
@@ -96,7 +95,10 @@ mod tests {
         let asset = bake(loaded, &options).unwrap();
         let placement = asset.provenance.placement;
         let to_soup = |v: Vec3| placement.to_world(v);
-        let from = scenes::viewpoint(glam::UVec2::new(320, 240));
+        let size = glam::UVec2::new(320, 240);
+        let (focal, center) = (Vec2::splat(400.0), size.as_vec2() / 2.0);
+        let lens = Camera { rotation: glam::Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size };
+        let from = lens.looking(Vec3::new(1.5, -2.5, -5.8), Vec3::new(0.0, -0.35, 0.1), -Vec3::Y);
         let placed = trisplat_scene::placed::to_file(&from, &placement, DVec3::ZERO);
         let mut found = 0;
         for i in 0..300u32 {

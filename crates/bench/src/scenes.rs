@@ -2,21 +2,11 @@
 //! number of threads. They replace trained scenes wherever size and statistics matter more than the subject:
 //! samples, tests, benchmarks.
 
-pub use super::degenerate::degenerate;
 use super::studio::{Studio, Surface};
-use glam::{DVec2, DVec3, Mat3, UVec2, Vec2, Vec3, vec3};
+use glam::{DVec2, DVec3, UVec2, Vec3, vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Provenance, Rng, Soup, UpAxis, camera::Camera, sh0_from_rgb};
-
-/// Which soup to make.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SampleScene {
-    /// Balls, a ring, a chest, poles and a colour chart on a chequered stage under a dome.
-    Studio,
-    /// Every degenerate triangle that a reader may accept; its number of triangles is fixed.
-    Degenerate,
-}
+use trisplat_scene::{Provenance, Rng, Soup, UpAxis, sh0_from_rgb};
 
 /// Share of the triangles on the far dome, and of faint ones floating in the air.
 const FAR: f64 = 0.05;
@@ -32,27 +22,18 @@ const OVERLAP: f64 = 10.0;
 /// Random numbers reserved for one triangle.
 const RANDOM_NUMBERS: u64 = 32;
 
-/// `triangles` samples of a scene, SH degree 0, in no particular order; -y is up.
-///
-/// Edge lengths, opacities and σ are spread as in optimised scenes: edges over two decades, a tenth of the
-/// triangles slivers, half of them below opacity 0.5, σ around 0.3.
-pub fn soup(name: SampleScene, triangles: usize, seed: u64) -> Soup {
-    match name {
-        SampleScene::Studio => sample(&Studio::new(), triangles, seed),
-        SampleScene::Degenerate => degenerate(),
-    }
+/// What made [`degenerate()`].
+pub const DEGENERATE_RECIPE: &str = "trisplat sample degenerate";
+
+/// What made [`studio()`], by its arguments and the degree of its spherical harmonics.
+pub fn studio_recipe(triangles: usize, seed: u64, sh_degree: u8) -> String {
+    let degree = if sh_degree > 0 { format!(" --sh-degree {sh_degree}") } else { String::new() };
+    format!("trisplat sample studio --triangles {triangles} --seed {seed}{degree}")
 }
 
-/// The provenance of such a soup: the command that makes it, and the up axis.
-pub fn provenance(name: SampleScene, triangles: usize, seed: u64, sh_degree: u8) -> Provenance {
-    let mut recipe = match name {
-        SampleScene::Studio => format!("trisplat sample studio --triangles {triangles} --seed {seed}"),
-        SampleScene::Degenerate => "trisplat sample degenerate".to_owned(),
-    };
-    if sh_degree > 0 {
-        recipe += &format!(" --sh-degree {sh_degree}");
-    }
-    Provenance { trainer: Some(recipe), up: Some(UpAxis::NegY), ..Provenance::default() }
+/// The provenance of a sample: its recipe and the up axis.
+pub fn provenance(recipe: &str) -> Provenance {
+    Provenance { trainer: Some(recipe.to_owned()), up: Some(UpAxis::NegY), ..Provenance::default() }
 }
 
 /// Adds view-dependent colour up to `degree` (at most 3) in small random coefficients.
@@ -78,22 +59,6 @@ pub fn raise_sh(soup: &mut Soup, degree: u8, seed: u64) {
     (soup.sh, soup.sh_degree) = (sh, degree);
 }
 
-/// A camera that sees the whole studio, for pictures of `size` px.
-pub fn viewpoint(size: UVec2) -> Camera {
-    let (position, target) = (vec3(1.5, -2.5, -5.8), vec3(0.0, -0.35, 0.1));
-    let forward = (target - position).normalize();
-    let right = Vec3::Y.cross(forward).normalize();
-    let rotation = Mat3::from_cols(right, forward.cross(right), forward).transpose();
-    let center = size.as_vec2() / 2.0;
-    Camera {
-        rotation,
-        translation: -(rotation * position),
-        focal: Vec2::splat(1.25 * size.x as f32),
-        center,
-        size,
-    }
-}
-
 /// One triangle with its attributes; rgb is sRGB-encoded.
 struct SoupTriangle {
     corners: [DVec3; 3],
@@ -102,8 +67,12 @@ struct SoupTriangle {
     sigma: f64,
 }
 
-fn sample(studio: &Studio, triangles: usize, seed: u64) -> Soup {
-    let n = triangles;
+/// `n` triangles of the studio, SH degree 0, in no particular order; -y is up.
+///
+/// Edge lengths, opacities and σ are spread as in optimised scenes: edges over two decades, a tenth of the
+/// triangles slivers, half of them below opacity 0.5, σ around 0.3.
+pub fn studio(n: usize, seed: u64) -> Soup {
+    let studio = &Studio::new();
     let shares = shares(&studio.surfaces, n);
     let mut soup = Soup {
         vertices: vec![[Vec3::ZERO; 3]; n],
@@ -303,13 +272,70 @@ fn faint(uniform: f64) -> f64 {
     0.02 + 0.7 * uniform * uniform.sqrt()
 }
 
+/// The most degenerate soup that a reader may accept: one triangle of every kind that breaks naive code, and a few
+/// valid ones, so that a bake of it still has something to write.
+pub fn degenerate() -> Soup {
+    let mut soup = Soup::default();
+    let one = [vec3(0.0, 0.0, 0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, -1.0, 0.0)];
+    let mut push = |corners: [Vec3; 3], opacity: f32, sigma: f32, rgb: [f32; 3]| {
+        soup.vertices.push(corners);
+        soup.opacity.push(opacity);
+        soup.sigma.push(sigma);
+        soup.sh.push(rgb.map(sh0_from_rgb));
+    };
+    for corners in shapes(one) {
+        push(corners, 0.9, 0.1, [0.8, 0.3, 0.2]);
+    }
+    let tiny = f32::MIN_POSITIVE;
+    for opacity in [0.0, -0.0, tiny, 1e-3, 0.5, 1.0 - f32::EPSILON, 1.0] {
+        for sigma in [tiny, 1e-30, 1e-3, 0.5, 1.0, 1e3, 1e30, f32::MAX] {
+            push(one.map(|p| p + vec3(2.0, opacity, sigma.log2() * 0.01)), opacity, sigma, [0.2, 0.6, 0.3]);
+        }
+    }
+    let channels = [-1e30, -1.0, -0.0, 0.0, tiny, 1.0, 2.0, 1e30];
+    for (i, channel) in channels.into_iter().enumerate() {
+        push(one.map(|p| p - vec3(2.0, 0.0, i as f32)), 0.9, 0.1, [channel, 0.5, 1.0 - channel]);
+    }
+    soup
+}
+
+/// Triangles by their kind of degeneracy.
+fn shapes(one: [Vec3; 3]) -> Vec<[Vec3; 3]> {
+    let [a, b, c] = one;
+    let last_bit = f32::from_bits(1.0f32.to_bits() + 1);
+    let mut all = vec![
+        one,
+        [a, c, b],                                      // the same, seen from behind
+        one,                                            // the same again
+        [a; 3],                                         // a point
+        [b; 3],                                         // a point elsewhere
+        [a, b, b],                                      // a line with a double corner
+        [a, b, (a + b) / 2.0],                          // three corners in a row
+        [a, b, vec3(3.0, 0.0, 0.0)],                    // in a row, one outside
+        [a, b, vec3(0.5, -1e-7, 0.0)],                  // a sliver
+        [a, b, vec3(0.5, -1e-20, 0.0)],                 // its area squared underflows
+        [b, vec3(last_bit, 0.0, 0.0), c],               // one edge of one ulp
+        [a, vec3(1e-3, 0.0, 0.0), vec3(0.0, 1e4, 0.0)], // a needle
+    ];
+    // Equal triangles many times over: coincident centroids, no split to be found.
+    all.extend([one.map(|p| p + vec3(0.0, 0.0, 3.0)); 40]);
+    // From denormal to almost infinite.
+    for size in [1e-45, 1e-38, 1e-30, 1e-19, 1e-9, 1e-4, 1e4, 1e9, 1e18, 1e19, 1e30, 1e38] {
+        all.push(one.map(|p| p * size));
+    }
+    // Ordinary, but so far away that no two corners differ by much more than one ulp.
+    for place in [1e4, 1e6, 1e7, 1e15, 1e37] {
+        all.push(one.map(|p| p + Vec3::splat(place)));
+    }
+    // Corners at both ends of the range of f32: differences overflow.
+    all.push([Vec3::splat(-3e38), Vec3::splat(3e38), vec3(3e38, -3e38, 0.0)]);
+    all.push([Vec3::splat(f32::MIN), Vec3::splat(f32::MAX), Vec3::ZERO]);
+    all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn studio(triangles: usize, seed: u64) -> Soup {
-        soup(SampleScene::Studio, triangles, seed)
-    }
 
     /// The value below which `share` of `values` lie.
     fn quantile(mut values: Vec<f32>, share: f64) -> f32 {
@@ -362,14 +388,5 @@ mod tests {
         let same = made.clone();
         raise_sh(&mut made, 1, 2);
         assert_eq!(made, same);
-    }
-
-    #[test]
-    fn the_viewpoint_looks_at_the_stage_from_above() {
-        let camera = viewpoint(UVec2::new(960, 540));
-        camera.validate(&trisplat_scene::Limits::DEFAULT).unwrap();
-        assert!(camera.position().y < -1.0);
-        let seen = camera.rotation * vec3(0.0, -0.35, 0.1) + camera.translation;
-        assert!(seen.z > 1.0 && seen.truncate().length() < 1e-5);
     }
 }
