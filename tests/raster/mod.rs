@@ -6,6 +6,7 @@
 mod compare;
 mod determinism;
 mod frames;
+mod gaussian;
 mod gradients;
 mod hostile;
 mod scenes;

@@ -6,7 +6,7 @@ use trisplat_raster::{
     kernel::adam::{Rate, adam},
     kernel::clip::{near_point, near_point_grad, pieces},
     kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad},
-    kernel::wgsl::library,
+    kernel::wgsl_library,
     kernel::{composite, sh, window},
 };
 use trisplat_scene::{
@@ -291,7 +291,7 @@ fn on_the_card(gpu: &Gpu, twin: &Twin, input: &[f32]) -> Vec<f32> {
             {}
             for (var k = 0u; k < {outs}u; k++) {{ output[id.x * {outs}u + k] = y[k]; }}
         }}",
-        library(),
+        wgsl_library(),
         twin.wgsl
     );
     let kernel = Kernel::new(gpu, "twin", source).unwrap();

@@ -10,7 +10,7 @@ use super::backdrop::BackdropWhen;
 use super::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
-use trisplat_raster::framing::far_shell::far_shell;
+use trisplat_raster::framing::far_shell;
 use trisplat_scene::{
     Result, Scene,
     camera::Camera,

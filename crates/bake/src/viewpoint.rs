@@ -4,7 +4,7 @@
 //! Runs late, because it needs the final triangles, upright as placed.
 
 use glam::Vec3;
-use trisplat_raster::framing::viewpoint::{Scenery, viewpoint as best_viewpoint};
+use trisplat_raster::framing::{Scenery, viewpoint as best_viewpoint};
 use trisplat_scene::{
     Asset,
     camera::Camera,

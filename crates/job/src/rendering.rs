@@ -6,7 +6,7 @@ use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_formats::{self as formats, Content, splats::cameras};
-use trisplat_raster::{framing::Surroundings, framing::surroundings::up_of};
+use trisplat_raster::{framing::Surroundings, framing::up_of};
 use trisplat_scene::{
     Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
     image::RgbImage, placed,

@@ -3,37 +3,20 @@
 //!
 //! Accuracy, edge values and policies are in `docs/numerics.md`.
 
-mod assemble;
 mod backward;
-mod block_layers;
-mod broadcast;
-mod camera_space;
-mod corners;
 mod forward;
 mod frame;
 mod gather;
-mod importance;
-mod open_tiles;
-mod options;
-mod pieces;
+mod layers;
 mod project;
 mod slabs;
 mod slots;
-pub(crate) mod sort;
-mod soup_grad;
-mod soup_ref;
-mod splat_sums;
-mod splats;
-mod tile_grid;
-mod tile_pixels;
+pub(crate) mod splats;
 mod tiles;
 
-pub use frame::{Frame, FrameGrad};
-pub use importance::{CountedPixels, Importance};
-pub use options::{SoftOptions, Sort, Window};
-pub use soup_grad::SoupGrad;
-pub use soup_ref::SoupRef;
-pub use tile_grid::{MARGIN, TILE, tile_count};
+pub use frame::{Frame, FrameGrad, SoftOptions, Sort, SoupGrad, SoupRef, Window};
+pub use slots::{CountedPixels, Importance};
+pub use tiles::{MARGIN, TILE, tile_count};
 
 use forward::Slab;
 use gather::PairGrads;
@@ -41,9 +24,9 @@ use slabs::SlabTarget;
 use slots::{GradSlots, WeightSlot};
 use splats::Projection;
 use std::time::Instant;
-use tile_pixels::TilePixels;
-use tiles::Tiles;
+use tiles::{TileChannel, TileGeometry, TilePixels, Tiles};
 use trisplat_scene::camera::Camera;
+use trisplat_scene::parallel;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug)]
@@ -129,7 +112,7 @@ impl SoftRasterizer {
             forward::draw(splats, tiles, Slab::Whole, pixels, weights, options, counted);
             clock.lap("forward", timings);
         }
-        assemble::assemble(&mut self.frame, &self.pixels, &self.tiles, options);
+        assemble(&mut self.frame, &self.pixels, &self.tiles, options);
         clock.lap("assemble", &mut self.timings);
         &self.frame
     }
@@ -173,4 +156,50 @@ impl SoftRasterizer {
     pub fn load(&self) -> (usize, usize) {
         (self.projection.splats.len(), self.tiles.entries.len())
     }
+}
+
+/// Copies the tiles into the frame.
+fn assemble(frame: &mut Frame, pixels: &[TilePixels], tiles: &Tiles, options: &SoftOptions) {
+    let size = tiles.size;
+    let count = (size.x * size.y) as usize;
+    frame.size = size;
+    frame.rgb.resize(count, [0.0; 3]);
+    frame.transmittance.resize(count, 0.0);
+    let wanted = if options.geometry { count } else { 0 };
+    frame.normal.resize(wanted, [0.0; 3]);
+    for values in [&mut frame.depth, &mut frame.median_depth, &mut frame.distortion] {
+        values.resize(wanted, 0.0);
+    }
+    fill(&mut frame.rgb, pixels, tiles, |t, b, l| t.rgb.each_ref().map(|channel| channel[b][l]));
+    fill(&mut frame.transmittance, pixels, tiles, |t, b, l| t.transmittance[b][l]);
+    if options.geometry {
+        let of = |t: &TilePixels, f: fn(&TileGeometry) -> &TileChannel, b: usize, l: usize| {
+            t.geometry.as_deref().map_or(0.0, |g| f(g)[b][l])
+        };
+        fill(&mut frame.depth, pixels, tiles, |t, b, l| of(t, |g| &g.depth, b, l));
+        fill(&mut frame.median_depth, pixels, tiles, |t, b, l| of(t, |g| &g.median, b, l));
+        fill(&mut frame.distortion, pixels, tiles, |t, b, l| of(t, |g| &g.distortion, b, l));
+        fill(&mut frame.normal, pixels, tiles, |t, b, l| {
+            t.geometry.as_deref().map_or([0.0; 3], |g| g.normal.each_ref().map(|channel| channel[b][l]))
+        });
+    }
+}
+
+/// Fills an image row by row from the tiles.
+fn fill<T: Send>(
+    image: &mut [T],
+    pixels: &[TilePixels],
+    tiles: &Tiles,
+    at: impl Fn(&TilePixels, usize, usize) -> T + Sync,
+) {
+    let width = tiles.size.x as usize;
+    parallel::for_each(image.chunks_mut(width * TILE as usize), |band, rows| {
+        for (y, row) in rows.chunks_mut(width).enumerate() {
+            for (x, out) in row.iter_mut().enumerate() {
+                let tile = &pixels[band * tiles.count.x as usize + x / TILE as usize];
+                let (x, y) = (x % TILE as usize, y);
+                *out = at(tile, (y / 4) * 4 + x / 4, (y % 4) * 4 + x % 4);
+            }
+        }
+    });
 }

@@ -17,33 +17,25 @@
 //! * Colours are interpolated perspective-correctly in linear light, averaged over a pixel's samples in linear
 //!   light, then sRGB-encoded and rounded.
 
-mod barycentric;
 mod bin;
 mod bins;
-mod clipped;
 mod fill;
-mod hidden;
-mod keys;
-mod layers;
-mod options;
 mod planes;
 mod projector;
 mod resolve;
-mod rounds;
 mod shade;
-mod spans;
 mod timing;
 mod visibility;
 
-pub use barycentric::{Barycentrics, FaceBarycentrics};
-pub use options::{MAX_SAMPLES, SolidRasterOptions};
 pub use planes::{Nearest, PlaneTile};
+pub use resolve::{MAX_SAMPLES, SolidRasterOptions};
+pub use visibility::{Barycentrics, FaceBarycentrics};
 pub use visibility::{NO_FACE, Visibility};
 
+use bin::{Faces, PAIRS_PER_ROUND, rounds};
 use bins::Batch;
 use glam::UVec2;
 use projector::Projector;
-use rounds::{Faces, PAIRS_PER_ROUND, rounds};
 use shade::Code;
 use std::time::Instant;
 use timing::PartTimes;

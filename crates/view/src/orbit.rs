@@ -2,7 +2,7 @@
 
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
-use trisplat_raster::framing::viewpoint::camera_holding;
+use trisplat_raster::framing::camera_holding;
 use trisplat_scene::{
     Scene,
     camera::{Camera, Viewpoint},

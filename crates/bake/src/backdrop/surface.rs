@@ -4,7 +4,7 @@
 
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
-use trisplat_raster::framing::surroundings::hit;
+use trisplat_raster::framing::hit;
 use trisplat_scene::{
     math::median::median,
     math::octasphere::octasphere,

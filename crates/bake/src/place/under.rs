@@ -5,7 +5,7 @@ use super::samples::Foreground;
 use super::up::Evidence;
 use super::{PlaceDetails, PlaceOptions, placement};
 use glam::{DVec3, Vec3};
-use trisplat_raster::framing::viewpoint::{Scenery, viewpoint};
+use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::{Placement, Provenance, camera::Camera, mesh::Mesh, placed};
 
 /// The placement by `options`. The origin of a `subject` is under the middle of its bounds, at the height that it stands on. Unless

@@ -1,9 +1,12 @@
-//! The subject of a scene: an object alone, the object that its photos look at, or its dense middle without photos.
+//! The subject of a scene: an object alone, the object that its photos look at, or its dense middle without photos;
+//! how a camera sees it, and how far photos look around it.
 
-use glam::Vec3;
+use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use glam::{DVec3, UVec2, Vec3};
+use std::f64::consts::TAU;
 use trisplat_scene::{
-    camera::{self, Camera},
-    math::median::median,
+    camera, camera::Camera, camera::OrbitRange, camera::Viewpoint, math::median::median, mesh::Colors,
+    mesh::Mesh,
 };
 
 /// Most points to sample.
@@ -111,6 +114,149 @@ fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
     (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius, is_alone: false })
 }
 
+/// Largest scene that is not thinned.
+const MOST_FACES: usize = 8000;
+/// Largest factor by which a triangle of a thinned scene grows to replace the others.
+const MOST_GROWTH: f32 = 6.0;
+/// The longer side of the pictures, px.
+const SIDE: u32 = 96;
+/// Surfaces nearer than this share of the subject's distance are obstacles.
+const IN_THE_WAY: f32 = 0.3;
+/// Near plane, in radii of the subject.
+const NEAR: f32 = 0.01;
+
+/// Draws small pictures of a scene.
+#[derive(Debug)]
+pub(super) struct Survey {
+    mesh: Mesh,
+    subject: Subject,
+    /// Flags of the subject's faces. `[F]`
+    of_subject: Vec<bool>,
+    solid: SolidRasterizer,
+}
+
+/// A camera's view, in shares from 0 to 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Sight {
+    /// Visible share of the subject's triangles.
+    pub(super) seen: f32,
+    /// Share of the subject's triangles within the picture, hidden or not.
+    pub(super) framed: f32,
+    /// Share of the picture that shows the subject.
+    pub(super) filled: f32,
+    /// Share of the picture with obstacles in front of the camera.
+    pub(super) blocked: f32,
+}
+
+impl Survey {
+    /// Of the triangles `corners`, without the far shell.
+    pub(super) fn new(corners: &dyn Fn(usize) -> [Vec3; 3], count: usize, subject: Subject) -> Self {
+        let step = count.div_ceil(MOST_FACES).max(1);
+        let growth = (step as f32).sqrt().min(MOST_GROWTH);
+        let (mut positions, mut of_subject) = (Vec::new(), Vec::new());
+        for face in (0..count).step_by(step) {
+            let corners = corners(face);
+            if corners.iter().all(|p| p.is_finite()) {
+                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                positions.extend(corners.map(|p| middle + (p - middle) * growth));
+                of_subject.push(subject.holds(middle));
+            }
+        }
+        let colors = Colors::Face(vec![[0.0; 3]; of_subject.len()]);
+        Self {
+            mesh: Mesh { positions, colors, ..Mesh::default() },
+            subject,
+            of_subject,
+            solid: SolidRasterizer::new(),
+        }
+    }
+
+    /// The view of `camera`, for any size of its picture.
+    pub(super) fn look(&mut self, camera: &Camera) -> Sight {
+        let longest = camera.size.max_element() as f32;
+        let size = (camera.size.as_vec2() / longest * SIDE as f32).as_uvec2().max(UVec2::ONE);
+        let camera = camera.resized(size);
+        let near = (NEAR * self.subject.radius).max(f32::MIN_POSITIVE);
+        let options = SolidRasterOptions { near, ..SolidRasterOptions::default() };
+        let drawn = self.solid.visibility(&self.mesh, &camera, &options);
+        let depth = (camera.rotation * self.subject.center + camera.translation).z;
+        let (mut seen, mut filled, mut blocked) = (vec![false; self.of_subject.len()], 0, 0);
+        for (face, z) in drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE) {
+            let face = *face as usize;
+            seen[face] = true;
+            filled += usize::from(self.of_subject[face]);
+            blocked += usize::from(*z < IN_THE_WAY * depth && !self.of_subject[face]);
+        }
+        let (mut all, mut shown, mut framed) = (0usize, 0usize, 0usize);
+        for face in (0..self.of_subject.len()).filter(|face| self.of_subject[*face]) {
+            all += 1;
+            shown += usize::from(seen[face]);
+            framed += usize::from(camera.frames(self.mesh.centroid(face)));
+        }
+        let of = |part: usize, whole: usize| part as f32 / whole.max(1) as f32;
+        let pixels = drawn.face.len();
+        Sight {
+            seen: of(shown, all),
+            framed: of(framed, all),
+            filled: of(filled, pixels),
+            blocked: of(blocked, pixels),
+        }
+    }
+}
+
+/// How far an orbit may go beyond the photos, rad: less than most neighbouring photos are apart.
+const MARGIN: f64 = 0.26;
+/// Photos without a gap wider than this, rad, surround the target.
+const GAP: f64 = std::f64::consts::FRAC_PI_2;
+/// Fewer photos of the target leave the orbit free.
+const LEAST: usize = 3;
+
+/// The range of the photos taken by `cameras` around the target of `viewpoint`. `None` if fewer than half of them show
+/// the target, as in a room that is photographed from its middle.
+pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<OrbitRange> {
+    let target = DVec3::from(viewpoint.target);
+    let here = direction(viewpoint, DVec3::from(viewpoint.eye) - target)?;
+    let of_photo = |camera: &Camera| {
+        let shows = camera.frames(target.as_vec3());
+        shows.then(|| direction(viewpoint, camera.position().as_dvec3() - target)).flatten()
+    };
+    let photos: Vec<[f64; 2]> = cameras.iter().filter_map(of_photo).collect();
+    if photos.len() < LEAST || 2 * photos.len() < cameras.len() {
+        return None;
+    }
+    let elevations = photos.iter().map(|photo| photo[1]).chain([here[1]]);
+    let (low, high) = elevations.fold((f64::MAX, f64::MIN), |(low, high), e| (low.min(e), high.max(e)));
+    let upright = std::f64::consts::FRAC_PI_2;
+    let elevation = [(low - MARGIN).max(-upright), (high + MARGIN).min(upright)].map(f64::to_degrees);
+    let turn = turn(photos.iter().map(|photo| photo[0]).collect());
+    Some(OrbitRange { turn: turn.map(|turn| turn.map(f64::to_degrees)), elevation })
+}
+
+/// The least and largest turn of photos and of the viewpoint itself, which is at 0; `None` if they surround the target.
+fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
+    photos.push(0.0);
+    photos.sort_unstable_by(f64::total_cmp);
+    let after = |i: usize| photos.get(i + 1).copied().unwrap_or(photos[0] + TAU);
+    let gap = |i: usize| after(i) - photos[i];
+    let widest = (0..photos.len()).reduce(|a, b| if gap(b) > gap(a) { b } else { a })?;
+    // From the end of the widest gap to its beginning, with the viewpoint's 0 between them.
+    let (low, high) = (photos[(widest + 1) % photos.len()], photos[widest]);
+    let low = if low > 0.0 { low - TAU } else { low };
+    let high = if high < 0.0 { high + TAU } else { high };
+    (gap(widest) > GAP).then_some([low - MARGIN, high + MARGIN])
+}
+
+/// The turn and elevation of an offset from the target, rad: 0 is the turn of the eye, and more is counter-clockwise seen
+/// from above. `None` for an eye right above the target.
+fn direction(viewpoint: &Viewpoint, offset: DVec3) -> Option<[f64; 2]> {
+    let up = DVec3::from(viewpoint.up);
+    let start =
+        (DVec3::from(viewpoint.eye) - DVec3::from(viewpoint.target)).reject_from(up).try_normalize()?;
+    let turn = libm::atan2(offset.dot(up.cross(start)), offset.dot(start));
+    let elevation = libm::asin(offset.try_normalize()?.dot(up).clamp(-1.0, 1.0));
+    (turn.is_finite() && elevation.is_finite()).then_some([turn, elevation])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -162,5 +308,75 @@ mod tests {
         };
         assert_eq!(Subject::of(&points, &[(0.5, 7.0), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
         assert_ne!(Subject::of(&points, &[(0.5, 0.7), (2.0, 8.0), (4.0, 9.0)].map(camera)), Some(subject));
+    }
+}
+
+#[cfg(test)]
+mod orbit_range_tests {
+    use super::*;
+    use crate::framing::LENS;
+    use glam::{Mat3, Vec3};
+
+    const VIEWPOINT: Viewpoint = Viewpoint {
+        eye: [0.0, 1.0, 4.0],
+        target: [0.0, 1.0, 0.0],
+        up: [0.0, 1.0, 0.0],
+        fov: 50.0,
+        radius: None,
+        orbit: None,
+    };
+
+    /// A camera at some degrees around the target and above it, which looks at it.
+    fn at(turn: f32, elevation: f32) -> Camera {
+        let (turn, elevation) = (turn.to_radians(), elevation.to_radians());
+        let away = Vec3::new(turn.sin() * elevation.cos(), elevation.sin(), turn.cos() * elevation.cos());
+        LENS.looking(Vec3::Y + 3.0 * away, Vec3::Y, Vec3::Y)
+    }
+
+    fn range(turns: &[f32]) -> Option<OrbitRange> {
+        let cameras: Vec<Camera> = turns.iter().map(|turn| at(*turn, 20.0)).collect();
+        orbit_range(&VIEWPOINT, &cameras)
+    }
+
+    #[test]
+    fn photos_of_one_side_bound_the_orbit() {
+        let margin = MARGIN.to_degrees();
+        for (turns, wants) in [
+            (&[-40.0, -10.0, 30.0][..], [-40.0, 30.0]),
+            (&[10.0, 20.0, 35.0], [0.0, 35.0]),
+            (&[-100.0, -50.0, 60.0, 120.0], [-100.0, 120.0]),
+            // Past half a turn.
+            (&[60.0, 120.0, 190.0], [0.0, 190.0]),
+        ] {
+            let OrbitRange { turn, elevation } = range(turns).unwrap();
+            let turn = turn.unwrap();
+            let off = [turn[0] - wants[0] + margin, turn[1] - wants[1] - margin];
+            assert!(off.iter().all(|off| off.abs() < 0.01), "{turns:?}: {turn:?}");
+            // The viewpoint itself is level.
+            assert!((elevation[0] + margin).abs() < 0.01 && (elevation[1] - 20.0 - margin).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn photos_all_around_leave_the_turn_free() {
+        let all: Vec<f32> = (0..8).map(|i| 45.0 * i as f32).collect();
+        assert_eq!(range(&all).unwrap().turn, None);
+    }
+
+    #[test]
+    fn photos_of_something_else_leave_the_orbit_free() {
+        assert_eq!(range(&[0.0, 10.0]), None, "few");
+        let away = |camera: Camera| {
+            let turned = Mat3::from_rotation_y(3.0) * camera.rotation;
+            Camera { rotation: turned, translation: -(turned * camera.position()), ..camera }
+        };
+        let cameras: Vec<Camera> = (0..9)
+            .map(|i| at(10.0 * i as f32, 0.0))
+            .enumerate()
+            .map(|(i, c)| if i < 4 { c } else { away(c) })
+            .collect();
+        assert_eq!(orbit_range(&VIEWPOINT, &cameras), None);
+        let above = Viewpoint { eye: [0.0, 9.0, 0.0], ..VIEWPOINT };
+        assert_eq!(orbit_range(&above, &[at(0.0, 0.0); 5]), None, "an eye right above has no direction");
     }
 }

@@ -11,15 +11,13 @@
 //! parallel over rows, each written by one task; sums run over rows in order, so the bits do not depend on
 //! the number of threads.
 
-mod combine;
-mod rows;
-mod ssim;
+pub use super::ssim::LossNumber;
 
-pub use rows::LossNumber;
-
-use combine::combine_rows;
-use ssim::{GRADS, MAPS, blur_maps, ssim_rows};
-use trisplat_scene::math::ssim::{TAPS, window};
+use super::ssim::{GRADS, MAPS, blur_column, blur_maps, lane_sum, ssim_rows, weight_by};
+use trisplat_scene::{
+    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::ssim::TAPS, math::ssim::window,
+    parallel,
+};
 
 /// Means over pixels and channels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -84,6 +82,79 @@ pub fn photometric_grad<R: LossNumber>(
     let sums =
         combine_rows(&taps, row, x, y, weight, l1_scale, &scratch.grads, d_rendered.as_flattened_mut());
     Photometric { l1: sums.0 / count, mse: sums.1 / count, ssim: ssim / count }
+}
+
+/// Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their
+/// difference. Returns the weighted sums of |x - y| and (x - y)².
+#[allow(clippy::too_many_arguments)]
+fn combine_rows<R: LossNumber>(
+    taps: &[R; TAPS],
+    row: usize,
+    x: &[R],
+    y: &[R],
+    weight: Option<&[R]>,
+    l1_scale: R,
+    grads: &[R],
+    d_x: &mut [R],
+) -> (f64, f64) {
+    let sums: Vec<(f64, f64)> = parallel::map_with(
+        d_x.chunks_mut(row),
+        || vec![R::default(); (GRADS + 3) * row],
+        |memory, at, out| {
+            let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
+            let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
+            let (blurred, parts) = memory.split_at_mut(GRADS * row);
+            dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
+        },
+    );
+    sums.iter().fold((0.0, 0.0), |total, s| (total.0 + s.0, total.1 + s.1))
+}
+
+/// One row of pass 3.
+struct CombineRow<'a, R> {
+    taps: &'a [R; TAPS],
+    grads: &'a [R],
+    at: usize,
+    x: &'a [R],
+    y: &'a [R],
+    weight: Option<&'a [R]>,
+    /// ∂loss/∂x of a pixel that is too bright.
+    l1_scale: R,
+    blurred: &'a mut [R],
+    /// |x - y|, (x - y)² and the gradient by the difference.
+    parts: &'a mut [R],
+    out: &'a mut [R],
+}
+
+impl<R: LossNumber> Work for CombineRow<'_, R> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> (f64, f64) {
+        let (x, y, zero) = (self.x, self.y, R::default());
+        let row = x.len();
+        blur_column::<L, R>(self.taps, self.grads, self.at, self.blurred);
+        let (absolute, rest) = self.parts.split_at_mut(row);
+        let (square, by_difference) = rest.split_at_mut(row);
+        // Of known length, so that the loops need no check of bounds and become vector code.
+        let (by_difference, out, y) = (&mut by_difference[..row], &mut self.out[..row], &y[..row]);
+        for i in 0..row {
+            let difference = x[i] - y[i];
+            let above = if difference > zero { self.l1_scale } else { zero };
+            by_difference[i] = if difference < zero { -self.l1_scale } else { above };
+            absolute[i] = if difference < zero { -difference } else { difference };
+            square[i] = difference * difference;
+        }
+        for values in [&mut *absolute, &mut *square, &mut *by_difference] {
+            weight_by(values, self.weight);
+        }
+        let blur = |m: usize| &self.blurred[m * row..][..row];
+        let (d_mean, d_square, d_cross) = (blur(0), blur(1), blur(2));
+        for i in 0..row {
+            out[i] = by_difference[i] + d_mean[i] + R::of(2.0) * x[i] * d_square[i] + y[i] * d_cross[i];
+        }
+        (lane_sum(absolute), lane_sum(square))
+    }
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The backward pass over the tiles: sums of the pixels' gradients for every (splat, tile).
 
-use super::block_layers::BlockLayers;
-use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
 use super::frame::FrameGrad;
-use super::options::{SoftOptions, Sort, Window};
+use super::frame::{SoftOptions, Sort, Window};
+use super::layers::BlockLayers;
+use super::layers::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
 use super::slots::{DRAWN, ERROR, GeometryGradSlot, GradSlot, GradSlots, OPACITY, RATIO, RGB, SIGMA};
 use super::splats::{PREFETCH_AHEAD, Splats};
-use super::tile_grid::{self, BLOCKS};
-use super::tile_pixels::{TileChannel, TileGeometry, TilePixels};
+use super::tiles::{self, BLOCKS};
+use super::tiles::{TileChannel, TileGeometry, TilePixels};
 use super::tiles::{TileEntry, Tiles, split_by_tile};
 use crate::kernel::composite;
 use crate::kernel::window;
@@ -155,7 +155,7 @@ impl TileBackward<'_> {
         }
         for (b, block) in out.iter_mut().enumerate() {
             for (lane, out) in block.iter_mut().enumerate() {
-                let (x, y) = tile_grid::pixel(self.corner, b, lane);
+                let (x, y) = tiles::pixel(self.corner, b, lane);
                 if x < self.size.x && y < self.size.y {
                     *out = value(&image[(y * self.size.x + x) as usize]);
                 }
@@ -178,7 +178,7 @@ impl TileBackward<'_> {
         let mut background = transmittance;
         let background_rgb = self.options.blended_background();
         for b in 0..BLOCKS {
-            let inside = tile_grid::inside(self.size, self.corner, b);
+            let inside = tiles::inside(self.size, self.corner, b);
             L::splat(1.0).masked(L::from_bits(inside)).store(&mut transmittance[b]);
             let mut total = L::load(&d_transmittance[b]) * L::load(&self.pixels.transmittance[b]);
             let mut back = L::load(&d_transmittance[b]);
@@ -218,7 +218,7 @@ impl TileBackward<'_> {
                 let b = left.trailing_zeros() as usize & (BLOCKS - 1);
                 left &= left - 1;
                 let before = L::load(&state.transmittance[b]);
-                let corner = tile_grid::block_corner(self.corner, b);
+                let corner = tiles::block_corner(self.corner, b);
                 let Some(shade) = splat.broadcast.shade(corner, before, &limits) else { continue };
                 let (weight, after) = composite::blend(before, shade.alpha);
                 let value = splat.value(b, &shade, &state);

@@ -1,13 +1,13 @@
 //! The forward pass: blends the splats of every tile front to back.
 
 use super::CountedPixels;
-use super::block_layers::BlockLayers;
-use super::broadcast::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
-use super::options::{SoftOptions, Sort};
+use super::frame::{SoftOptions, Sort};
+use super::layers::BlockLayers;
+use super::layers::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
 use super::slots::WeightSlot;
 use super::splats::{PREFETCH_AHEAD, Splats};
-use super::tile_grid::{self, BLOCKS, TILE};
-use super::tile_pixels::{BLANK, TileGeometry, TilePixels};
+use super::tiles::{self, BLOCKS, TILE};
+use super::tiles::{BLANK, TileGeometry, TilePixels};
 use super::tiles::{TileEntry, Tiles, split_by_tile};
 use crate::kernel::composite;
 use glam::UVec2;
@@ -105,10 +105,10 @@ impl DrawTile<'_> {
     /// Clears the pixels; returns the blocks that lie in the image, one bit each.
     #[inline(always)]
     fn clear(&mut self) -> u32 {
-        let whole = tile_grid::is_whole(self.size, self.corner);
+        let whole = tiles::is_whole(self.size, self.corner);
         let mut alive = 0;
         for block in 0..BLOCKS {
-            let inside = if whole { u16::MAX } else { tile_grid::inside(self.size, self.corner, block) };
+            let inside = if whole { u16::MAX } else { tiles::inside(self.size, self.corner, block) };
             alive |= u32::from(inside != 0) << block;
             for lane in 0..LANES {
                 self.pixels.transmittance[block][lane] = f32::from(inside >> lane & 1);
@@ -157,7 +157,7 @@ impl DrawTile<'_> {
                 let b = left.trailing_zeros() as usize & (BLOCKS - 1);
                 left &= left - 1;
                 let before = L::load(&self.pixels.transmittance[b]);
-                let corner = tile_grid::block_corner(self.corner, b);
+                let corner = tiles::block_corner(self.corner, b);
                 let Some(shade) = splat.broadcast.shade(corner, before, &limits) else { continue };
                 self.entries[k].blocks |= 1 << b;
                 let (weight, after) = self.pixels.blend(b, &splat, &shade, before);

@@ -1,7 +1,107 @@
-//! The frame of the soft rasteriser, and the gradient of a loss with respect to it.
+//! What the soft rasteriser takes and returns: options and a soup in, a frame out, and the gradients of both.
 
-use glam::UVec2;
-use trisplat_scene::image::RgbImage;
+use glam::{UVec2, Vec3};
+use std::ops::Range;
+use trisplat_scene::{image::RgbImage, math::color::linear_from_srgb, math::real::Real};
+
+/// The order of blending the layers of a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sort {
+    /// By the depth of the triangles' centroids, the same for all pixels; ties by index.
+    #[default]
+    Tile,
+    /// By the depth of the triangles' planes at each pixel; ties by the order of `Tile`.
+    Pixel,
+}
+
+/// How a triangle ends at its edges.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Window {
+    /// Held et al. 2025, eq. 1.
+    #[default]
+    Soft,
+    /// The covered part of each pixel, as in an engine's antialiased picture; σ and the fade have no effect.
+    Coverage {
+        /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
+        width_px: f32,
+    },
+}
+
+impl Window {
+    /// Converts an inradius, px, to this window's unit of distance from edges.
+    #[inline(always)]
+    pub(super) fn scale<R: Real>(self, inradius: R) -> R {
+        match self {
+            Window::Soft => R::of(1.0),
+            Window::Coverage { width_px } => inradius / R::of(width_px.into()),
+        }
+    }
+}
+
+/// How to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SoftOptions {
+    /// How triangles end at their edges.
+    pub window: Window,
+    /// Colour behind everything, sRGB-encoded.
+    pub background: [f32; 3],
+    /// Blend in linear light, as engines do: colours are decoded first, and the frame stays linear.
+    pub linear: bool,
+    /// Blending order.
+    pub sort: Sort,
+    /// Largest alpha of a layer, in (0, 1]; 0.99 in the reference code, 1 for solid triangles.
+    pub alpha_cap: f32,
+    /// Smallest o · I that is drawn: the only cutoff, for bounds and pixels.
+    pub cutoff: f32,
+    /// A pixel terminates with the layer that brings its transmittance below this.
+    pub min_transmittance: f32,
+    /// Depth of the near plane at which triangles are clipped, world units, > 0.
+    pub near: f32,
+    /// Inradius from which a triangle has its full opacity, px; smaller ones fade smoothly; 0 never fades.
+    pub fade_px: f32,
+    /// Least ratio at which ∂I/∂ratio is evaluated, which limits the steepness of the window; 0 is exact.
+    pub ratio_least: f32,
+    /// Whether depth, normal and distortion are drawn too.
+    pub geometry: bool,
+    /// Depths that the distortion maps to 0 and 1 (0.2 and 100 in the reference code).
+    pub depth_range: [f32; 2],
+    /// Whether the weights for [`SoftRasterizer::accumulate_importance`](super::SoftRasterizer::accumulate_importance) are summed.
+    pub importance: bool,
+}
+
+impl Default for SoftOptions {
+    fn default() -> Self {
+        Self {
+            window: Window::Soft,
+            background: [0.0; 3],
+            linear: false,
+            sort: Sort::Tile,
+            alpha_cap: 0.99,
+            cutoff: 1.0 / 255.0,
+            min_transmittance: 1e-4,
+            near: 0.01,
+            fade_px: 0.5,
+            ratio_least: 1e-3,
+            geometry: false,
+            depth_range: [0.2, 100.0],
+            importance: false,
+        }
+    }
+}
+
+impl SoftOptions {
+    /// With the alpha cap raised to the least of these opacities, as at the end of training, so that an
+    /// entirely solid soup is drawn without leaks. `[N]`
+    pub fn with_cap_for(self, opacity: &[f32]) -> Self {
+        let least = opacity.iter().copied().fold(1.0, f32::min);
+        Self { alpha_cap: self.alpha_cap.max(least), ..self }
+    }
+
+    /// The background in the encoding of blending.
+    pub(super) fn blended_background(&self) -> [f32; 3] {
+        if self.linear { self.background.map(linear_from_srgb) } else { self.background }
+    }
+}
 
 /// The view of a camera. `[height * width]`, row by row
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -54,4 +154,86 @@ pub struct FrameGrad {
     pub d_distortion: Vec<f32>,
     /// Not a gradient: an error per pixel, which is distributed over the triangles there by weight.
     pub error: Vec<f32>,
+}
+
+/// A borrowed soup, so that a trainer may keep its own layout.
+#[derive(Debug, Clone, Copy)]
+pub struct SoupRef<'a> {
+    /// Corners in world units. `[N, 3]`
+    pub vertices: &'a [[Vec3; 3]],
+    /// Opacity o in [0, 1]. `[N]`
+    pub opacity: &'a [f32],
+    /// Window exponent σ > 0. `[N]`
+    pub sigma: &'a [f32],
+    /// Spherical harmonics, degree 0 first. `[N * K]`
+    pub sh: &'a [[f32; 3]],
+    /// Degree stored: K = (degree + 1)².
+    pub sh_degree: u8,
+    /// Degree used, at most the stored one.
+    pub active_degree: u8,
+}
+
+impl<'a> SoupRef<'a> {
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// True when there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Coefficients per triangle: K = (degree + 1)².
+    pub fn sh_count(&self) -> usize {
+        (self.sh_degree as usize + 1).pow(2)
+    }
+
+    /// The coefficients of a triangle that are in use.
+    #[inline]
+    pub(super) fn active_sh(&self, triangle: usize) -> &'a [[f32; 3]] {
+        let k = self.sh_count();
+        let used = (self.active_degree.min(self.sh_degree) as usize + 1).pow(2);
+        &self.sh[triangle * k..triangle * k + used]
+    }
+}
+
+impl<'a> From<&'a trisplat_scene::Soup> for SoupRef<'a> {
+    fn from(soup: &'a trisplat_scene::Soup) -> Self {
+        Self {
+            vertices: &soup.vertices,
+            opacity: &soup.opacity,
+            sigma: &soup.sigma,
+            sh: &soup.sh,
+            sh_degree: soup.sh_degree,
+            active_degree: soup.sh_degree,
+        }
+    }
+}
+
+/// Gradient of a loss L with respect to a soup; rows of triangles that are not `visible` are zero.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SoupGrad {
+    /// ∂L/∂vertices. `[N, 3]`
+    pub vertices: Vec<[Vec3; 3]>,
+    /// ∂L/∂opacity. `[N]`
+    pub opacity: Vec<f32>,
+    /// ∂L/∂sigma. `[N]`
+    pub sigma: Vec<f32>,
+    /// ∂L/∂sh. `[N * K]`
+    pub sh: Vec<[f32; 3]>,
+    /// Each triangle's share of [`FrameGrad::error`](super::FrameGrad::error), Σ w error over the pixels. `[N]`
+    pub error: Vec<f32>,
+    /// Triangles that were drawn on at least one pixel, ascending.
+    pub visible: Vec<u32>,
+    /// Triangles whose gradient was not finite; their rows were set to zero.
+    pub dropped: usize,
+}
+
+impl SoupGrad {
+    /// Those of the visible triangles that are in a range.
+    pub fn visible_in(&self, triangles: Range<usize>) -> &[u32] {
+        let at = |end: usize| self.visible.partition_point(|&t| (t as usize) < end);
+        &self.visible[at(triangles.start)..at(triangles.end)]
+    }
 }

@@ -8,12 +8,12 @@
 
 use super::CountedPixels;
 use super::forward::{self, Slab};
-use super::open_tiles::OpenTiles;
-use super::options::{SoftOptions, Sort};
+use super::frame::{SoftOptions, Sort};
 use super::slots::WeightSlot;
 use super::splats::{ScreenBox, Splats};
-use super::tile_grid::TILE;
-use super::tile_pixels::TilePixels;
+use super::tiles::OpenTiles;
+use super::tiles::TILE;
+use super::tiles::TilePixels;
 use super::tiles::{KeptPairs, Tiles};
 use glam::UVec2;
 use std::ops::Range;

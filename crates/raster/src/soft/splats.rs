@@ -1,8 +1,10 @@
-//! The splats of a frame: first in the order of the triangles, then by depth.
+//! The splats of a frame: their triangles in camera space, clipped at the near plane; first in the order of the triangles, then by depth.
 
-use super::sort::DepthKey;
-use crate::kernel::clip::Piece;
-use crate::kernel::splat::DepthPlane;
+use crate::kernel::clip;
+use crate::kernel::clip::{Piece, PieceCorner};
+use crate::kernel::splat::{CameraTriangle, DepthPlane};
+use glam::{Mat3, Vec3};
+use trisplat_scene::{camera::Camera, math::vec::V2, math::vec::V3};
 
 /// Triangles that one task projects; also the unit of the gradient gather.
 pub(super) const CHUNK: usize = 1024;
@@ -76,4 +78,133 @@ pub(super) struct Projection {
     pub(super) triangles: usize,
     pub(super) keys: Vec<DepthKey>,
     pub(super) scratch: Vec<DepthKey>,
+}
+
+/// A camera in the kernels' types.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct KernelCamera {
+    pub(super) rotation: Mat3,
+    pub(super) translation: Vec3,
+    pub(super) position: Vec3,
+    pub(super) focal: V2<f32>,
+    pub(super) center: V2<f32>,
+    pub(super) size: [f32; 2],
+}
+
+impl KernelCamera {
+    pub(super) fn new(camera: &Camera) -> Self {
+        Self {
+            rotation: camera.rotation,
+            translation: camera.translation,
+            position: camera.position(),
+            focal: V2::new(camera.focal.x, camera.focal.y),
+            center: V2::new(camera.center.x, camera.center.y),
+            size: camera.size.as_vec2().to_array(),
+        }
+    }
+}
+
+#[inline]
+pub(super) fn v3(v: Vec3) -> V3<f32> {
+    V3::new(v.x, v.y, v.z)
+}
+
+#[inline]
+pub(super) fn vec3(v: V3<f32>) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z)
+}
+
+/// A triangle in camera space before it is clipped at the near plane.
+pub(super) struct UnclippedTriangle {
+    pub(super) whole: CameraTriangle<f32>,
+    pub(super) corners: [V3<f32>; 3],
+}
+
+impl UnclippedTriangle {
+    #[inline]
+    pub(super) fn new(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> Self {
+        let first = v3(camera.rotation * *v0 + camera.translation);
+        let edges = [v3(camera.rotation * (*v1 - *v0)), v3(camera.rotation * (*v2 - *v0))];
+        Self { whole: CameraTriangle { first, edges }, corners: [first, first + edges[0], first + edges[1]] }
+    }
+
+    #[inline]
+    fn corner(&self, corner: PieceCorner, near: f32) -> V3<f32> {
+        let (from, to) = (self.corners[corner.from as usize], self.corners[corner.to as usize]);
+        if corner.from == corner.to { from } else { clip::near_point(from, to, near) }
+    }
+
+    /// One of its pieces in front of the near plane.
+    #[inline]
+    pub(super) fn piece(&self, piece: &Piece, near: f32) -> CameraTriangle<f32> {
+        if *piece == clip::WHOLE {
+            return self.whole;
+        }
+        let [a, b, c] = piece.map(|corner| self.corner(corner, near));
+        CameraTriangle { first: a, edges: [b - a, c - a] }
+    }
+}
+
+/// Unit direction from the camera to a triangle's centroid, and the distance.
+#[inline]
+pub(super) fn direction(camera: &KernelCamera, [v0, v1, v2]: &[Vec3; 3]) -> (V3<f32>, f32) {
+    let offset = (*v0 - camera.position) + ((*v1 - *v0) + (*v2 - *v0)) * (1.0 / 3.0);
+    let size = offset.abs().max_element();
+    // The squares of much smaller or larger numbers leave the range of f32.
+    let usual = (1e-15..1e15).contains(&size);
+    let length = if usual || size == 0.0 { offset.length() } else { (offset / size).length() * size };
+    let unit = if length > 0.0 { offset / length } else { Vec3::Z };
+    (v3(unit), length)
+}
+
+/// Depth of a splat and its index.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct DepthKey {
+    /// Bits of the depth, which is positive, so that they sort in its order.
+    pub(crate) depth: u32,
+    /// Index of the splat before the sort.
+    pub(crate) index: u32,
+}
+
+const BITS: u32 = 11;
+const BUCKETS: usize = 1 << BITS;
+
+/// Sorts `keys` by depth; equal depths keep their order.
+pub(crate) fn by_depth(keys: &mut Vec<DepthKey>, scratch: &mut Vec<DepthKey>) {
+    scratch.clear();
+    scratch.resize(keys.len(), DepthKey::default());
+    for shift in [0, BITS, 2 * BITS] {
+        let digit = |k: &DepthKey| (k.depth >> shift) as usize & (BUCKETS - 1);
+        let mut starts = [0u32; BUCKETS];
+        for key in keys.iter() {
+            starts[digit(key)] += 1;
+        }
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += std::mem::replace(start, sum);
+        }
+        for key in keys.iter() {
+            let to = &mut starts[digit(key)];
+            scratch[*to as usize] = *key;
+            *to += 1;
+        }
+        std::mem::swap(keys, scratch);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorts_as_a_stable_sort_does() {
+        let rng = trisplat_scene::Rng::new(1, "sort", 0);
+        let mut keys: Vec<DepthKey> = (0..5000)
+            .map(|i| DepthKey { depth: ((rng.uniform(i) * 300.0).floor() * 0.1).to_bits(), index: i as u32 })
+            .collect();
+        let mut expected = keys.clone();
+        expected.sort_by_key(|k| k.depth);
+        by_depth(&mut keys, &mut Vec::new());
+        assert_eq!(keys, expected);
+    }
 }

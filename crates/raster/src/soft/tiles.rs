@@ -1,14 +1,193 @@
-//! Bins splats into the tiles they touch, and in each tile the 4x4-pixel blocks.
+//! Tiles of 16x16 pixels and their blocks of 4x4, one pixel per lane: the splats that touch them, and what the passes leave at their pixels.
 
-use super::open_tiles::OpenTiles;
-use super::options::Window;
+use super::frame::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
-use super::tile_grid::{BLOCK_X, BLOCK_Y, MARGIN, TILE, tile_count, tiles_between};
 use glam::UVec2;
 use std::ops::Range;
-use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
-use trisplat_scene::math::real::Mask;
-use trisplat_scene::parallel;
+use trisplat_scene::{
+    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::Mask,
+    parallel,
+};
+
+/// Tile width and height, px.
+pub const TILE: u32 = 16;
+/// Blocks in a tile: equal to [`LANES`], so that all are tested at once.
+pub(super) const BLOCKS: usize = LANES;
+
+/// Margin of every test, px: larger than any rounding, so that a test never changes a pixel.
+pub const MARGIN: f32 = 0.01;
+
+/// x and y of the lanes in a block, px.
+pub(super) const LANE_X: [f32; LANES] = grid(1.0, 0.0, 0.0);
+pub(super) const LANE_Y: [f32; LANES] = grid(0.0, 1.0, 0.0);
+/// x and y of the blocks' centres in a tile, px.
+pub(super) const BLOCK_X: [f32; BLOCKS] = grid(4.0, 0.0, 2.0);
+pub(super) const BLOCK_Y: [f32; BLOCKS] = grid(0.0, 4.0, 2.0);
+
+const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        out[i] = (i % 4) as f32 * x + (i / 4) as f32 * y + offset;
+        i += 1;
+    }
+    out
+}
+
+/// Tiles across and down a picture.
+pub fn tile_count(size: UVec2) -> UVec2 {
+    UVec2::new(size.x.div_ceil(TILE), size.y.div_ceil(TILE))
+}
+
+/// Tiles `from..=to` that hold a pixel centre in [lo, hi]; none when from > to.
+#[inline(always)]
+pub(super) fn tiles_between(lo: f32, hi: f32, size: f32) -> (u32, u32) {
+    let first = (lo - 0.5 - MARGIN).ceil().max(0.0);
+    let last = (hi - 0.5 + MARGIN).floor().min(size - 1.0);
+    if first <= last { (first as u32 / TILE, last as u32 / TILE) } else { (1, 0) }
+}
+
+/// Top left pixel of block `block` of the tile at `corner`.
+#[inline(always)]
+pub(super) fn block_corner(corner: UVec2, block: usize) -> [f32; 2] {
+    [(corner.x + 4 * (block as u32 % 4)) as f32, (corner.y + 4 * (block as u32 / 4)) as f32]
+}
+
+/// One bit for each pixel of the block that lies in the image.
+#[inline(always)]
+pub(super) fn inside(size: UVec2, corner: UVec2, block: usize) -> u16 {
+    let mut bits = 0;
+    for lane in 0..LANES {
+        let (x, y) = pixel(corner, block, lane);
+        bits |= u16::from(x < size.x && y < size.y) << lane;
+    }
+    bits
+}
+
+/// Whether the whole tile lies in the image.
+#[inline(always)]
+pub(super) fn is_whole(size: UVec2, corner: UVec2) -> bool {
+    corner.x + TILE <= size.x && corner.y + TILE <= size.y
+}
+
+/// Column and row of a lane.
+#[inline(always)]
+pub(super) fn pixel(corner: UVec2, block: usize, lane: usize) -> (u32, u32) {
+    let (block, lane) = (block as u32, lane as u32);
+    (corner.x + 4 * (block % 4) + lane % 4, corner.y + 4 * (block / 4) + lane / 4)
+}
+
+/// One channel of a tile: a number per pixel, block by block.
+pub(super) type TileChannel = [[f32; LANES]; BLOCKS];
+
+/// The pixels of a tile.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub(super) struct TilePixels {
+    pub(super) transmittance: TileChannel,
+    pub(super) rgb: [TileChannel; 3],
+    /// Blocks with a pixel that has not terminated, one bit each.
+    pub(super) alive: u32,
+    /// Pixels that count for the importance of triangles, one bit each.
+    pub(super) counted: [u16; BLOCKS],
+    pub(super) geometry: Option<Box<TileGeometry>>,
+}
+
+/// Depth, normal and distortion of a tile's pixels.
+#[derive(Debug, Clone)]
+pub(super) struct TileGeometry {
+    pub(super) depth: TileChannel,
+    pub(super) median: TileChannel,
+    pub(super) normal: [TileChannel; 3],
+    pub(super) distortion: TileChannel,
+    /// Mapped depth of the first layer: the others are relative to it, which only changes rounding.
+    pub(super) anchor: TileChannel,
+    /// Σ w, Σ w m, Σ w m².
+    pub(super) sums: [TileChannel; 3],
+}
+
+/// A channel of zeros.
+pub(super) const BLANK: TileChannel = [[0.0; LANES]; BLOCKS];
+
+impl Default for TilePixels {
+    fn default() -> Self {
+        Self { transmittance: BLANK, rgb: [BLANK; 3], alive: 0, counted: [u16::MAX; BLOCKS], geometry: None }
+    }
+}
+
+impl TileGeometry {
+    pub(super) fn blank() -> Self {
+        Self {
+            depth: BLANK,
+            median: BLANK,
+            normal: [BLANK; 3],
+            distortion: BLANK,
+            anchor: BLANK,
+            sums: [BLANK; 3],
+        }
+    }
+}
+
+/// The tiles in which some pixel has not terminated.
+#[derive(Debug)]
+pub(super) struct OpenTiles {
+    /// Image size, px.
+    size: [f32; 2],
+    /// Tiles across and down.
+    count: UVec2,
+    /// Open tiles above and left of each corner between tiles. `[(down + 1) * (across + 1)]`
+    sums: Vec<u32>,
+}
+
+impl OpenTiles {
+    /// All tiles open.
+    pub(super) fn all(size: UVec2) -> Self {
+        let count = tile_count(size);
+        let mut out = Self { size: size.as_vec2().to_array(), count, sums: Vec::new() };
+        out.sum(|_| true);
+        out
+    }
+
+    /// Closes the tiles whose pixels have all terminated. `[down * across]`
+    pub(super) fn close(&mut self, pixels: &[TilePixels]) {
+        self.sum(|tile| pixels[tile].alive != 0);
+    }
+
+    fn sum(&mut self, open: impl Fn(usize) -> bool) {
+        let (across, down) = (self.count.x as usize, self.count.y as usize);
+        self.sums.clear();
+        self.sums.resize((across + 1) * (down + 1), 0);
+        for y in 0..down {
+            let mut row = 0;
+            for x in 0..across {
+                row += u32::from(open(y * across + x));
+                self.sums[(y + 1) * (across + 1) + x + 1] = self.sums[y * (across + 1) + x + 1] + row;
+            }
+        }
+    }
+
+    /// Whether any tile is open.
+    pub(super) fn any(&self) -> bool {
+        self.sums.last().is_some_and(|open| *open > 0)
+    }
+
+    /// Open tiles that a box touches.
+    pub(super) fn count(&self, bounds: &ScreenBox) -> u32 {
+        let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], self.size[0]);
+        let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], self.size[1]);
+        if x0 > x1 || y0 > y1 { 0 } else { self.count_within([x0, y0], [x1 + 1, y1 + 1]) }
+    }
+
+    /// Whether the tile is open.
+    pub(super) fn is_open(&self, x: u32, y: u32) -> bool {
+        self.count_within([x, y], [x + 1, y + 1]) > 0
+    }
+
+    fn count_within(&self, from: [u32; 2], to: [u32; 2]) -> u32 {
+        let at = |x: u32, y: u32| self.sums[(y * (self.count.x + 1) + x) as usize];
+        at(to[0], to[1]) + at(from[0], from[1]) - at(to[0], from[1]) - at(from[0], to[1])
+    }
+}
 
 /// Splats that one task bins.
 const SPLATS_PER_RANGE: usize = 2048;

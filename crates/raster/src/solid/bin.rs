@@ -1,16 +1,19 @@
-//! Projects faces and puts them into the bins of the tiles that they touch.
+//! Projects, clips and bins faces, in rounds, so that memory grows with the picture and not with the layers behind each other.
+//!
+//! The bins of all faces have no bound: 100,000 triangles that fill the picture are in every tile. At a limit
+//! of pairs of triangles and tiles, the tiles are filled. Then triangles behind all samples of a tile are
+//! omitted from the bins of the next round. The samples do not change, because the nearest face wins in any
+//! order.
 
 use super::bins::{
-    Batch, LargeTriangle, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TinyTriangle, extent,
-    samples_between, tile_count,
+    Batch, EMPTY, LargeTriangle, SampleKeys, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TileDepths,
+    TinyTriangle, extent, samples_between, tile_count,
 };
-use super::clipped;
-use super::hidden::TileDepths;
-use super::projector::{GUARD, Projector, snap_group};
-use glam::Vec3;
-use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel;
+use super::projector::{GRID, GUARD, Projector, snap, snap_group};
+use glam::{DVec3, Vec3};
+use trisplat_scene::{
+    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, mesh::Mesh, parallel,
+};
 
 /// Faces that are projected together.
 const GROUP: usize = LANES;
@@ -76,7 +79,7 @@ impl Work for BinFaces<'_> {
                 match group.action[lane] {
                     Action::DRAW => out.insert(&group.snapped(lane), face as u32),
                     Action::CLIP => {
-                        clipped::clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
+                        clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
                     }
                     _ => {}
                 }
@@ -240,6 +243,156 @@ impl BinWriter<'_> {
                 } else {
                     bin.large.push(index - 1);
                 }
+            }
+        }
+    }
+}
+
+/// Planes of the guard band.
+const SIDES: usize = 4;
+/// Corners of a triangle clipped by five planes.
+const MAX_CORNERS: usize = 3 + SIDES + 1;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct ClipPoint {
+    camera_space: DVec3,
+    /// The projection of a corner, as in unclipped triangles.
+    corner: Option<[f32; 3]>,
+}
+
+/// Passes the pieces of a triangle in front of the near plane and within the guard band to `emit`.
+pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
+    let mut polygon = Polygon::default();
+    for corner in corners {
+        let camera_space = projector.to_camera(corner.to_array());
+        // The same test as for unclipped triangles must decide here.
+        let front = camera_space[2] > projector.near;
+        let point = ClipPoint {
+            camera_space: projector.to_camera_f64(corner),
+            corner: front.then(|| projector.project(camera_space)),
+        };
+        polygon.push(point);
+    }
+    let near = f64::from(projector.near);
+    polygon = polygon.clip(|p| p.camera_space.z - near, |p| p.corner.is_some());
+    for side in 0..SIDES {
+        let inside = |p: &ClipPoint| projector.inside_guard(p.camera_space, side);
+        polygon = polygon.clip(inside, |p| inside(p) >= 0.0);
+    }
+    let snapped: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| snap_point(projector, p)).collect();
+    for i in 2..snapped.len() {
+        let fan = [snapped[0], snapped[i - 1], snapped[i]];
+        emit(SnappedTriangle { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
+    }
+}
+
+/// A point on the grid, and its 1/z.
+fn snap_point(projector: &Projector, point: &ClipPoint) -> ([i32; 2], f32) {
+    match point.corner {
+        Some([x, y, w]) => ([snap(x), snap(y)], w),
+        None => {
+            let at = projector.project_f64(point.camera_space) * f64::from(GRID);
+            let round = |x: f64| x.round_ties_even() as i32;
+            ([round(at.x), round(at.y)], (1.0 / point.camera_space.z) as f32)
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Polygon {
+    points: [ClipPoint; MAX_CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    fn points(&self) -> &[ClipPoint] {
+        &self.points[..self.count]
+    }
+
+    fn push(&mut self, point: ClipPoint) {
+        self.points[self.count] = point;
+        self.count += 1;
+    }
+
+    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
+    /// of a point.
+    fn clip(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
+        let mut out = Self::default();
+        for (i, from) in self.points().iter().enumerate() {
+            let to = &self.points[(i + 1) % self.count];
+            if keep(from) {
+                out.push(*from);
+            }
+            match (keep(from), keep(to)) {
+                (true, false) => out.push(between(from, to, &distance)),
+                (false, true) => out.push(between(to, from, &distance)),
+                _ => {}
+            }
+        }
+        out
+    }
+}
+
+/// The point of zero distance between `inside` and `outside`.
+fn between(inside: &ClipPoint, outside: &ClipPoint, distance: impl Fn(&ClipPoint) -> f64) -> ClipPoint {
+    let (d_in, d_out) = (distance(inside), distance(outside));
+    let t = (d_in / (d_in - d_out)).clamp(0.0, 1.0);
+    ClipPoint {
+        camera_space: inside.camera_space + (outside.camera_space - inside.camera_space) * t,
+        corner: None,
+    }
+}
+
+/// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
+pub(super) const PAIRS_PER_ROUND: usize = 1 << 24;
+
+/// The faces of a mesh, ready for the tiles.
+pub(super) enum Faces<'a> {
+    /// All are in the bins.
+    Binned(&'a [Batch]),
+    /// Tiles are filled already. `[tiles * planes]`
+    Filled(Vec<SampleKeys>),
+}
+
+/// Bins the faces of a mesh; if these are too many for one round, `fill` draws those in the bins into the keys of a tile.
+pub(super) fn rounds<'a>(
+    batches: &'a mut Vec<Batch>,
+    mesh: &Mesh,
+    projector: &Projector,
+    (pairs, planes): (usize, usize),
+    fill: impl Fn(&mut [SampleKeys], &[Batch], usize) + Sync,
+) -> Faces<'a> {
+    start(batches, mesh);
+    let mut all = bin(batches, mesh, projector, None, pairs);
+    if all {
+        return Faces::Binned(batches);
+    }
+    let tiles = tile_count(projector.size);
+    let mut keys = vec![EMPTY; (tiles.x * tiles.y) as usize * planes];
+    loop {
+        parallel::for_each(keys.chunks_mut(planes), |tile, keys| fill(keys, batches, tile));
+        if all {
+            return Faces::Filled(keys);
+        }
+        let hidden = TileDepths::new(&keys, planes, projector.size);
+        all = bin(batches, mesh, projector, Some(&hidden), pairs);
+    }
+}
+
+impl Faces<'_> {
+    /// The keys of tile `tile`: drawn into `keys` by `fill`, unless they exist. `[planes]`
+    pub(super) fn keys<'a>(
+        &'a self,
+        keys: &'a mut [SampleKeys],
+        tile: usize,
+        fill: impl FnOnce(&mut [SampleKeys], &[Batch], usize),
+    ) -> &'a [SampleKeys] {
+        match self {
+            Faces::Filled(filled) => &filled[tile * keys.len()..][..keys.len()],
+            Faces::Binned(batches) => {
+                keys.iter_mut().for_each(|keys| keys.fill(0));
+                fill(keys, batches, tile);
+                keys
             }
         }
     }

@@ -3,13 +3,13 @@
 //! The planes of disjoint sets give the picture of any union of them, without drawing: the nearest of the
 //! sets' nearest faces.
 
+use super::bin::rounds;
+use super::bins::tile_size;
 use super::bins::{Batch, TILE_HEIGHT, TILE_WIDTH, tile_count};
+use super::bins::{EMPTY, STRIDE, SampleKey, SampleKeys, face_of};
+use super::fill::draw_large;
 use super::fill::draw_tiny;
-use super::hidden::tile_size;
-use super::keys::{EMPTY, STRIDE, SampleKey, SampleKeys, face_of};
 use super::projector::Projector;
-use super::rounds::rounds;
-use super::spans::draw_large;
 use glam::UVec2;
 use trisplat_scene::parallel;
 use trisplat_scene::{

@@ -1,9 +1,9 @@
 //! Colours of samples, and their mean in each pixel.
 
-use super::barycentric::FaceBarycentrics;
+use super::bins::{STRIDE, SampleKeys, face_of};
 use super::bins::{TILE_HEIGHT, TILE_WIDTH};
-use super::keys::{STRIDE, SampleKeys, face_of};
 use super::projector::Projector;
+use super::visibility::FaceBarycentrics;
 use super::visibility::NO_FACE;
 use trisplat_scene::{
     FaceTexture,
@@ -293,8 +293,8 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 mod tests {
     use super::super::bin;
     use super::super::bins::Batch;
+    use super::super::bins::EMPTY;
     use super::super::fill;
-    use super::super::keys::EMPTY;
     use super::*;
     use glam::{Mat3, UVec2, Vec2, Vec3};
     use trisplat_scene::Rng;

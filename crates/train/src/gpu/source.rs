@@ -4,7 +4,7 @@ use crate::cpu::ERROR_UNITS;
 use crate::params::{SIGMA_MIN, SIGMA_SOLID};
 use crate::update::{SIZE_OF_ALL, SIZES};
 use std::fmt::Write;
-use trisplat_raster::kernel::wgsl::library;
+use trisplat_raster::kernel::wgsl_library;
 use trisplat_raster::soft::{MARGIN, TILE};
 use trisplat_scene::math::ssim::TAPS;
 use trisplat_scene::math::wgsl::constant;
@@ -52,7 +52,7 @@ pub(super) struct Pass {
 impl Pass {
     /// Its whole source, after the constants of its `variant`.
     pub(super) fn source(&self, variant: &str) -> String {
-        let mut out = library() + variant;
+        let mut out = wgsl_library() + variant;
         for (name, value) in [
             ("TILE", TILE),
             ("GROUP", GROUP),

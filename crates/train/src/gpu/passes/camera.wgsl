@@ -1,4 +1,4 @@
-// World triangles in camera space, clipped at the near plane: the twin of raster/soft/camera_space.rs. Needs `step`.
+// World triangles in camera space, clipped at the near plane: the twin of raster/soft/splats.rs. Needs `step`.
 
 struct WorldTriangle {
     v0: vec3<f32>,

@@ -1,5 +1,5 @@
 // The gradient of the whole loss, from the blurred derivatives of SSIM and the difference; and each pixel's
-// error. The twin of kernel/loss/combine.rs and frame_loss.rs.
+// error. The twin of kernel/loss.rs and frame_loss.rs.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> picture: array<vec4<f32>>;

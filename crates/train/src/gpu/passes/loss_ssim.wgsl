@@ -1,4 +1,4 @@
-// SSIM of every value, and its derivatives by the blurred maps: the twin of kernel/loss/ssim.rs. A workgroup
+// SSIM of every value, and its derivatives by the blurred maps: the twin of kernel/ssim.rs. A workgroup
 // handles a square of TILE x TILE pixels with REACH more on each side; channel by channel the rows are
 // blurred, then the columns.
 

@@ -1,4 +1,4 @@
-// A splat's contribution to a pixel: the twin of raster/soft/broadcast.rs. Needs `step`.
+// A splat's contribution to a pixel: the twin of raster/soft/layers.rs. Needs `step`.
 
 struct Record {
     origin: vec2<f32>,

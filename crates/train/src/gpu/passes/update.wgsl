@@ -1,5 +1,5 @@
 // Chain rules, regularisers and Adam of every triangle, and its visibility: the twin of
-// raster/soft/{gather,corners}.rs and of update.rs. No gradient is ever stored.
+// raster/soft/gather.rs and of update.rs. No gradient is ever stored.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read_write> counts: array<atomic<u32>>;

@@ -1,16 +1,12 @@
 //! The framing of a scene: its subject, its first viewpoint, and the far shell that closes it.
 
-mod candidates;
-mod orbit_range;
-mod sight;
-
-pub mod far_shell;
-pub mod subject;
-pub mod surroundings;
-pub mod viewpoint;
+mod subject;
+mod surroundings;
+mod viewpoint;
 
 pub use subject::Subject;
-pub use surroundings::Surroundings;
+pub use surroundings::{Surroundings, far_shell, hit, up_of};
+pub use viewpoint::{Scenery, camera_holding, viewpoint};
 
 /// A lens of 100 pixels for tests.
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Tests against pictures by brute force in double precision: every Gaussian at every pixel, by the textbook's formulas.
 
-use super::{GaussianOptions, draw};
 use glam::{DMat2, DMat3, DVec2, DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
+use trisplat_raster::gaussian::{GaussianOptions, draw};
 use trisplat_scene::{Rng, ScreenFilter, Splats, camera::Camera};
 
 /// A Gaussian on the screen: depth, middle, inverse covariance, opacity, colour.
@@ -44,8 +44,10 @@ fn flatten(splats: &Splats, camera: &Camera, near: f64) -> Vec<Flat> {
 /// Degree 0 and 1 by their formulas, higher ones as the kernels' double-precision form has them, which tests of its own check.
 fn color(splats: &Splats, i: usize, d: DVec3) -> DVec3 {
     let k = splats.sh_count();
-    let basis =
-        crate::kernel::sh::basis::<f64>(splats.sh_degree, trisplat_scene::math::vec::V3::new(d.x, d.y, d.z));
+    let basis = trisplat_raster::kernel::sh::basis::<f64>(
+        splats.sh_degree,
+        trisplat_scene::math::vec::V3::new(d.x, d.y, d.z),
+    );
     let terms = splats.sh[i * k..(i + 1) * k].iter().zip(basis);
     let sum: DVec3 = terms.map(|(c, b)| Vec3::from(*c).as_dvec3() * b).sum();
     (sum + 0.5).max(DVec3::ZERO)
