@@ -10,7 +10,7 @@ use super::terminal::Terminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
-use trisplat_capture::{Capture, CaptureOptions, VerdictDetails};
+use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails};
 use trisplat_job::MakePart;
 use trisplat_scene::{Result, report::Report};
 
@@ -20,11 +20,10 @@ pub struct CaptureArgs {
     /// Photos, a video, or folders of them: .jpg .png .webp .tif, .mp4 .mov .mkv and others
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// Folder to make: images/, sparse/0/, and capture/ with the log and the state for continuing a stopped
-    /// run
+    /// Folder to make: images/, sparse/0/, and capture/ with the log and the files of the pose program
     #[arg(short, long, value_name = "FOLDER")]
     pub output: PathBuf,
-    /// Replace a capture of other inputs in FOLDER, which stays until the new one is whole
+    /// Set a capture of other inputs that FOLDER holds aside, as FOLDER.old
     #[arg(short, long)]
     pub force: bool,
     /// Write the steps and the verdict as JSON (schema: trisplat schema report)

@@ -2,7 +2,9 @@
 
 use super::counts::many;
 use indicatif::HumanCount;
-use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
+use trisplat_dataset::capture::{
+    FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
+};
 use trisplat_scene::report::{StageReport, counted};
 
 /// The middle of the row of a step; `None` for other stages.

@@ -11,7 +11,7 @@ use super::terminal::Terminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use trisplat_bake::{BackdropOptions, BakeOptions, CropOptions};
-use trisplat_capture::CaptureOptions;
+use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
 use trisplat_job::{Event, MakeDone, MakeJob, MakePart};

@@ -4,8 +4,8 @@
 use super::inputs::Inputs;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use trisplat_capture::is_camera_file;
 use trisplat_dataset::Dataset;
+use trisplat_dataset::capture::is_camera_file;
 use trisplat_formats::output::Output;
 use trisplat_scene::{
     Error, Result,

@@ -8,8 +8,10 @@ use trisplat_bake::{
     ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
     WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
 };
-use trisplat_capture::{FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails};
 use trisplat_dataset::Description;
+use trisplat_dataset::capture::{
+    FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
+};
 use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;

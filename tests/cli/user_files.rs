@@ -64,7 +64,38 @@ fn photos_in_the_output_of_a_capture_are_refused_and_stay() {
 }
 
 #[test]
-fn a_missing_photo_comes_back_and_nothing_else_changes() {
+fn a_capture_whose_photos_are_gone_stops_and_nothing_changes() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    std::fs::remove_file(fake.at("set/images/view_0003.png")).unwrap();
+    fake.calls();
+    let before = all(fake.folder());
+    let said = fake.error(&CAPTURE);
+    assert!(said.contains("some of its photos are gone"), "{said}");
+    assert!(fake.calls().is_empty() && all(fake.folder()) == before);
+}
+
+#[test]
+fn a_model_that_the_user_changed_stays() {
+    let fake = Fake::new();
+    fake.succeed(&CAPTURE);
+    let model = std::fs::read_to_string(fake.at("set/sparse/0/cameras.txt")).unwrap() + "# refined by me\n";
+    std::fs::write(fake.at("set/sparse/0/cameras.txt"), &model).unwrap();
+    let before = all(fake.folder());
+    assert_eq!(fake.succeed(&CAPTURE).matches("done before").count(), 4);
+    let said = fake.error(&[&CAPTURE[..], &["--mapper", "global"]].concat());
+    assert!(said.contains("this one has a model already"), "{said}");
+    fake.succeed(&[&CAPTURE[..], &["--mapper", "incremental"]].concat());
+    assert!(
+        all(fake.folder())
+            .into_iter()
+            .filter(|(path, _)| !path.ends_with("calls"))
+            .eq(before.into_iter().filter(|(path, _)| !path.ends_with("calls")))
+    );
+}
+
+#[test]
+fn a_capture_of_other_photos_is_set_aside_with_the_users_files() {
     let fake = Fake::new();
     fake.succeed(&CAPTURE);
     let mine = ["images/mine.txt", "sparse/0/mine.txt", "sparse/mine/a", "capture/mine.txt", "mine.txt"];
@@ -72,80 +103,31 @@ fn a_missing_photo_comes_back_and_nothing_else_changes() {
         std::fs::create_dir_all(fake.at("set").join(name).parent().unwrap()).unwrap();
         std::fs::write(fake.at("set").join(name), name).unwrap();
     }
-    let model = std::fs::read_to_string(fake.at("set/sparse/0/cameras.txt")).unwrap() + "# refined by me\n";
-    std::fs::write(fake.at("set/sparse/0/cameras.txt"), &model).unwrap();
-    fake.calls();
-    let before = all(fake.folder());
-    std::fs::remove_file(fake.at("set/images/view_0003.png")).unwrap();
-    let said = fake.succeed(&CAPTURE);
-    assert!(said.contains("40 photos") && said.matches("done before").count() == 3, "{said}");
-    assert!(fake.calls().is_empty());
-    let after = all(fake.folder());
-    let changed: Vec<&PathBuf> = before.keys().filter(|path| after.get(*path) != before.get(*path)).collect();
-    assert!(changed.is_empty() && after.len() == before.len(), "{changed:?}");
-}
-
-#[test]
-fn a_photo_or_model_that_the_user_changed_stops_a_capture_that_would_replace_it() {
-    let fake = Fake::new();
-    fake.succeed(&CAPTURE);
-    std::fs::remove_file(fake.at("set/images/view_0003.png")).unwrap();
-    for (name, again) in [
-        ("images/view_0004.png", &CAPTURE[..]),
-        ("images/view_0004.png", &["capture", "model/../photos/view_0001.png", "-o", "set", "-f"]),
-        ("sparse/0/cameras.txt", &["capture", "photos/view_0001.png", "-o", "set", "-f"]),
-        ("capture/database.db", &["capture", "photos/view_0001.png", "-o", "set", "-f"]),
-        ("sparse/0/cameras.txt", &["capture", "photos", "-o", "set", "--mapper", "incremental"]),
-    ] {
-        let path = fake.at("set").join(name);
-        let ours = std::fs::read(&path).unwrap();
-        std::fs::write(&path, "edited").unwrap();
-        if again.contains(&"--mapper") {
-            copy_folder(&fake.at("photos"), &fake.at("set/images"));
-        }
-        let before = all(fake.folder());
-        let said = fake.error(again);
-        assert!(
-            said.contains(&format!("set/{name}: was changed after trisplat wrote it; move it elsewhere")),
-            "{said}"
-        );
-        assert!(all(fake.folder()) == before, "{name}");
-        std::fs::write(&path, ours).unwrap();
-    }
-}
-
-#[test]
-fn an_old_capture_stays_until_the_new_one_is_whole() {
-    let fake = Fake::new();
-    fake.succeed(&CAPTURE);
-    std::fs::write(fake.at("set/images/mine.txt"), "mine").unwrap();
-    let old = |fake: &Fake| {
-        let mut files = all(&fake.at("set"));
-        files.retain(|path, _| !path.starts_with(fake.at("set/capture/next")));
+    let before = all(&fake.at("set"));
+    let old = |name: &str| -> BTreeMap<PathBuf, Vec<u8>> {
+        let files = all(&fake.at(name)).into_iter();
         files
+            .map(|(path, bytes)| (fake.at("set").join(path.strip_prefix(fake.at(name)).unwrap()), bytes))
+            .collect()
     };
-    let before = old(&fake);
     std::fs::remove_file(fake.at("photos/view_0003.png")).unwrap();
-    std::fs::copy(fake.at("photos/view_0004.png"), fake.at("photos/view_0005.png")).unwrap();
+    assert!(fake.error(&CAPTURE).contains("the capture of other inputs"));
     let again = [&CAPTURE[..], &["--force"]].concat();
     for step in ["feature_extractor", "exhaustive_matcher", "mapper"] {
         std::fs::write(fake.at("fails"), step).unwrap();
-        let said = fake.error(&again);
-        assert!(said.contains("the disk is made of cheese"), "{said}");
-        assert!(old(&fake) == before, "{step}");
+        assert!(fake.error(&again).contains("the disk is made of cheese"), "{step}");
+        assert!(old("set.old") == before, "{step}");
     }
-    // The old one is still known as whole, and the begun one goes on.
+    // The begun one goes on.
     std::fs::remove_file(fake.at("fails")).unwrap();
     fake.calls();
     let said = fake.succeed(&again);
-    assert!(said.contains("39 photos") && said.matches("done before").count() == 3, "{said}");
-    assert_eq!(fake.calls().len(), 1, "the mapper alone");
-    let images = names(&fake.at("set/images"));
-    assert!(images.len() == 40 && images.contains(&"mine.txt".into()), "{images:?}");
-    assert!(!fake.at("set/capture/next").exists() && fake.at("set/capture/poses.log").is_file());
-    let photo = |name: &str| std::fs::read(fake.at(name)).unwrap();
-    assert!(photo("set/images/view_0005.png") == photo("photos/view_0004.png"));
-    assert_eq!(fake.succeed(&CAPTURE).matches("done before").count(), 4);
+    assert!(said.contains("39 photos") && said.matches("done before").count() == 2, "{said}");
+    assert_eq!(fake.calls().len(), 2, "matching goes on, then the mapper");
+    let next = all(&fake.at("set"));
+    std::fs::remove_file(fake.at("photos/view_0004.png")).unwrap();
+    assert!(fake.succeed(&again).contains("is in set.old-2 now"));
+    assert!(old("set.old") == before && old("set.old-2") == next);
 }
 
 #[test]
@@ -157,9 +139,8 @@ fn a_photo_folder_that_is_a_link_stays_as_it_is() {
     copy_folder(&fake.at("photos"), &fake.at("other"));
     std::fs::remove_file(fake.at("other/view_0001.png")).unwrap();
     let before = all(&fake.at("photos"));
-    let said = fake.error(&["capture", "other", "-o", "set", "-f"]);
-    assert!(said.contains("is a link, which"), "{said}");
-    assert!(all(&fake.at("photos")) == before);
+    fake.succeed(&["capture", "other", "-o", "set", "-f"]);
+    assert!(all(&fake.at("photos")) == before && fake.at("set.old/images").is_symlink());
 }
 
 #[test]

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{
-    Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, Ray, View, cloud,
+    Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, Ray, View, random_points,
     synthetic::{self, SyntheticOptions},
     trace,
 };
@@ -317,15 +317,15 @@ fn photos_are_shrunk_with_their_cameras() {
 fn a_random_cloud_is_repeatable_and_in_view() {
     let dataset = load(Path::new(SAMPLE));
     let views: Vec<&View> = dataset.train().collect();
-    let points = cloud::random(&views, 2000, 7);
-    assert_eq!(points, cloud::random(&views, 2000, 7));
-    assert_ne!(points, cloud::random(&views, 2000, 8));
+    let points = random_points(&views, 2000, 7);
+    assert_eq!(points, random_points(&views, 2000, 7));
+    assert_ne!(points, random_points(&views, 2000, 8));
     let seen_by = |at| views.iter().filter(|v| project(&v.camera, at).is_some()).count();
     let counts: Vec<usize> = points.iter().map(|p| seen_by(p.position)).collect();
     assert!(counts.iter().all(|&n| n >= 1));
     assert!(counts.iter().filter(|&&n| n >= 2).count() > 1990);
-    assert_eq!(cloud::random(&views[..1], 10, 7).len(), 10, "one photo is enough");
-    assert_eq!(cloud::random(&[], 10, 7), []);
+    assert_eq!(random_points(&views[..1], 10, 7).len(), 10, "one photo is enough");
+    assert_eq!(random_points(&[], 10, 7), []);
 }
 
 #[test]

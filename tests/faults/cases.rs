@@ -431,8 +431,7 @@ impl Case {
         let is_file = |name: &str| !tree::is_leftover(name) && !tree::is_folder(name);
         for (name, bytes) in found.iter().filter(|(name, _)| is_file(name)) {
             let is_old = self.before.get(name) == Some(bytes);
-            // A capture that replaces another is made inside of it.
-            let is_new = new.out.get(&name.replace("/capture/next/", "/")) == Some(bytes);
+            let is_new = new.out.get(name) == Some(bytes);
             let whole = is_old || is_new || (is_volatile(name) && is_whole(name, bytes));
             assert!(whole, "{name} ({} bytes) is neither old nor new: {context}", bytes.len());
             if self.together.iter().any(|one| name.starts_with(one)) && is_old != is_new {
@@ -449,10 +448,14 @@ impl Case {
         // Of checkpoints the last are kept, whichever run wrote them.
         let rotates = |name: &str| name.ends_with(".checkpoint");
         let complete = found.keys().all(|name| !tree::is_leftover(name));
+        // A capture of other photos is set aside.
+        let is_there = |name: &str| {
+            found.contains_key(name) || found.contains_key(&name.replacen("out/set/", "out/set.old/", 1))
+        };
         let lost: Vec<&String> = self
             .before
             .keys()
-            .filter(|name| !found.contains_key(*name) && new.out.contains_key(*name) && !rotates(name))
+            .filter(|name| !is_there(name) && new.out.contains_key(*name) && !rotates(name))
             .collect();
         assert!(lost.is_empty() || !complete, "{lost:?} are gone: {context}");
         let has_one = |tree: &Tree| tree.keys().any(|name| rotates(name));

@@ -5,7 +5,7 @@
 //! memory before the next one is decoded, and one that takes more than the budget is decoded alone.
 
 use super::photo::Photo;
-use super::picture_file::{PictureFile, StoredPicture};
+use super::photo::{PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;

@@ -7,12 +7,12 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
+use super::found::NamedFiles;
 use super::found::{Found, FoundPhoto, LensClaim};
-use super::kind::DatasetKind;
 use super::lens::Distortion;
 use super::options::DatasetOptions;
-use super::paths::NamedFiles;
-use super::point_file::PointFile;
+use super::points::PointFile;
+use super::posed::DatasetKind;
 use glam::{DMat3, DVec3, UVec2};
 use serde::Deserialize;
 use std::collections::HashMap;

@@ -2,8 +2,8 @@
 //! moved or removed.
 
 use std::path::{Path, PathBuf};
-use trisplat_capture::camera_files;
 use trisplat_dataset::Dataset;
+use trisplat_dataset::capture::camera_files;
 use trisplat_formats as formats;
 use trisplat_scale::{Manifest, NAME};
 use trisplat_scene::Limits;

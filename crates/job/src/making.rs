@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::BakeOptions;
-use trisplat_capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
+use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output;
 use trisplat_scene::{
@@ -49,7 +49,7 @@ pub struct MakeJob {
     pub work: PathBuf,
     /// Capture options: frames and poses.
     pub capture: CaptureOptions,
-    /// Replace a working folder that was made from other inputs.
+    /// Set photos of other inputs in the working folder aside, as `photos.old`.
     pub force: bool,
     /// Options for reading the data set.
     pub dataset_options: DatasetOptions,

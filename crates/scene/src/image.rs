@@ -4,12 +4,10 @@
 //! (3DGS, Held et al. 2025).
 
 mod decode;
-pub mod exif_light;
 mod jpeg;
 mod palette;
 mod png;
 mod shrink;
-mod tiff;
 
 use crate::atomic::AtomicFile;
 use crate::error::{Error, Result};
@@ -84,7 +82,7 @@ impl RgbImage {
     }
 
     /// [`RgbImage::load_within`] of a smaller picture if that takes less time or memory, with no side below that of
-    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger TIFF or opaque PNG at that of `least`. Returns the full size too.
+    /// `least`: a JPEG at 1/2, 1/4 or 1/8 of its size, a larger opaque PNG at that of `least`. Returns the full size too.
     pub fn load_reduced(path: &Path, least: UVec2, limits: &Limits) -> Result<(Self, UVec2)> {
         let (picture, full) = decode::decode_reduced(path, least, limits)?;
         Ok((Self::of_decoded(picture), full))

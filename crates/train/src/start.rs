@@ -12,7 +12,7 @@ use super::shell;
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use std::borrow::Cow;
-use trisplat_dataset::{Dataset, DatasetKind, Point, View, cloud};
+use trisplat_dataset::{Dataset, DatasetKind, Point, View, random_points};
 use trisplat_scene::{ImportedScene, Placement, Result, SceneNormalization, Soup, camera::Camera};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
@@ -73,7 +73,7 @@ pub(super) fn from_points(
 ) -> Result<Position> {
     let random;
     let cloud = if points.is_empty() {
-        random = cloud::random(views, RANDOM_POINTS, options.seed);
+        random = random_points(views, RANDOM_POINTS, options.seed);
         &random
     } else {
         points

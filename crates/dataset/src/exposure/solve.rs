@@ -5,7 +5,7 @@
 //! closed form, with less weight for cells that do not match. The falloff of a camera comes first, from the
 //! residuals of each photo's mean, then the means.
 
-use super::{Exposures, Rings};
+use super::correction::{Exposures, Rings, Solved};
 use glam::{UVec2, Vec2};
 use trisplat_scene::{image::RgbImage, math::color::linear_of_srgb8, math::median::median};
 
@@ -85,15 +85,6 @@ impl Cell {
         let weight = [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
         Some(Self { log, weight, r2 })
     }
-}
-
-/// The solution and its errors.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Solved {
-    /// As measured, mean zero.
-    pub exposures: Exposures,
-    /// Standard errors of the gains. `[photos]`
-    pub errors: Vec<[f32; 3]>,
 }
 
 /// The exposures that best explain the differences between photos and drawings; a photo without cells has the

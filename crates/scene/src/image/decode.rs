@@ -3,7 +3,6 @@
 use super::jpeg::{self, JPEG_END, JPEG_START};
 use super::palette;
 use super::png::{self, PNG_START};
-use super::tiff;
 use crate::error::{Error, Result};
 use crate::guard::guarded;
 use crate::input;
@@ -87,15 +86,12 @@ fn decode_from(
 }
 
 /// Decodes a picture smaller if its format supports it and no side falls below that of `least`: a JPEG at 1/2,
-/// 1/4 or 1/8, a TIFF or opaque PNG at `least`; otherwise in full. Returns its full size too.
+/// 1/4 or 1/8, an opaque PNG at `least`; otherwise in full. Returns its full size too.
 pub(super) fn decode_reduced(
     path: &Path,
     least: UVec2,
     limits: &Limits,
 ) -> Result<(image::DynamicImage, UVec2)> {
-    if let Some(small) = tiff::reduced(path, least, limits)? {
-        return Ok(small);
-    }
     let io = |e| Error::io(path, e);
     let mut opened = Opened::new(path, limits)?;
     if opened.start.starts_with(&JPEG_START) {

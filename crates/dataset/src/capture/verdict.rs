@@ -1,16 +1,16 @@
 //! Judges a capture by poses, reprojection error, gaps, blur and exposure, with advice.
 
-use super::exposure::{Observation, solve};
-use super::frames::{Grey, sharpness};
+use super::collect::TakenPhotos;
+use super::log::tell;
 use super::poses::ModelDetails;
-use super::step::{Step, tell};
-use super::stored::StoredPhotos;
+use super::video::{Grey, sharpness};
+use crate::colmap::{TrackedPhoto, Tracks};
+use crate::exposure::points::{Observation, solve};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use trisplat_dataset::{TrackedPhoto, Tracks};
 use trisplat_scene::parallel;
 use trisplat_scene::{
     Limits, Result,
@@ -36,6 +36,12 @@ const REGISTERED: [f64; 2] = [0.95, 0.6];
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
 /// ... and range of exposures, stops.
 const STOPS: f64 = 0.5;
+/// Most gaps on the sheet.
+const ROWS: usize = 6;
+/// Size of a cell and the space between cells, px.
+const CELL: UVec2 = UVec2::new(320, 240);
+const SPACE: u32 = 8;
+const GROUND: [u8; 3] = [24; 3];
 
 /// Verdict on a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -126,11 +132,11 @@ struct Looked {
 /// Judges the photos in `images` with the tracks of their model.
 pub(super) fn judge(
     images: &Path,
-    stored: &StoredPhotos,
+    stored: &TakenPhotos,
     tracks: &Tracks,
     model: &ModelDetails,
     observer: StageObserver<'_>,
-) -> Step<VerdictDetails> {
+) -> Result<VerdictDetails> {
     let by_name: HashMap<&str, usize> =
         tracks.photos.iter().enumerate().map(|(i, photo)| (photo.name.as_str(), i)).collect();
     let mut looked = Vec::new();
@@ -213,7 +219,7 @@ fn blurred(sharpness: &[f32]) -> Vec<usize> {
 }
 
 /// Runs of photos without a pose, and consecutive frames that share too few points.
-fn gaps(stored: &StoredPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) -> Vec<Gap> {
+fn gaps(stored: &TakenPhotos, tracks: &Tracks, by_name: &HashMap<&str, usize>) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let mut last: Option<usize> = None;
     let mut lost: Vec<usize> = Vec::new();
@@ -322,15 +328,48 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     advice
 }
 
+/// Draws three photos from `images` per gap: the one before it, one without a pose, the one after it.
+///
+/// Errors: photos that cannot be read.
+pub(super) fn sheet(images: &Path, gaps: &[Gap]) -> Result<RgbImage> {
+    let rows = gaps.len().min(ROWS) as u32;
+    let size = UVec2::new(3, rows) * (CELL + SPACE) + SPACE;
+    let mut all = RgbImage { size, rgb: vec![GROUND; (size.x * size.y) as usize], alpha: None };
+    for (gap, row) in gaps.iter().zip(0..rows) {
+        for (name, column) in [&gap.after, &gap.example, &gap.before].into_iter().zip(0..) {
+            let Some(name) = name else { continue };
+            let corner = UVec2::new(column, row) * (CELL + SPACE) + SPACE;
+            put(&mut all, corner, &fitting(&images.join(name))?);
+        }
+    }
+    Ok(all)
+}
+
+/// A photo scaled to fit a cell.
+fn fitting(path: &Path) -> Result<RgbImage> {
+    let full = RgbImage::size_of(path, &Limits::DEFAULT)?;
+    let ratio = (CELL.as_dvec2() / full.as_dvec2()).min_element().min(1.0);
+    let size = (full.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE);
+    Ok(RgbImage::load_reduced(path, size, &Limits::DEFAULT)?.0.over(GROUND).downscaled(size))
+}
+
+/// Centres a picture in the cell at `corner`.
+fn put(sheet: &mut RgbImage, corner: UVec2, picture: &RgbImage) {
+    let at = corner + (CELL - picture.size) / 2;
+    for (row, y) in picture.rgb.chunks_exact(picture.size.x as usize).zip(at.y..) {
+        let start = (y * sheet.size.x + at.x) as usize;
+        sheet.rgb[start..start + row.len()].copy_from_slice(row);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stored::StoredPhoto;
+    use crate::capture::collect::TakenPhoto;
 
-    fn stored(count: usize) -> StoredPhotos {
-        let photo =
-            |i: usize| StoredPhoto { name: format!("{i}.jpg"), frame: true, ..StoredPhoto::default() };
-        StoredPhotos { photos: (0..count).map(photo).collect(), ..StoredPhotos::default() }
+    fn stored(count: usize) -> TakenPhotos {
+        let photo = |i: usize| TakenPhoto { name: format!("{i}.jpg"), frame: true, ..TakenPhoto::default() };
+        TakenPhotos { photos: (0..count).map(photo).collect(), ..TakenPhotos::default() }
     }
 
     /// Tracks in which photo `i` shows the points `points(i)`.

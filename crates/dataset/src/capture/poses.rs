@@ -1,22 +1,26 @@
-//! The steps that a pose program performs: features, matches, model. Matching continues where an earlier run stopped; others begin again.
+//! The steps that a pose program performs: features, matches, model. Matching continues where an earlier run stopped.
 
-use super::logged::{Ended, Log};
-use super::options::{CaptureOptions, Mapper};
+use super::collect::{TakenPhotos, WORK};
+use super::log::{Ended, Log, tell};
 use super::program::{Cameras, Pairing, Places, Program};
-use super::step::{Step, tell};
-use super::stored::StoredPhotos;
+use super::program::{CaptureOptions, Mapper};
+use crate::colmap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat_dataset::{DatasetOptions, Tracks, tracks};
 use trisplat_scene::{
-    Error, Result,
-    atomic::MadeFolders,
+    Error, Limits, Result,
+    atomic::{AtomicFolder, MadeFolders},
+    input,
     report::{StageDetails, StageEvent, StageObserver},
 };
 
+/// Files of a model.
+const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
+/// What features are found in; it becomes the database when all are found.
+const UNFINISHED: [&str; 4] = ["features.db", "features.db-shm", "features.db-wal", "features.db-journal"];
 /// Most photos that are compared exhaustively if there is another way.
 const MOST_EXHAUSTIVE: usize = 150;
 /// Number of following frames that a frame is compared with, besides those 16, 32, 64, ... frames later.
@@ -76,67 +80,111 @@ impl StageDetails for ModelDetails {
 
 /// A pose program and the capture that it works on.
 pub(super) struct Poses<'a> {
-    pub(super) program: Program,
-    pub(super) places: Places,
-    pub(super) photos: &'a StoredPhotos,
-    pub(super) options: &'a CaptureOptions,
-    pub(super) log: Log,
+    program: Program,
+    /// The folder of the capture.
+    folder: &'a Path,
+    places: Places,
+    photos: &'a TakenPhotos,
+    options: &'a CaptureOptions,
+    log: Log,
 }
 
-/// What each step depends on: with the same key it is not repeated.
-pub(super) struct StepKeys {
-    pub(super) features: String,
-    pub(super) matches: String,
-    pub(super) model: String,
+/// The largest model of one mapper.
+struct FoundModel {
+    folder: PathBuf,
+    details: ModelDetails,
 }
 
-impl StepKeys {
-    pub(super) fn of(program: &Program, photos: &StoredPhotos, options: &CaptureOptions) -> Self {
-        let features = format!("{} {}", photos.key, program.version);
-        let matches = format!("{features} {:?}", pairing(photos, options).0);
-        let model = format!("{matches} {}", options.mapper.name());
-        Self { features, matches, model }
+/// True if the model is in its place.
+pub(super) fn has_model(folder: &Path) -> bool {
+    colmap::locate(&folder.join("sparse").join("0")).is_some()
+}
+
+/// Details of the model that an earlier run has put in its place.
+///
+/// Errors: another mapper is asked for.
+pub(super) fn model_before(
+    folder: &Path,
+    photos: &TakenPhotos,
+    options: &CaptureOptions,
+) -> Result<ModelDetails> {
+    let models = folder.join(WORK).join("models");
+    let asked = options.mapper;
+    if asked != Mapper::Auto && models.exists() && !models.join(asked.name()).exists() {
+        let wants = "a new folder, as this one has a model already";
+        return Err(Error::invalid("mapper", asked.name(), wants));
     }
+    let mut best = ModelDetails { photos: photos.photos.len() as u64, ..ModelDetails::default() };
+    for mapper in [Mapper::Incremental, Mapper::Global] {
+        let found = largest(&models.join(mapper.name()), mapper, photos)?;
+        best = found.map(|model| model.details).filter(|d| d.registered > best.registered).unwrap_or(best);
+    }
+    Ok(best)
 }
 
-/// A model and its details.
-pub(super) struct FoundModel {
-    pub(super) folder: PathBuf,
-    pub(super) details: ModelDetails,
-}
+impl<'a> Poses<'a> {
+    /// Work on `photos` in `folder`.
+    ///
+    /// Errors: a program that an earlier run has started still works there.
+    pub(super) fn begin(
+        program: Program,
+        folder: &'a Path,
+        photos: &'a TakenPhotos,
+        options: &'a CaptureOptions,
+    ) -> Result<Self> {
+        let work = folder.join(WORK);
+        let log = Log::open(&work.join("poses.log"))?;
+        let places = Places {
+            images: folder.join("images"),
+            database: work.join("database.db"),
+            pairs: work.join("pairs.txt"),
+            models: work.join("models"),
+        };
+        Ok(Self { program, folder, places, photos, options, log })
+    }
 
-impl Poses<'_> {
-    /// Finds features in every photo, in an empty database.
+    /// Finds features in every photo, unless they are there: then false.
     pub(super) fn features(
         &mut self,
         details: &mut FeaturesDetails,
         observer: StageObserver<'_>,
-    ) -> Step<()> {
+    ) -> Result<bool> {
         let known = self.photos.focal_px.zip(self.photos.size);
         let known = known.map(|(f, [w, h])| [f, f64::from(w) / 2.0, f64::from(h) / 2.0]);
         let cameras = Cameras { by_folder: self.photos.by_folder, known };
         *details = FeaturesDetails { program: self.program.version.clone(), focal_px: self.photos.focal_px };
-        let places = self.places.clone();
-        self.on_card_or_cpu(observer, |program| program.features(&places, &cameras))
+        if self.places.database.is_file() {
+            return Ok(false);
+        }
+        // Photos that a second process adds to a database would get a camera of their own: its lens, found from a few photos, may be absurd.
+        let work = self.folder.join(WORK);
+        for path in UNFINISHED.map(|name| work.join(name)).iter().filter(|path| path.exists()) {
+            std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
+        }
+        let places = Places { database: work.join(UNFINISHED[0]), ..self.places.clone() };
+        self.on_card_or_cpu(observer, |program| program.features(&places, &cameras))?;
+        let (from, to) = (&places.database, &self.places.database);
+        std::fs::rename(from, to).map_err(|e| Error::io(from, e))?;
+        Ok(true)
     }
 
     /// Compares photos that have not been compared yet.
-    pub(super) fn matches(&mut self, details: &mut MatchesDetails, observer: StageObserver<'_>) -> Step<()> {
+    pub(super) fn matches(
+        &mut self,
+        details: &mut MatchesDetails,
+        observer: StageObserver<'_>,
+    ) -> Result<()> {
         let (pairing, pairs) = pairing(self.photos, self.options);
         if let Some(pairs) = &pairs {
             self.write_pairs(pairs)?;
         }
         let photos = self.photos.photos.len() as u64;
-        *details = match &pairing {
-            Pairing::Exhaustive => MatchesDetails {
-                how: "exhaustive".into(),
-                pairs: Some(photos * photos.saturating_sub(1) / 2),
-            },
-            Pairing::Listed => {
-                MatchesDetails { how: "sequence".into(), pairs: pairs.map(|pairs| pairs.len() as u64) }
-            }
-            Pairing::Tree(_) => MatchesDetails { how: "vocabulary tree".into(), pairs: None },
+        let (how, pairs) = match &pairing {
+            Pairing::Exhaustive => ("exhaustive", Some(photos * photos.saturating_sub(1) / 2)),
+            Pairing::Listed => ("sequence", pairs.map(|pairs| pairs.len() as u64)),
+            Pairing::Tree(_) => ("vocabulary tree", None),
         };
+        *details = MatchesDetails { how: how.into(), pairs };
         let places = self.places.clone();
         self.on_card_or_cpu(observer, |program| program.matches(&places, &pairing))
     }
@@ -152,7 +200,7 @@ impl Poses<'_> {
         &mut self,
         observer: StageObserver<'_>,
         command: impl Fn(&Program) -> Command,
-    ) -> Step<()> {
+    ) -> Result<()> {
         let photos = self.photos.photos.len();
         let hear = |line: &str, observer: StageObserver<'_>| {
             let Some((done, all)) = counted(line) else { return Ok(()) };
@@ -165,51 +213,60 @@ impl Poses<'_> {
             return Ok(());
         }
         if !self.program.has_gpu {
-            return Err(self.log.failure(&first, &ended).into());
+            return Err(self.log.failure(&first, &ended));
         }
         tell(observer, StageEvent::Noted(&format!("again without the graphics card: {photos} photos")))?;
         self.program = self.program.on_cpu();
         self.log.run_well(&mut command(&self.program), observer, hear)
     }
 
-    /// Reconstructs poses and chooses the best model.
-    pub(super) fn model(&mut self, observer: StageObserver<'_>) -> Step<FoundModel> {
+    /// Reconstructs poses and puts the best model in its place.
+    pub(super) fn model(&mut self, observer: StageObserver<'_>) -> Result<ModelDetails> {
         let can = self.program.has_global();
-        let mut found = Vec::new();
-        let mut failed = None;
-        for at_once in [false, true] {
-            let wanted = match self.options.mapper {
-                Mapper::Incremental => !at_once,
-                Mapper::Global => at_once,
-                Mapper::Auto => !at_once || (can && !self.is_enough(found.first())),
-            };
-            if wanted && at_once && !can {
-                let wants =
-                    "incremental: this program has no global mapper (COLMAP 4, pycolmap 4 and glomap have)";
-                return Err(Error::invalid("mapper", "global", wants).into());
-            }
-            if wanted {
-                let (model, error) = self.mapped(at_once, observer)?;
-                found.extend(model);
+        let asked = self.options.mapper;
+        if asked == Mapper::Global && !can {
+            let wants =
+                "incremental: this program has no global mapper (COLMAP 4, pycolmap 4 and glomap have)";
+            return Err(Error::invalid("mapper", "global", wants));
+        }
+        let (mut best, mut failed) = (None, None);
+        for mapper in [Mapper::Incremental, Mapper::Global] {
+            if asked == mapper || (asked == Mapper::Auto && (mapper == Mapper::Incremental || can)) {
+                let (model, error) = self.mapped(mapper, observer)?;
+                let registered = |found: &Option<FoundModel>| found.as_ref().map(|m| m.details.registered);
+                // Ties: the first.
+                if registered(&model) > registered(&best) {
+                    best = model;
+                }
                 failed = failed.or(error);
+                if registered(&best).unwrap_or(0) as f64 >= ENOUGH * self.photos.photos.len() as f64 {
+                    break;
+                }
             }
         }
-        // Ties: the first.
-        let best = found.into_iter().rev().max_by_key(|model: &FoundModel| model.details.registered);
-        best.ok_or_else(|| failed.unwrap_or_else(|| self.no_model()).into())
+        let best = best.ok_or_else(|| failed.unwrap_or_else(|| self.no_model()))?;
+        self.publish(&best.folder)?;
+        Ok(best.details)
     }
 
-    fn is_enough(&self, found: Option<&FoundModel>) -> bool {
-        found.is_some_and(|model| model.details.registered as f64 >= ENOUGH * self.photos.photos.len() as f64)
+    /// Copies a model to the place where data sets have it.
+    fn publish(&self, from: &Path) -> Result<()> {
+        let made = AtomicFolder::create(&self.folder.join("sparse").join("0"))?;
+        for name in MODEL_FILES.iter().flat_map(|name| ["bin", "txt"].map(|e| format!("{name}.{e}"))) {
+            let from = from.join(&name);
+            if from.is_file() {
+                input::copy(&from, &made.path().join(name))?;
+            }
+        }
+        made.publish("images")
     }
 
     /// The best model of one mapper; otherwise none, and the error if there was one.
     fn mapped(
         &mut self,
-        at_once: bool,
+        mapper: Mapper,
         observer: StageObserver<'_>,
-    ) -> Step<(Option<FoundModel>, Option<Error>)> {
-        let mapper = if at_once { Mapper::Global } else { Mapper::Incremental };
+    ) -> Result<(Option<FoundModel>, Option<Error>)> {
         let output = self.places.models.join(mapper.name());
         if output.exists() {
             std::fs::remove_dir_all(&output).map_err(|e| Error::io(&output, e))?;
@@ -217,24 +274,13 @@ impl Poses<'_> {
         // Removed if it stays empty.
         let _made = MadeFolders::make(&output)?;
         let photos = self.photos.photos.len();
-        let mut command = self.program.model(&self.places, &output, at_once);
+        let mut command = self.program.model(&self.places, &output, mapper == Mapper::Global);
         let ended: Ended = self.log.run(&mut command, observer, |line, observer| {
             let Some(registered) = registered(line) else { return Ok(()) };
             tell(observer, StageEvent::Progressed(registered as f64 / photos.max(1) as f64))?;
             tell(observer, StageEvent::Noted(&format!("{registered} of {photos} photos have a pose")))
         })?;
-        let models = models(&output)?;
-        let count = models.len() as u64;
-        let best = models.into_iter().rev().max_by_key(|(_, tracks)| tracks.photos.len());
-        let model = best.map(|(folder, tracks)| FoundModel {
-            folder,
-            details: ModelDetails {
-                mapper: mapper.name().to_owned(),
-                registered: tracks.photos.len() as u64,
-                photos: photos as u64,
-                models: count,
-            },
-        });
+        let model = largest(&output, mapper, self.photos)?;
         // COLMAP exits with an error if photos do not fit together.
         let no_model = ["failed to create", "No good initial image pair", "no model"];
         let says = ended.said.iter().any(|line| no_model.iter().any(|words| line.contains(words)));
@@ -251,7 +297,7 @@ impl Poses<'_> {
 }
 
 /// The pairing, and its list of pairs if it has one.
-fn pairing(photos: &StoredPhotos, options: &CaptureOptions) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
+fn pairing(photos: &TakenPhotos, options: &CaptureOptions) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
     let photos = &photos.photos;
     let tree = options.vocab_tree.clone();
     if photos.iter().all(|photo| photo.frame) {
@@ -263,16 +309,25 @@ fn pairing(photos: &StoredPhotos, options: &CaptureOptions) -> (Pairing, Option<
     }
 }
 
-/// The models in `output`, the program's first one first.
-fn models(output: &Path) -> Result<Vec<(PathBuf, Tracks)>> {
-    let entries = std::fs::read_dir(output).map_err(|e| Error::io(output, e))?;
-    let mut folders: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.is_dir()).collect();
+/// The largest of the models that `mapper` has written to `output`; the program's first one of equals.
+fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option<FoundModel>> {
+    let entries = std::fs::read_dir(output).into_iter().flatten().flatten();
+    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     folders.sort();
-    let is_model =
-        |folder: &PathBuf| ["bin", "txt"].iter().any(|e| folder.join(format!("images.{e}")).is_file());
-    folders.retain(is_model);
-    let how = DatasetOptions::default();
-    folders.into_iter().map(|folder| tracks(&folder, &how).map(|found| (folder, found))).collect()
+    let models = folders.into_iter().filter_map(|folder| Some((colmap::locate(&folder)?, folder)));
+    let registered = |(files, folder): (colmap::ModelFiles, _)| {
+        Ok((files.model(&Limits::DEFAULT, false)?.images.len(), folder))
+    };
+    let models = models.map(registered).collect::<Result<Vec<(usize, PathBuf)>>>()?;
+    let (count, photos) = (models.len() as u64, photos.photos.len() as u64);
+    let best = models.into_iter().rev().max_by_key(|(registered, _)| *registered);
+    Ok(best.map(|(registered, folder)| {
+        let mapper = mapper.name().to_owned();
+        FoundModel {
+            folder,
+            details: ModelDetails { mapper, registered: registered as u64, photos, models: count },
+        }
+    }))
 }
 
 /// Pairs of `count` video frames to compare: neighbours, powers of two apart, and all pairs of landmarks.

@@ -9,7 +9,7 @@ const ROUNDS: usize = 60;
 
 /// Brightness of a point in a photo.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Observation {
+pub(crate) struct Observation {
     photo: usize,
     point: usize,
     /// Stops.
@@ -18,7 +18,7 @@ pub(super) struct Observation {
 
 impl Observation {
     /// From an sRGB-encoded grey code; `None` outside the usable codes.
-    pub(super) fn of_code(photo: usize, point: usize, code: u8) -> Option<Self> {
+    pub(crate) fn of_code(photo: usize, point: usize, code: u8) -> Option<Self> {
         let encoded = f64::from(code) / 255.0;
         let linear =
             if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
@@ -28,7 +28,7 @@ impl Observation {
 
 /// Solves light = exposure + point by alternating least squares. Returns the exposure of each photo in stops, up to a common constant;
 /// `None` for photos with too few shared points.
-pub(super) fn solve(observations: &[Observation], photos: usize, points: usize) -> Vec<Option<f64>> {
+pub(crate) fn solve(observations: &[Observation], photos: usize, points: usize) -> Vec<Option<f64>> {
     let mut seen = vec![0usize; points];
     observations.iter().for_each(|o| seen[o.point] += 1);
     let useful: Vec<&Observation> = observations.iter().filter(|o| seen[o.point] > 1).collect();

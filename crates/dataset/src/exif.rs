@@ -1,9 +1,10 @@
 //! EXIF: orientation, focal length and exposure.
 
-use exif::{Exif, Tag};
+use exif::{Exif, In, Reader, Tag, Value};
 use glam::UVec2;
-use std::io::Cursor;
-use trisplat_scene::image::exif_light::{above_zero, exposure_stops, first_number, read};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
 
 /// Diagonal of a frame of 35 mm film, mm.
 const FILM_DIAGONAL: f64 = 43.266_615_305_567_87;
@@ -12,20 +13,20 @@ const ORIENTATION: u16 = 0x0112;
 
 /// A photo's EXIF data.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct PhotoNotes {
+pub(crate) struct PhotoNotes {
     /// EXIF orientation, 1 to 8; 1: upright.
-    pub(super) orientation: u8,
+    pub(crate) orientation: u8,
     /// Focal length equivalent on 35 mm film, mm.
-    pub(super) focal_35: Option<f64>,
+    pub(crate) focal_35: Option<f64>,
     /// Exposure in stops: twice the light is 1 more.
-    pub(super) exposure_stops: Option<f64>,
+    pub(crate) exposure_stops: Option<f64>,
     /// The raw EXIF block, from its byte order mark on.
-    pub(super) raw: Vec<u8>,
+    pub(crate) raw: Vec<u8>,
 }
 
 impl PhotoNotes {
     /// EXIF of an image file; upright and otherwise empty if missing or unreadable.
-    pub(super) fn of(bytes: &[u8]) -> Self {
+    pub(crate) fn of(bytes: &[u8]) -> Self {
         let exif = read(&mut Cursor::new(bytes));
         exif.map_or(Self { orientation: 1, ..Self::default() }, |exif| Self::in_block(&exif))
     }
@@ -42,12 +43,12 @@ impl PhotoNotes {
     }
 
     /// Focal length in pixels for this picture size.
-    pub(super) fn focal_px(&self, size: UVec2) -> Option<f64> {
+    pub(crate) fn focal_px(&self, size: UVec2) -> Option<f64> {
         self.focal_35.map(|focal| focal / FILM_DIAGONAL * size.as_dvec2().length())
     }
 
     /// The EXIF block with orientation reset to upright.
-    pub(super) fn upright(&self) -> Vec<u8> {
+    pub(crate) fn upright(&self) -> Vec<u8> {
         let mut raw = self.raw.clone();
         // An entry that is not found does not exist.
         let _ = set_upright(&mut raw);
@@ -72,7 +73,7 @@ fn set_upright(tiff: &mut [u8]) -> Option<()> {
 }
 
 /// A JPEG file with an EXIF block inserted before all other segments.
-pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
+pub(crate) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
     const HEADER: &[u8] = b"Exif\0\0";
     let length = u16::try_from(2 + HEADER.len() + notes.len());
     match (length, jpeg.split_at_checked(2)) {
@@ -83,10 +84,47 @@ pub(super) fn with_notes(jpeg: &[u8], notes: &[u8]) -> Vec<u8> {
     }
 }
 
+/// The EXIF data of a picture file, as far as they can be read; `None` without any.
+fn read(file: &mut (impl BufRead + Seek)) -> Option<Exif> {
+    let mut reader = Reader::new();
+    reader.continue_on_error(true);
+    let found = reader.read_from_container(file);
+    found.or_else(|e| e.distill_partial_result(|_| {})).ok()
+}
+
+/// The first number of an entry of the first picture.
+fn first_number(exif: &Exif, tag: Tag) -> Option<f64> {
+    match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::Rational(list) => list.first().map(|r| r.to_f64()),
+        Value::SRational(list) => list.first().map(|r| r.to_f64()),
+        other => other.get_uint(0).map(f64::from),
+    }
+}
+
+/// [`first_number`], if it is finite and above zero.
+fn above_zero(exif: &Exif, tag: Tag) -> Option<f64> {
+    first_number(exif, tag).filter(|n| *n > 0.0 && n.is_finite())
+}
+
+/// Stops of light that the sensor got, and the amplification: seconds · ISO / 100 / f². Twice the light is 1 more. `None`
+/// without exposure time or ISO; a camera that does not tell its aperture counts as one of a fixed aperture.
+fn exposure_stops(exif: &Exif) -> Option<f64> {
+    let seconds = above_zero(exif, Tag::ExposureTime)?;
+    let iso = above_zero(exif, Tag::PhotographicSensitivity)?;
+    let aperture = above_zero(exif, Tag::FNumber).unwrap_or(1.0);
+    Some((seconds * iso / (100.0 * aperture * aperture)).log2())
+}
+
+/// [`exposure_stops`] of a picture file; only its first part is read. `None` of a file that cannot be read, too: an
+/// error belongs to the reader of its pixels.
+pub(crate) fn stops_of(path: &Path) -> Option<f64> {
+    exposure_stops(&read(&mut BufReader::new(File::open(path).ok()?))?)
+}
+
 /// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
 #[cfg(test)]
-pub(super) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
-    use exif::{In, Rational, Value};
+pub(crate) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
+    use exif::Rational;
     let rational = |num, denom| Value::Rational(vec![Rational { num, denom }]);
     let fields = [
         (Tag::Orientation, Value::Short(vec![orientation])),

@@ -1,0 +1,376 @@
+//! The photos step: upright photos in one folder, in file formats that every pose program reads.
+
+use super::log::{Log, tell};
+use super::program::CaptureOptions;
+use super::source::{SourcePhoto, Sources};
+use super::video::Ffmpeg;
+use crate::exif::{PhotoNotes, with_notes};
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeSet, HashSet};
+use std::path::{Path, PathBuf};
+use trisplat_scene::{
+    Error, Limits, Result,
+    atomic::{self, AtomicFolder, FolderLock},
+    image::RgbImage,
+    input, parallel,
+    report::{StageDetails, StageEvent, StageObserver},
+};
+
+/// Folder of the logs, the database and the models, below that of a capture.
+pub(super) const WORK: &str = "capture";
+/// The list of a capture's photos, below its folder.
+const LIST: &str = "capture/photos.json";
+/// JPEG quality of re-encoded photos: the loss is smaller than that of a phone's own encoder.
+const QUALITY: u8 = 97;
+/// Photos between two checks for a stop request.
+const CHUNK: usize = 8;
+
+/// Where photos came from.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct PhotosDetails {
+    /// Number of photos in the folder.
+    pub photos: u64,
+    /// Number of these that are video frames.
+    pub frames: u64,
+    /// Total number of frames in the videos.
+    pub video_frames: u64,
+    /// Photos that were turned upright.
+    pub turned: u64,
+    /// Photos that were converted to another file format.
+    pub converted: u64,
+    /// Number of cameras, told apart by photo size and EXIF focal length.
+    pub cameras: u64,
+    /// Photos with a focal length in EXIF.
+    pub focal_known: u64,
+}
+
+impl StageDetails for PhotosDetails {
+    const STAGE: &'static str = "photos";
+}
+
+/// A photo to be collected.
+struct Opened {
+    source: SourcePhoto,
+    notes: PhotoNotes,
+    /// Upright.
+    size: UVec2,
+    /// The conversion it needs.
+    change: Change,
+    is_jpeg: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Change {
+    /// Copy the file unchanged.
+    Copied,
+    /// Rotate it and keep its format.
+    Turned,
+    /// Convert it to PNG.
+    Converted,
+}
+
+/// The photos of a capture.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TakenPhotos {
+    /// Path, size and time of each input.
+    pub(super) inputs: Vec<String>,
+    /// In order of the video, or of names.
+    pub(super) photos: Vec<TakenPhoto>,
+    /// Each folder has a camera of its own.
+    pub(super) by_folder: bool,
+    /// EXIF focal length of the only camera, px.
+    pub(super) focal_px: Option<f64>,
+    /// Width and height of the only camera's photos.
+    pub(super) size: Option<[u32; 2]>,
+}
+
+/// A photo of a capture.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TakenPhoto {
+    /// Its path relative to the photo folder.
+    pub(super) name: String,
+    /// Its source file.
+    pub(super) source: String,
+    /// Whether it is a video frame.
+    pub(super) frame: bool,
+    /// Exposure from EXIF, stops.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) exposure_stops: Option<f64>,
+}
+
+/// Path, size and time of each input, and the option that decides about frames.
+pub(super) fn inputs(sources: &Sources, options: &CaptureOptions) -> Result<Vec<String>> {
+    let files = sources.photos.iter().map(|photo| &photo.path).chain(&sources.videos);
+    let about = |path: &PathBuf| {
+        let io = |e| Error::io(path, e);
+        let (meta, full) = (std::fs::metadata(path).map_err(io)?, std::fs::canonicalize(path).map_err(io)?);
+        Ok(format!("{}, {} bytes, {:?}", full.display(), meta.len(), meta.modified().ok()))
+    };
+    let frames = (!sources.videos.is_empty()).then(|| Ok(format!("{} frames", options.frames)));
+    files.map(about).chain(frames).collect()
+}
+
+/// The photos that an earlier run took from `inputs` into `folder`; `None` for a new or empty folder, and for one that was set aside
+/// because of `force`. Says so in `warnings`.
+///
+/// Errors: a folder that holds something else.
+pub(super) fn taken_before(
+    folder: &Path,
+    inputs: &[String],
+    force: bool,
+    warnings: &mut Vec<String>,
+) -> Result<Option<TakenPhotos>> {
+    AtomicFolder::recover(folder)?;
+    let list = input::read_text(&folder.join(LIST), &Limits::DEFAULT).ok();
+    let before: Option<TakenPhotos> = list.and_then(|text| serde_json::from_str(&text).ok());
+    let is_there = |photo: &TakenPhoto| folder.join("images").join(&photo.name).is_file();
+    if before.is_some() {
+        // Removes what a killed run has left, and stops beside one that works.
+        drop(FolderLock::take(folder)?);
+    }
+    match before {
+        Some(before) if before.inputs == inputs && before.photos.iter().all(is_there) => Ok(Some(before)),
+        Some(_) if force => {
+            let aside = set_aside(folder)?;
+            let (folder, aside) = (folder.display(), aside.display());
+            warnings.push(format!("the capture that was in {folder} is in {aside} now"));
+            Ok(None)
+        }
+        Some(_) => {
+            let wants = "a new folder: this one holds the capture of other inputs, or some of its photos are gone; with `force` it is \
+                         set aside";
+            Err(Error::invalid("output", folder.display(), wants))
+        }
+        None if holds_something(folder) => {
+            Err(Error::invalid("output", folder.display(), "a new or empty folder"))
+        }
+        None => Ok(None),
+    }
+}
+
+/// Renames a folder, to a name that is free.
+fn set_aside(folder: &Path) -> Result<PathBuf> {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let numbered = (2..).map(|n| folder.with_file_name(format!("{name}.old-{n}")));
+    let mut names = std::iter::once(folder.with_file_name(format!("{name}.old"))).chain(numbered);
+    let aside = names.find(|path| !path.exists()).unwrap_or_default();
+    std::fs::rename(folder, &aside).map_err(|e| Error::io(folder, e))?;
+    Ok(aside)
+}
+
+/// True for a folder with more than what killed runs leave.
+fn holds_something(folder: &Path) -> bool {
+    let counts = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| !atomic::is_leftover(&entry.file_name().to_string_lossy()))
+    };
+    std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts))
+}
+
+/// Collects the photos of `sources` in `folder`: all of them or none.
+pub(super) fn collect(
+    sources: &Sources,
+    inputs: Vec<String>,
+    folder: &Path,
+    options: &CaptureOptions,
+    details: &mut PhotosDetails,
+    observer: StageObserver<'_>,
+) -> Result<TakenPhotos> {
+    let made = AtomicFolder::create(folder)?;
+    let (images, work) = (made.path().join("images"), made.path().join(WORK));
+    std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
+    let opened = in_chunks(&sources.photos, observer, "reading photos", open)?;
+    let groups: BTreeSet<String> = opened.iter().map(Opened::group).collect();
+    let by_folder = groups.len() + sources.videos.len() > 1;
+
+    let mut photos = Vec::new();
+    for video in &sources.videos {
+        let ffmpeg = Ffmpeg::find(video)?;
+        let log = &mut Log::open(&work.join("ffmpeg.log"))?;
+        let below = if by_folder { video_folder(video, &photos, &groups) } else { String::new() };
+        let (names, frames) = ffmpeg.take(video, &images.join(&below), options.frames, log, observer)?;
+        details.video_frames += frames;
+        details.frames += names.len() as u64;
+        photos.extend(names.into_iter().map(|name| TakenPhoto {
+            name: if below.is_empty() { name } else { format!("{below}/{name}") },
+            source: video.display().to_string(),
+            frame: true,
+            exposure_stops: None,
+        }));
+    }
+    let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&opened, by_folder)).collect();
+    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| photo.save(&images, name))?);
+    let count = |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
+    details.photos = photos.len() as u64;
+    details.turned = count(&|photo| photo.notes.orientation > 1);
+    details.converted = count(&|photo| photo.change == Change::Converted);
+    details.cameras = (groups.len() + sources.videos.len()) as u64;
+    details.focal_known = count(&|photo| photo.notes.focal_35.is_some());
+
+    let one = opened.first().filter(|_| !by_folder);
+    let focal_px = one.and_then(|photo| photo.notes.focal_px(photo.size));
+    let size = one.map(|photo| photo.size.to_array());
+    let taken = TakenPhotos { inputs, photos, by_folder, focal_px, size };
+    let list = made.path().join(LIST);
+    let text = serde_json::to_string_pretty(&taken).unwrap_or_default() + "\n";
+    std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
+    made.publish(WORK)?;
+    Ok(taken)
+}
+
+/// Applies `work` to `list` in order, in batches.
+fn in_chunks<A: Sync, B: Send>(
+    list: &[A],
+    observer: StageObserver<'_>,
+    what: &str,
+    work: impl Fn(&A) -> Result<B> + Sync,
+) -> Result<Vec<B>> {
+    let mut done = Vec::with_capacity(list.len());
+    for chunk in list.chunks(CHUNK) {
+        tell(observer, StageEvent::Noted(&format!("{what}: {} of {}", done.len(), list.len())))?;
+        tell(observer, StageEvent::Progressed(done.len() as f64 / list.len() as f64))?;
+        let part = parallel::map(chunk, |_, item| work(item));
+        done.extend(part.into_iter().collect::<Result<Vec<B>>>()?);
+    }
+    Ok(done)
+}
+
+/// Reads a photo's size and EXIF.
+fn open(source: &SourcePhoto) -> Result<Opened> {
+    let limits = &Limits::DEFAULT;
+    let size = RgbImage::size_of(&source.path, limits)?;
+    let bytes = input::read(&source.path, limits)?;
+    let notes = PhotoNotes::of(&bytes);
+    let change = match (notes.orientation, is_plain(&bytes)) {
+        (1, true) => Change::Copied,
+        (_, true) => Change::Turned,
+        (_, false) => Change::Converted,
+    };
+    let size = if notes.orientation >= 5 { UVec2::new(size.y, size.x) } else { size };
+    Ok(Opened { source: source.clone(), notes, size, change, is_jpeg: is_jpeg(&bytes) })
+}
+
+fn is_jpeg(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0xff, 0xd8])
+}
+
+/// True for files that every program reads alike: JPEG with one or three channels, 8-bit PNG.
+fn is_plain(bytes: &[u8]) -> bool {
+    const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+    /// Byte offset of a PNG's bit depth.
+    const PNG_BITS: usize = 24;
+    match is_jpeg(bytes) {
+        true => {
+            let mut decoder = jpeg_decoder::Decoder::new(bytes);
+            let format = decoder.read_info().ok().and_then(|()| decoder.info()).map(|info| info.pixel_format);
+            matches!(format, Some(jpeg_decoder::PixelFormat::RGB24 | jpeg_decoder::PixelFormat::L8))
+        }
+        false => bytes.starts_with(PNG) && bytes.get(PNG_BITS) == Some(&8),
+    }
+}
+
+impl Opened {
+    /// Folder of its camera: photos of the same size and focal length share one.
+    fn group(&self) -> String {
+        let UVec2 { x, y } = self.size;
+        match self.notes.focal_35 {
+            Some(focal) => format!("{x}x{y}-{focal:.0}mm"),
+            None => format!("{x}x{y}"),
+        }
+    }
+
+    /// Its `rank`th choice of a name, from 0.
+    fn choice(&self, by_folder: bool, rank: usize) -> String {
+        let below = if by_folder { self.group() + "/" } else { String::new() };
+        let name = below + &self.source.name;
+        let dot = name.rfind('.').filter(|dot| !name[*dot..].contains('/')).unwrap_or(name.len());
+        let (stem, ending) = name.split_at(dot);
+        match (self.change == Change::Converted, rank) {
+            (false, 0) => name,
+            (false, _) => format!("{stem}-{}{ending}", rank + 1),
+            (true, 0) => format!("{stem}.png"),
+            (true, 1) => format!("{name}.png"),
+            (true, _) => format!("{name}-{rank}.png"),
+        }
+    }
+
+    /// Writes it into `images` as `name`.
+    fn save(&self, images: &Path, name: &str) -> Result<TakenPhoto> {
+        let from = &self.source.path;
+        let to = images.join(name);
+        let io = |e| Error::io(&to, e);
+        let folder = to.parent().unwrap_or(images);
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        match self.change {
+            Change::Copied => input::copy(from, &to)?,
+            Change::Turned | Change::Converted => {
+                let picture = RgbImage::load(from)?.turned(self.notes.orientation);
+                let bytes = match self.change == Change::Turned && self.is_jpeg {
+                    true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
+                    false => picture.to_png()?,
+                };
+                std::fs::write(&to, bytes).map_err(io)?;
+            }
+        }
+        let (source, exposure_stops) = (from.display().to_string(), self.notes.exposure_stops);
+        Ok(TakenPhoto { name: name.to_owned(), source, frame: false, exposure_stops })
+    }
+}
+
+/// Names of `photos` that differ, also where upper and lower case are one. Photos that keep their format choose first.
+fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let mut names = vec![String::new(); photos.len()];
+    for converted in [false, true] {
+        for (photo, name) in photos.iter().zip(&mut names) {
+            if (photo.change == Change::Converted) == converted {
+                let mut choices = (0..).map(|rank| photo.choice(by_folder, rank));
+                *name = choices.find(|name| taken.insert(name.to_lowercase())).unwrap_or_default();
+            }
+        }
+    }
+    names
+}
+
+/// Folder name for a video's frames: no other video has it, also where upper and lower case are one, and none of the photos' `groups`.
+fn video_folder(video: &Path, before: &[TakenPhoto], groups: &BTreeSet<String>) -> String {
+    let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(['/', '\\'], "_");
+    let taken = |name: &str| {
+        let name = name.to_lowercase();
+        let has = |photo: &TakenPhoto| photo.name.to_lowercase().starts_with(&format!("{name}/"));
+        groups.contains(&name) || before.iter().any(has)
+    };
+    let numbered = (2..).map(|n| format!("{stem}-{n}"));
+    std::iter::once(stem.clone()).chain(numbered).find(|name| !taken(name)).unwrap_or(stem)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn photos_of_one_stem_or_of_names_that_differ_in_case_have_distinct_names() {
+        let photos = ["A.png", "a.PNG", "b-2.PNG", "a.jpg", "a.webp", "a.tif", "b.c/d.tif"];
+        let opened = photos.map(|name| Opened {
+            source: SourcePhoto { path: PathBuf::new(), name: name.to_owned() },
+            notes: PhotoNotes::default(),
+            size: UVec2::ONE,
+            change: if name.contains('w') || name.contains('f') { Change::Converted } else { Change::Copied },
+            is_jpeg: false,
+        });
+        let names = distinct(&opened, false);
+        assert_eq!(names, ["A.png", "a-2.PNG", "b-2.PNG", "a.jpg", "a.webp.png", "a.tif.png", "b.c/d.png"]);
+    }
+
+    #[test]
+    fn no_video_shares_a_folder_with_another_or_with_photos() {
+        let before = TakenPhoto { name: "Walk/frame_000001.jpg".into(), ..TakenPhoto::default() };
+        let groups = BTreeSet::from(["640x480".to_owned()]);
+        let folder = |video: &str| video_folder(Path::new(video), std::slice::from_ref(&before), &groups);
+        assert_eq!(["b/walk.mov", "640x480.mp4", "c.mp4"].map(folder), ["walk-2", "640x480-2", "c"]);
+    }
+}
