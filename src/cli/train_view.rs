@@ -120,7 +120,7 @@ fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoade
         }
     };
     let follow = move || follower.lock().unwrap_or_else(PoisonError::into_inner).next();
-    SceneLoader { load: Arc::new(load), add_bvh: view::add_bvh, follow: Some(Arc::new(follow)) }
+    SceneLoader { load: Arc::new(load), follow: Some(Arc::new(follow)) }
 }
 
 /// Passes scenes to the window during training.

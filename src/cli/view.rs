@@ -4,14 +4,12 @@ use glam::{DVec3, UVec2, Vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
 use trisplat_job::{BakedScene, SceneRenderer};
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera,
-    placed,
+    Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera, placed,
 };
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
@@ -79,7 +77,7 @@ pub fn run(args: &ViewArgs) -> Result<()> {
     let files = SceneFiles { file: args.file.clone(), dataset: args.dataset.clone() };
     let (how, folder) = (args.dataset_options.clone(), args.screenshots.clone());
     let load = move |files: &SceneFiles, progress: &dyn Fn(&str)| load(files, &how, &folder, progress);
-    window::open(options, files, SceneLoader { load: Arc::new(load), add_bvh, follow: None })
+    window::open(options, files, SceneLoader { load: Arc::new(load), follow: None })
 }
 
 /// Reads a scene and its photos with the options `how`; the user's files go to `folder`.
@@ -131,13 +129,12 @@ pub(super) fn window_scene(
     let source = soup.map(|soup| {
         let mut scene = match splats {
             Some(splats) => SceneRenderer::splats(splats, &Placement::IDENTITY, None, background),
-            None => SceneRenderer::soft(soup.clone(), &Placement::IDENTITY, None, background),
+            None => SceneRenderer::soft(soup, &Placement::IDENTITY, None, background),
         };
         let renderer = Box::new(move |camera: &Camera| {
             scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
         });
-        let to_soup = Arc::new(move |v: Vec3| bake_placement.to_world(v));
-        SoupSource { soup: Arc::new(soup), to_soup, renderer, rest: 0.0 }
+        SoupSource { renderer, rest: 0.0 }
     });
     let (file, folder) = (file.to_owned(), folder.to_owned());
     let save_crop = Arc::new(move |region: &Region| save_crop(&file, &folder, region));
@@ -161,10 +158,4 @@ fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
     config.write_all(text.as_bytes()).map_err(|e| Error::io(&path, e))?;
     config.commit()?;
     Ok(format!("saved {}: trisplat bake {} --config {0} ...", path.display(), file.display()))
-}
-
-/// Adds the BVH for picking.
-pub(super) fn add_bvh(mut asset: Asset) -> Result<Asset> {
-    bvh(&mut asset, &BvhOptions { bvh: true }, &mut BvhDetails::default())?;
-    Ok(asset)
 }

@@ -196,21 +196,26 @@ fn a_task_reads_its_own_photos_and_no_points() {
 #[test]
 fn what_no_photo_shows_is_left_out_and_its_triangles_go_to_the_others() {
     let folder = planned();
-    // Photos that look down on one corner of the town only; the points are those of all of it.
-    let path = folder.path().join("photos/transforms.json");
-    let mut transforms: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-    let frames = transforms["frames"].as_array_mut().unwrap();
-    let count = frames.len();
-    for (i, frame) in frames.iter_mut().enumerate() {
-        frame["transform_matrix"] = serde_json::json!([
-            [1.0, 0.0, 0.0, -15.0 + i as f64 / count as f64],
-            [0.0, 1.0, 0.0, -15.0],
-            [0.0, 0.0, 1.0, 25.0],
-            [0.0, 0.0, 0.0, 1.0]
-        ]);
-        (frame["fl_x"], frame["fl_y"]) = (300.0.into(), 300.0.into());
-    }
-    std::fs::write(&path, transforms.to_string()).unwrap();
+    // Photos that look down on one corner of the scene only; the points are those of all of it.
+    let sparse = folder.path().join("photos/sparse/0");
+    let edit = |name: &str, line: &dyn Fn(usize, &str) -> String| {
+        let text = std::fs::read_to_string(sparse.join(name)).unwrap();
+        let edited: String = text.lines().enumerate().map(|(i, text)| line(i, text) + "\n").collect();
+        std::fs::write(sparse.join(name), edited).unwrap();
+    };
+    edit("images.txt", &|i, text| match text.split(' ').collect::<Vec<_>>()[..] {
+        [id, _, _, _, _, _, _, _, camera, name] if name.ends_with(".png") => {
+            let turn = std::f64::consts::FRAC_1_SQRT_2;
+            format!("{id} {turn} {turn} 0 0 {} -1.5 4 {camera} {name}", 1.5 + 1e-3 * i as f64)
+        }
+        _ => text.to_owned(),
+    });
+    edit("cameras.txt", &|_, text| match text.split(' ').collect::<Vec<_>>()[..] {
+        [id, "PINHOLE", width, height, _, _, x, y] => {
+            format!("{id} PINHOLE {width} {height} 300 300 {x} {y}")
+        }
+        _ => text.to_owned(),
+    });
     let plan = ["plan", "photos", "-o", "corner", "--blocks", "16", "--coarse-steps", "20"];
     let more = ["--set", "init.shell_subdivisions=0", "--steps", "60", "--max-triangles", "3001"];
     let said = succeed(folder.path(), &[&plan[..], &more[..]].concat());

@@ -233,9 +233,9 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     wait_for("normals", || (off(&desk.seen(), &turned) > 0.6).then_some(()));
     desk.xdotool("key 1");
     same(&desk, &turned, "colour");
-    desk.xdotool("key 4");
+    desk.xdotool("key 3");
     wait_for("wireframe", || (off(&desk.seen(), &turned) > 0.3).then_some(()));
-    desk.xdotool("key 4");
+    desk.xdotool("key 3");
     same(&desk, &turned, "triangles");
 
     // Flying moves; N goes to the next photo, P back.

@@ -235,17 +235,9 @@ fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> 
     })
 }
 
-fn params(camera: &Camera) -> FrameParams<'static> {
+fn params(camera: &Camera) -> FrameParams {
     let (display, background) = (DisplayMode::Color, BACKGROUND);
-    FrameParams {
-        camera: *camera,
-        near: NEAR,
-        background,
-        display,
-        wireframe: false,
-        subset: None,
-        level_bias: 0.0,
-    }
+    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false, level_bias: 0.0 }
 }
 
 /// One frame, drawn and read back.

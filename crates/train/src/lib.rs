@@ -61,7 +61,7 @@ pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES};
 pub use exposure::ExposureDetails;
 #[cfg(feature = "gpu")]
-pub use gpu::{CardScene, GpuBackend, GpuLimits, StepTimes};
+pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::PhotoIdentity;
 pub use identity::RunIdentity;
 pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight};

@@ -77,7 +77,6 @@ impl Headless {
             background: options.background,
             display: options.display,
             wireframe: false,
-            subset: None,
             level_bias: (options.samples as f32).log2(),
         };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
@@ -97,7 +96,7 @@ impl Headless {
         encoder: &mut CommandEncoder,
         canvas: &Canvas,
         model: &Model,
-        params: &FrameParams<'_>,
+        params: &FrameParams,
         timestamps: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<DrawStats> {
         canvas.draw(&self.gpu, &mut self.renderer, encoder, model, params, timestamps)
@@ -125,13 +124,13 @@ impl Canvas {
     }
 
     /// Records one frame.
-    pub fn draw(
+    pub(crate) fn draw(
         &self,
         gpu: &Gpu,
         renderer: &mut Renderer,
         encoder: &mut CommandEncoder,
         model: &Model,
-        params: &FrameParams<'_>,
+        params: &FrameParams,
         timestamps: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<DrawStats> {
         let output = FrameOutput { picture: &self.view, attachments: &self.attachments, timestamps };

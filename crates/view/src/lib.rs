@@ -3,8 +3,6 @@
 //!
 //! In: scenes and assets. Out: pictures drawn as an engine draws them, and a window.
 
-#[cfg(feature = "gpu")]
-mod cull;
 #[cfg(feature = "view")]
 mod frame_rate;
 #[cfg(feature = "gpu")]
@@ -14,8 +12,6 @@ mod layout;
 #[cfg(feature = "gpu")]
 mod model;
 pub mod orbit;
-#[cfg(feature = "gpu")]
-mod pages;
 #[cfg(feature = "gpu")]
 mod renderer;
 pub mod show;

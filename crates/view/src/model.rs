@@ -1,18 +1,15 @@
 //! An asset in GPU memory.
 
-use super::cull::Frustum;
-use super::layout::{self, Aabb, CornerVertex, TextureVertex, VertexLayout};
-use super::pages::{Pages, runs};
+use super::layout::{self, Aabb, CornerVertex, Frustum, TextureVertex, VertexLayout};
 use glam::Vec3;
 use std::ops::Range;
 use trisplat_gpu::{Gpu, buffer};
 use trisplat_scene::{
-    Asset, Chunk, Error, Result, Rng,
+    Asset, Chunk, Error, FaceTexture, Result, Texture,
     camera::Camera,
     mesh::{Colors, Mesh},
 };
-use wgpu::{BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, Buffer, BufferUsages};
-use wgpu::{IndexFormat, RenderPass};
+use wgpu::*;
 
 /// An asset in GPU memory.
 #[derive(Debug)]
@@ -32,20 +29,11 @@ pub struct Model {
 
 /// The layouts of the bind groups that models have.
 #[derive(Debug, Clone)]
-pub struct ModelGroups {
+pub(crate) struct ModelGroups {
     /// Face colours.
-    pub faces: BindGroupLayout,
+    pub(crate) faces: BindGroupLayout,
     /// A page of a texture.
-    pub page: BindGroupLayout,
-}
-
-/// Some of a model's faces.
-#[derive(Debug)]
-pub struct Subset {
-    /// Three vertices per face.
-    indices: Buffer,
-    /// The part of the indices that belongs to each chunk, counted in faces. `[chunks]`
-    ranges: Vec<Range<u32>>,
+    pub(crate) page: BindGroupLayout,
 }
 
 /// One draw call: a run of faces, and the chunk that it (or its first face) is in.
@@ -55,7 +43,7 @@ impl Model {
     /// Uploads the faces of `asset`.
     ///
     /// Errors: the layout does not fit the mesh, or the card has no room.
-    pub fn upload(gpu: &Gpu, groups: &ModelGroups, asset: &Asset, layout: VertexLayout) -> Result<Self> {
+    pub(crate) fn upload(gpu: &Gpu, groups: &ModelGroups, asset: &Asset, layout: VertexLayout) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         if !layout.fits(mesh) {
@@ -100,38 +88,8 @@ impl Model {
         self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
     }
 
-    /// The box around all chunks.
-    pub fn bounds(&self) -> Aabb {
-        self.chunks.iter().fold(Aabb::EMPTY, |all, (_, bounds)| all.union(*bounds))
-    }
-
-    /// The faces selected by `keep`, about `share` of all; the same ones for the same seed.
-    pub fn subset(
-        &self,
-        gpu: &Gpu,
-        mesh: &Mesh,
-        share: f64,
-        seed: u64,
-        keep: impl Fn(u32) -> bool,
-    ) -> Result<Subset> {
-        let rng = Rng::new(seed, "random subset", 0);
-        let (mut faces, mut ranges) = (Vec::new(), Vec::with_capacity(self.chunks.len()));
-        for (chunk, _) in &self.chunks {
-            let first = faces.len() as u32;
-            let all = chunk.first..chunk.first + chunk.count;
-            faces.extend(all.filter(|&face| rng.uniform_f64(face.into()) < share && keep(face)));
-            ranges.push(first..faces.len() as u32);
-        }
-        let index = |i: usize| match self.pages {
-            Some(_) => 3 * faces[i / 3] + (i % 3) as u32,
-            None => mesh.face(faces[i / 3] as usize)[i % 3],
-        };
-        let indices = buffer::filled(gpu, "subset", BufferUsages::INDEX, 3 * faces.len(), index)?;
-        Ok(Subset { indices, ranges })
-    }
-
-    /// The draw calls for the view of `camera`; with `per_chunk` one for every chunk.
-    pub fn draw_calls(&self, camera: &Camera, near: f32, per_chunk: bool) -> Vec<DrawCall> {
+    /// The draw calls for the view of `camera`.
+    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32) -> Vec<DrawCall> {
         let frustum = Frustum::new(camera, near);
         let mut draws: Vec<DrawCall> = Vec::new();
         for (i, (chunk, bounds)) in self.chunks.iter().enumerate() {
@@ -140,9 +98,7 @@ impl Model {
             }
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
-                Some((run, last))
-                    if run.end == faces.start && !per_chunk && self.page(*last) == self.page(i as u32) =>
-                {
+                Some((run, last)) if run.end == faces.start && self.page(*last) == self.page(i as u32) => {
                     run.end = faces.end;
                 }
                 _ => draws.push((faces, i as u32)),
@@ -157,31 +113,17 @@ impl Model {
     }
 
     /// Draws with a pipeline of this model's layout; returns the number of triangles.
-    pub fn draw(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall]) -> u64 {
+    pub(crate) fn draw(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall]) -> u64 {
         self.bind(pass);
         for (faces, chunk) in draws {
             let corners = 3 * faces.start..3 * faces.end;
             self.pages.iter().for_each(|pages| pages.bind(pass, *chunk));
             match &self.indices {
-                Some(_) => pass.draw_indexed(corners, 0, *chunk..chunk + 1),
-                None => pass.draw(corners, *chunk..chunk + 1),
+                Some(_) => pass.draw_indexed(corners, 0, 0..1),
+                None => pass.draw(corners, 0..1),
             }
         }
         draws.iter().map(|(faces, _)| u64::from(faces.end - faces.start)).sum()
-    }
-
-    /// Draws the faces of `subset` in the chunks of `draws`, one by one.
-    pub fn draw_subset(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall], subset: &Subset) -> u64 {
-        self.bind(pass);
-        pass.set_index_buffer(subset.indices.slice(..), IndexFormat::Uint32);
-        let mut triangles = 0;
-        for (_, chunk) in draws {
-            let Some(faces) = subset.ranges.get(*chunk as usize) else { continue };
-            self.pages.iter().for_each(|pages| pages.bind(pass, *chunk));
-            pass.draw_indexed(3 * faces.start..3 * faces.end, 0, *chunk..chunk + 1);
-            triangles += u64::from(faces.end - faces.start);
-        }
-        triangles
     }
 
     fn bind(&self, pass: &mut RenderPass<'_>) {
@@ -237,4 +179,144 @@ fn face_group(gpu: &Gpu, groups: &BindGroupLayout, colors: &[[f32; 3]]) -> Resul
         entries: &[BindGroupEntry { binding: 0, resource: colors.as_entire_binding() }],
     });
     Ok((group, colors.size()))
+}
+
+/// Bytes of a texel.
+const TEXEL: u32 = 4;
+
+/// The bind group of each page, and the page of each chunk.
+#[derive(Debug)]
+struct Pages {
+    /// `[pages]`
+    groups: Vec<BindGroup>,
+    /// `[chunks]`
+    page_of: Vec<u16>,
+    /// Bytes of GPU memory.
+    bytes: u64,
+}
+
+/// Layout of the bind group of a page.
+pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
+    let entry =
+        |binding, ty| BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None };
+    let picture = BindingType::Texture {
+        sample_type: TextureSampleType::Float { filterable: true },
+        view_dimension: TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let sampler = BindingType::Sampler(SamplerBindingType::Filtering);
+    gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor {
+        label: Some("page"),
+        entries: &[entry(2, picture), entry(3, sampler)],
+    })
+}
+
+impl Pages {
+    /// Uploads the pages of `texture`, for chunks that [`runs`] made.
+    ///
+    /// Errors: the card has no room.
+    fn upload(
+        gpu: &Gpu,
+        layout: &BindGroupLayout,
+        texture: &FaceTexture,
+        chunks: &[(Chunk, Aabb)],
+    ) -> Result<Self> {
+        let sampler = gpu.device.create_sampler(&SamplerDescriptor {
+            label: Some("trilinear"),
+            mag_filter: FilterMode::Linear,
+            min_filter: FilterMode::Linear,
+            mipmap_filter: MipmapFilterMode::Linear,
+            ..SamplerDescriptor::default()
+        });
+        let (mut groups, mut bytes) = (Vec::with_capacity(texture.pages.len()), 0);
+        for page in &texture.pages {
+            let (view, size) = picture(gpu, page)?;
+            bytes += size;
+            groups.push(gpu.device.create_bind_group(&BindGroupDescriptor {
+                label: Some("page"),
+                layout,
+                entries: &[
+                    BindGroupEntry { binding: 2, resource: BindingResource::TextureView(&view) },
+                    BindGroupEntry { binding: 3, resource: BindingResource::Sampler(&sampler) },
+                ],
+            }));
+        }
+        let page_of = chunks.iter().map(|(chunk, _)| texture.page(chunk.first as usize) as u16).collect();
+        Ok(Self { groups, page_of, bytes })
+    }
+
+    /// Number of a chunk's page.
+    fn page(&self, chunk: u32) -> u16 {
+        self.page_of.get(chunk as usize).copied().unwrap_or(0)
+    }
+
+    /// Binds the page of a chunk.
+    fn bind(&self, pass: &mut RenderPass<'_>, chunk: u32) {
+        if let Some(group) = self.groups.get(usize::from(self.page(chunk))) {
+            pass.set_bind_group(1, group, &[]);
+        }
+    }
+}
+
+/// Chunks cut where the page changes.
+fn runs(mesh: &Mesh, texture: &FaceTexture, chunks: Vec<(Chunk, Aabb)>) -> Vec<(Chunk, Aabb)> {
+    if texture.pages.len() < 2 {
+        return chunks;
+    }
+    let mut cut = Vec::with_capacity(chunks.len());
+    for (chunk, bounds) in chunks {
+        let mut first = chunk.first;
+        let end = chunk.first + chunk.count;
+        for face in first + 1..=end {
+            if face == end || texture.page(face as usize) != texture.page(first as usize) {
+                let run = Chunk { first, count: face - first };
+                cut.push((run, if run == chunk { bounds } else { Aabb::of(mesh, &run) }));
+                first = face;
+            }
+        }
+    }
+    cut
+}
+
+/// A page with its mip levels, and its bytes. Of one that is larger than the card's textures, the levels that fit.
+fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
+    let limit = gpu.device.limits().max_texture_dimension_2d;
+    let last = page.size().max_element().ilog2() as usize;
+    let first = (0..last).find(|level| page.level(*level).size.max_element() <= limit).unwrap_or(last);
+    let size = page.level(first).size;
+    let texture = gpu.device.create_texture(&TextureDescriptor {
+        label: Some("page"),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: (last - first + 1) as u32,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format: TextureFormat::Rgba8UnormSrgb,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check()?;
+    let mut bytes = 0;
+    for level in first..=last {
+        let pixels = page.level(level);
+        let texels: Vec<[u8; 4]> = pixels.rgb.iter().map(|[r, g, b]| [*r, *g, *b, 255]).collect();
+        bytes += texels.len() as u64 * u64::from(TEXEL);
+        let (width, height) = (pixels.size.x, pixels.size.y);
+        gpu.queue.write_texture(
+            TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level: (level - first) as u32,
+                origin: Origin3d::ZERO,
+                aspect: TextureAspect::All,
+            },
+            bytemuck::cast_slice(&texels),
+            TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(TEXEL * width),
+                rows_per_image: Some(height),
+            },
+            Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+    }
+    gpu.check()?;
+    Ok((texture.create_view(&TextureViewDescriptor::default()), bytes))
 }

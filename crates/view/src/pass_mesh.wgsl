@@ -17,7 +17,6 @@ struct Frame {
 
 override DISPLAY: u32 = 0u;
 const NORMALS: u32 = 1u;
-const CHUNKS: u32 = 2u;
 // 1 where the format of the target is not sRGB.
 override ENCODE: u32 = 0u;
 
@@ -37,7 +36,6 @@ struct TexturedDisplay {
     @builtin(position) clip: vec4<f32>,
     @location(0) uv: vec2<f32>,
     @location(1) view: vec3<f32>,
-    @location(2) @interpolate(flat) chunk: u32,
 }
 struct Displayed {
     @builtin(position) clip: vec4<f32>,
@@ -51,23 +49,9 @@ fn unpack_color(bits: u32) -> vec3<f32> {
     return root * root;
 }
 
-fn shown(color: vec3<f32>, chunk: u32) -> vec3<f32> {
-    if DISPLAY == CHUNKS {
-        let brightness = dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
-        return hue(chunk) * (0.25 + 0.75 * brightness);
-    }
-    return color;
-}
-
-fn displayed(position: vec3<f32>, color: vec3<f32>, chunk: u32) -> Displayed {
+fn displayed(position: vec3<f32>, color: vec3<f32>) -> Displayed {
     let at = vec4<f32>(position, 1.0);
-    return Displayed(frame.clip * at, shown(color, chunk), (frame.view * at).xyz);
-}
-
-// Chunk colours that differ from their neighbours': hues a golden angle apart.
-fn hue(chunk: u32) -> vec3<f32> {
-    let hue6 = fract(f32(chunk) * 0.61803399) * 6.0;
-    return clamp(abs((vec3<f32>(hue6) + vec3<f32>(0.0, 4.0, 2.0)) % vec3<f32>(6.0) - 3.0) - 1.0, vec3<f32>(0.05), vec3<f32>(1.0));
+    return Displayed(frame.clip * at, color, (frame.view * at).xyz);
 }
 
 @vertex
@@ -76,8 +60,8 @@ fn corner_color(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) 
 }
 
 @vertex
-fn corner_display(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>, @builtin(instance_index) chunk: u32) -> Displayed {
-    return displayed(position, root.rgb * root.rgb, chunk);
+fn corner_display(@location(0) position: vec3<f32>, @location(1) root: vec4<f32>) -> Displayed {
+    return displayed(position, root.rgb * root.rgb);
 }
 
 @vertex
@@ -86,8 +70,8 @@ fn face_color(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u
 }
 
 @vertex
-fn face_display(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32, @builtin(instance_index) chunk: u32) -> Displayed {
-    return displayed(position, unpack_color(face_colors[vertex / 3u]), chunk);
+fn face_display(@location(0) position: vec3<f32>, @builtin(vertex_index) vertex: u32) -> Displayed {
+    return displayed(position, unpack_color(face_colors[vertex / 3u]));
 }
 
 @vertex
@@ -96,9 +80,9 @@ fn texture_color(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -
 }
 
 @vertex
-fn texture_display(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>, @builtin(instance_index) chunk: u32) -> TexturedDisplay {
+fn texture_display(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> TexturedDisplay {
     let at = vec4<f32>(position, 1.0);
-    return TexturedDisplay(frame.clip * at, uv, (frame.view * at).xyz, chunk);
+    return TexturedDisplay(frame.clip * at, uv, (frame.view * at).xyz);
 }
 
 fn srgb_from_linear(linear: vec3<f32>) -> vec3<f32> {
@@ -152,6 +136,5 @@ fn texture_display_light(seen: TexturedDisplay) -> @location(0) vec4<f32> {
     if DISPLAY == NORMALS {
         return written(normal_light(seen.view));
     }
-    let color = textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb;
-    return written(shown(color, seen.chunk));
+    return written(textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb);
 }

@@ -3,8 +3,7 @@
 //! light and sRGB-encoded when written.
 
 use super::layout::{CornerVertex, TextureVertex, VertexLayout};
-use super::model::{Model, ModelGroups, Subset};
-use super::pages;
+use super::model::{Model, ModelGroups, page_layout};
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4, Vec4};
 use std::collections::HashMap;
@@ -14,7 +13,7 @@ use wgpu::*;
 
 /// How one frame is drawn.
 #[derive(Debug, Clone, Copy)]
-pub struct FrameParams<'a> {
+pub struct FrameParams {
     /// The camera, at the size of the picture.
     pub camera: Camera,
     /// Least depth that is drawn, world units.
@@ -25,8 +24,6 @@ pub struct FrameParams<'a> {
     pub display: DisplayMode,
     /// Edges only.
     pub wireframe: bool,
-    /// Some of the faces only.
-    pub subset: Option<&'a Subset>,
     /// Added to the mip level of textures: for several samples per pixel along each axis, the logarithm of their number to base 2.
     pub level_bias: f32,
 }
@@ -39,8 +36,6 @@ pub enum DisplayMode {
     Color,
     /// Their normal: red to the right, green up, blue to the viewer.
     Normals,
-    /// Which chunk they are in.
-    Chunks,
 }
 
 /// Counts of a drawn frame.
@@ -54,9 +49,9 @@ pub struct DrawStats {
 
 /// The depth buffer and, with multisampling, the samples of a frame; the picture is separate.
 #[derive(Debug)]
-pub struct Attachments {
+pub(crate) struct Attachments {
     /// Width and height, px.
-    pub size: glam::UVec2,
+    pub(crate) size: glam::UVec2,
     format: TextureFormat,
     samples: u32,
     depth: TextureView,
@@ -67,7 +62,7 @@ impl Attachments {
     /// For pictures of `size` and `format`, with `samples` (1 or 4) per pixel.
     ///
     /// Errors: larger than the card can draw, or more memory than it has.
-    pub fn new(gpu: &Gpu, size: glam::UVec2, format: TextureFormat, samples: u32) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu, size: glam::UVec2, format: TextureFormat, samples: u32) -> Result<Self> {
         let limit = gpu.device.limits().max_texture_dimension_2d;
         if size.min_element() == 0 || size.max_element() > limit {
             let wants = format!("1 to {limit} px per side on {}", gpu.info.name);
@@ -84,13 +79,13 @@ impl Attachments {
 
 /// Where a frame goes.
 #[derive(Debug)]
-pub struct FrameOutput<'a> {
+pub(crate) struct FrameOutput<'a> {
     /// The picture, of the attachments' size and format.
-    pub picture: &'a TextureView,
+    pub(crate) picture: &'a TextureView,
     /// Its depth and samples.
-    pub attachments: &'a Attachments,
+    pub(crate) attachments: &'a Attachments,
     /// The buffers of timestamps.
-    pub timestamps: Option<RenderPassTimestampWrites<'a>>,
+    pub(crate) timestamps: Option<RenderPassTimestampWrites<'a>>,
 }
 
 /// A texture to draw to.
@@ -136,7 +131,7 @@ struct PipelineKey {
 
 /// Draws models.
 #[derive(Debug)]
-pub struct Renderer {
+pub(crate) struct Renderer {
     shader: ShaderModule,
     frame: Buffer,
     frame_group: BindGroup,
@@ -147,7 +142,7 @@ pub struct Renderer {
 
 impl Renderer {
     /// A renderer on `gpu`; all calls must pass the same `gpu`.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self> {
         let source = ShaderSource::Wgsl(include_str!("pass_mesh.wgsl").into());
         let shader =
             gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
@@ -162,7 +157,7 @@ impl Renderer {
         let storage = BufferBindingType::Storage { read_only: true };
         let groups = ModelGroups {
             faces: group_layout(gpu, "faces", ShaderStages::VERTEX, &[storage]),
-            page: pages::group_layout(gpu),
+            page: page_layout(gpu),
         };
         let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
             label: Some("frame"),
@@ -174,12 +169,12 @@ impl Renderer {
     }
 
     /// The layouts of bind groups, for [`Model::upload`].
-    pub fn groups(&self) -> &ModelGroups {
+    pub(crate) fn groups(&self) -> &ModelGroups {
         &self.groups
     }
 
     /// The best layout for `asset` on this card.
-    pub fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
+    pub(crate) fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
         let limits = gpu.device.limits();
         let color_bytes = 4 * asset.mesh.face_count() as u64;
         let room = limits.max_storage_buffers_per_shader_stage >= 1
@@ -192,7 +187,7 @@ impl Renderer {
     }
 
     /// Uploads an asset to GPU memory; `None` chooses the layout. Errors: see [`Model::upload`].
-    pub fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
+    pub(crate) fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
         let layout = layout.unwrap_or_else(|| Self::best_layout(gpu, asset));
         Model::upload(gpu, &self.groups, asset, layout)
     }
@@ -200,13 +195,13 @@ impl Renderer {
     /// Records the drawing of `model` onto a picture, which is cleared first.
     ///
     /// Errors: a display mode that the card cannot draw.
-    pub fn draw(
+    pub(crate) fn draw(
         &mut self,
         gpu: &Gpu,
         encoder: &mut CommandEncoder,
         output: FrameOutput<'_>,
         model: &Model,
-        params: &FrameParams<'_>,
+        params: &FrameParams,
     ) -> Result<DrawStats> {
         let Attachments { format, samples, .. } = *output.attachments;
         let FrameParams { display, wireframe, .. } = *params;
@@ -214,16 +209,12 @@ impl Renderer {
         self.prepare(gpu, key)?;
         let uniform = frame_uniform(params);
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
-        let per_chunk = display == DisplayMode::Chunks || params.subset.is_some();
-        let draws = model.draw_calls(&params.camera, params.near, per_chunk);
+        let draws = model.draw_calls(&params.camera, params.near);
         let mut pass = begin(encoder, output, params.background);
         let Some(pipeline) = self.pipelines.get(&key) else { return Ok(DrawStats::default()) };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.frame_group, &[]);
-        let triangles = match params.subset {
-            Some(subset) => model.draw_subset(&mut pass, &draws, subset),
-            None => model.draw(&mut pass, &draws),
-        };
+        let triangles = model.draw(&mut pass, &draws);
         Ok(DrawStats { triangles, draws: draws.len() as u32 })
     }
 
@@ -380,7 +371,7 @@ fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
 /// ```text
 /// (x, y, z, w) = (2 (fx X + cx Z) / W - Z,  Z - 2 (fy Y + cy Z) / H,  near,  Z)   of the camera's X, Y, Z
 /// ```
-fn frame_uniform(params: &FrameParams<'_>) -> FrameUniform {
+fn frame_uniform(params: &FrameParams) -> FrameUniform {
     let (camera, near) = (&params.camera, params.near);
     let row = |r: usize| camera.rotation.row(r).as_dvec3().extend(camera.translation[r].into());
     let (x, y, z) = (row(0), row(1), row(2));

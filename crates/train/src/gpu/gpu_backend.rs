@@ -12,14 +12,13 @@ use super::sequence::{BindGroups, Sequence};
 use super::step_buffers::{SLOT_PARTS, StepBuffers, StepCapacity};
 use super::step_passes::StepPasses;
 use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
-use super::work::StepWork;
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;
 use std::borrow::Cow;
 use std::collections::VecDeque;
 use trisplat_gpu::{
-    Gpu, StageTimer,
+    Gpu,
     readback::{Readback, elements},
     storage, uniform,
 };
@@ -29,15 +28,6 @@ use wgpu::{Buffer, CommandEncoder};
 
 /// Storage buffers that one pass binds.
 const STORAGE_BUFFERS: u32 = 14;
-
-/// The time of a step by stages.
-#[derive(Debug, Clone)]
-pub struct StepTimes {
-    /// Stages in their order, and milliseconds.
-    pub stages: Vec<(&'static str, f64)>,
-    /// The work of the step.
-    pub work: StepWork,
-}
 
 /// A training scene on a graphics card.
 ///
@@ -68,9 +58,6 @@ pub struct GpuBackend {
     spare: Vec<Readback>,
     figures: Vec<StepStats>,
     repeats: u64,
-    timer: Option<StageTimer>,
-    /// The work of the last step with known figures.
-    work: Option<StepWork>,
     /// The last loaded state, which survives the loss of the card.
     loaded: Option<TrainState>,
     /// Why begun steps will never finish.
@@ -114,8 +101,6 @@ impl GpuBackend {
             spare: Vec::new(),
             figures: Vec::new(),
             repeats: 0,
-            timer: None,
-            work: None,
             loaded: None,
             failure: None,
             limits,
@@ -148,20 +133,6 @@ impl GpuBackend {
     /// How often steps were repeated because one did not fit its buffers.
     pub fn repeats(&self) -> u64 {
         self.repeats
-    }
-
-    /// Makes a step as [`TrainBackend::step`] does, and waits for it. Returns its stages with their
-    /// milliseconds, and its work; `None` where the card has no timestamps.
-    pub fn timed_step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<Option<StepTimes>> {
-        self.settle_all()?;
-        self.timer = StageTimer::new(&self.gpu);
-        let made = self.step(photo, rates).and_then(|()| self.settle_all());
-        let timer = self.timer.take();
-        made?;
-        match (timer, self.work) {
-            (Some(timer), Some(work)) => Ok(Some(StepTimes { stages: timer.times(&self.gpu)?, work })),
-            _ => Ok(None),
-        }
     }
 
     /// The scene.
@@ -210,9 +181,7 @@ impl GpuBackend {
     fn launch(&mut self, mut pending: PendingStep) -> Result<()> {
         let mut encoder = self.begin(&mut pending.step, &pending.counts)?;
         pending.photo.copy(&self.gpu, &mut encoder, &self.buffers()?.photo);
-        self.timer.iter_mut().for_each(|timer| timer.begin());
         self.record(&pending.plan, pending.regularised, &mut encoder, |passes, to| passes.record(to))?;
-        self.timer.iter().for_each(|timer| timer.end(&mut encoder));
         pending.readback.record(&mut encoder, &self.counts);
         let submission = self.gpu.queue.submit([encoder.finish()]);
         pending.readback.submitted(submission);
@@ -254,8 +223,7 @@ impl GpuBackend {
             regularised,
         };
         let (gpu, jobs, groups, bind_groups) = (&self.gpu, &self.jobs, &self.groups, &mut self.bind_groups);
-        let timer = self.timer.as_mut();
-        what(&passes, &mut Sequence { gpu, bind_groups, jobs, groups, encoder, timer, pass: None });
+        what(&passes, &mut Sequence { gpu, bind_groups, jobs, groups, encoder, pass: None });
         Ok(())
     }
 
@@ -283,7 +251,6 @@ impl GpuBackend {
             }
             None => {
                 self.figures.extend(pending.map(|pending| pending.stats(&counts)));
-                self.work = pending.map(|pending| pending.work(&counts));
                 self.spare.extend(self.pending_steps.pop_front().map(|pending| pending.readback));
             }
         }

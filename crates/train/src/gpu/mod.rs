@@ -23,9 +23,8 @@ mod source;
 mod step_buffers;
 mod step_passes;
 mod uniform;
-mod work;
 
+pub use gpu_backend::GpuBackend;
 pub(super) use gpu_backend::expected_bytes;
-pub use gpu_backend::{GpuBackend, StepTimes};
 pub use limits::GpuLimits;
 pub use picture::CardScene;

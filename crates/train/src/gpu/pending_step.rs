@@ -2,11 +2,9 @@
 
 use super::job::{COUNTS, Count};
 use super::photos::PhotoSource;
-use super::rows::row_count;
 use super::source::GROUP;
 use super::step_buffers::StepCapacity;
 use super::uniform::{SceneShape, StepPlan, StepUniform};
-use super::work::StepWork;
 use crate::backend::{StepPhoto, StepStats};
 use crate::schedule::StepParams;
 use trisplat_gpu::readback::Readback;
@@ -26,7 +24,6 @@ pub(super) struct PendingStep {
     /// Reads back the counts after the last pass.
     pub(super) readback: Readback,
     dssim: f64,
-    shape: SceneShape,
 }
 
 impl PendingStep {
@@ -45,16 +42,8 @@ impl PendingStep {
             regularised: rates.beta_size > 0.0,
             readback,
             dssim: rates.dssim,
-            shape,
             plan,
         }
-    }
-
-    /// The work of the step, from the counts after the last pass.
-    pub(super) fn work(&self, counts: &[u32]) -> StepWork {
-        let (shape, degree) = (self.shape, self.step.sh_degree());
-        let numbers = row_count((usize::from(shape.sh_degree) + 1).pow(2));
-        StepWork::new(&self.plan, counts, shape.triangles, numbers, degree)
     }
 
     /// Its figures, from the counts after the last pass.

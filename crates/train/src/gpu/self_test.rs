@@ -99,7 +99,6 @@ fn computed(gpu: &Gpu, passes: &Passes, jobs: &Jobs, numbers: &Numbers) -> Resul
         jobs,
         groups: &counts,
         encoder: &mut encoder,
-        timer: None,
         pass: None,
     };
     let ordering = Ordering { passes, counts: &counts, histogram: &histogram, block_sums: &block_sums };

@@ -3,10 +3,8 @@
 use super::job::{Groups, Job, Jobs};
 use glam::UVec2;
 use std::collections::HashMap;
-use trisplat_gpu::{Gpu, Kernel, StageTimer, workgroups};
-use wgpu::{
-    BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
-};
+use trisplat_gpu::{Gpu, Kernel, workgroups};
+use wgpu::{BindGroup, BindingResource, Buffer, CommandEncoder, ComputePass, ComputePipeline};
 
 /// The number of workgroups of a pass.
 #[derive(Debug, Clone, Copy)]
@@ -52,22 +50,10 @@ pub(super) struct Sequence<'a> {
     pub(super) jobs: &'a Jobs,
     pub(super) groups: &'a Buffer,
     pub(super) encoder: &'a mut CommandEncoder,
-    /// Times the stages, each then in a separate compute pass.
-    pub(super) timer: Option<&'a mut StageTimer>,
     pub(super) pass: Option<ComputePass<'static>>,
 }
 
 impl<'a> Sequence<'a> {
-    /// Begins a stage of the step.
-    pub(super) fn stage(&mut self, name: &'static str) {
-        let Some(timer) = &mut self.timer else { return };
-        // A stage ends when the next one begins.
-        self.pass = None;
-        let timestamp_writes = timer.writes(name);
-        let descriptor = ComputePassDescriptor { label: Some(name), timestamp_writes };
-        self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
-    }
-
     /// A job as a binding.
     pub(super) fn job(&self, job: Job) -> BindingResource<'a> {
         self.jobs.get(job)

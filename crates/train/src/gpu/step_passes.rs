@@ -8,7 +8,6 @@ use super::sequence::{Sequence, Spread, all};
 use super::source::{GROUP, SCAN_ITEMS};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
-use super::work::tile_digits;
 use wgpu::{BindingResource, Buffer};
 
 /// The inputs and outputs of a step's passes.
@@ -37,31 +36,21 @@ impl StepPasses<'_> {
     /// Records them all.
     pub(super) fn record(&self, to: &mut Sequence<'_>) {
         self.draw(to);
-        to.stage("loss");
         self.loss(to);
         if self.plan.options.geometry {
-            to.stage("geometry");
             self.geometry(to);
         }
-        to.stage("backward");
         self.backward(to);
-        to.stage("gather");
         self.gather(to);
-        to.stage("update");
         self.update(to);
     }
 
     /// Records the passes up to the frame.
     pub(super) fn draw(&self, to: &mut Sequence<'_>) {
-        to.stage("project");
         self.project(to);
-        to.stage("sort by depth");
         self.sort_by_depth(to);
-        to.stage("bin");
         self.bin(to);
-        to.stage("sort by tile");
         self.sort_by_tile(to);
-        to.stage("forward");
         self.forward(to);
     }
 
@@ -286,4 +275,10 @@ impl StepPasses<'_> {
         let StepBuffers { histogram, block_sums, .. } = self.buffers;
         Ordering { passes: self.passes, counts: self.counts, histogram, block_sums }
     }
+}
+
+/// Digits of the largest number of a tile.
+fn tile_digits(plan: &StepPlan) -> u32 {
+    let most = plan.tiles.element_product().max(2) - 1;
+    (u32::BITS - most.leading_zeros()).div_ceil(DIGIT_BITS)
 }

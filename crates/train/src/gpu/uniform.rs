@@ -193,11 +193,6 @@ impl StepUniform {
         }
     }
 
-    /// Degree of the colour in use.
-    pub(super) fn sh_degree(&self) -> u32 {
-        self.scene[2]
-    }
-
     /// Number of pairs per binding of slots.
     pub(super) fn set_slot_pairs(&mut self, pairs: u32) {
         self.parts[3] = pairs;

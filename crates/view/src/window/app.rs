@@ -1,9 +1,7 @@
 //! Events in, pictures out.
 
 use super::background::{self, Letter, LoadedScene, Message, Outbox, Screenshot};
-use super::options::WindowOptions;
-use super::pick::pick;
-use super::scene::{SceneFiles, SceneLoader};
+use super::scene::{SceneFiles, SceneLoader, WindowOptions};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
 use crate::renderer::DisplayMode;
@@ -19,7 +17,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::keyboard::{KeyCode, PhysicalKey};
 use winit::window::WindowId;
 
-/// Largest movement of a click, px.
+/// Movement from which a pressed button drags, px.
 const CLICK: f32 = 4.0;
 /// Widest soft picture, px: a second or less on a processor.
 const SOFT_WIDTH: f32 = 480.0;
@@ -137,11 +135,6 @@ impl ApplicationHandler<Letter> for App {
             Message::Final(None) => events.exit(),
             // Results for a scene that is no longer shown.
             _ if scene != session.scene => {}
-            Message::Indexed(Ok(asset)) => {
-                if let Some(shown) = &mut session.shown {
-                    shown.asset = Some(Arc::from(asset));
-                }
-            }
             Message::Photo(index, result) => {
                 session.decoding = None;
                 match result {
@@ -163,21 +156,14 @@ impl ApplicationHandler<Letter> for App {
                     shown.soft_renderer = Some(renderer);
                 }
             }
-            Message::Picked(picked) => {
-                if let Some(picked) = &picked {
-                    session.controls.set_pivot_distance(picked.depth);
-                }
-                session.picked = picked;
+            Message::Cropped(Ok(model)) => {
+                (session.cropped, session.cropping) = (Some(Arc::from(model)), false);
             }
-            Message::Subset(Ok(subset)) => {
-                (session.subset, session.filtering) = (Some(Arc::new(subset)), false);
-            }
-            Message::Cropped(Ok(what)) => session.notify(what),
+            Message::SavedCrop(Ok(what)) => session.notify(what),
             Message::Saved(Ok(path)) => session.notify(format!("saved {}", path.display())),
             Message::Changed(Err(error))
-            | Message::Indexed(Err(error))
-            | Message::Subset(Err(error))
             | Message::Cropped(Err(error))
+            | Message::SavedCrop(Err(error))
             | Message::Saved(Err(error)) => {
                 session.notify(error.to_string());
             }
@@ -268,7 +254,7 @@ impl App {
     fn start_work(&mut self) {
         let outbox = self.outbox();
         let Some((screen, session)) = &mut self.window else { return };
-        let filter = session.filter();
+        let region = session.region();
         let Some(shown) = &mut session.shown else { return };
         if let Some(index) = session.current
             && session.settings.photo != PhotoPlacement::Off
@@ -302,24 +288,21 @@ impl App {
                 });
             }
         }
-        if let Some(wanted) = filter
-            && !session.filtering
-            && session.filtered != filter
-            && let Some(asset) = shown.asset.clone()
+        if let Some(wanted) = region
+            && !session.cropping
+            && session.cropped_to != region
         {
-            let (gpu, model, placement) = (screen.gpu.clone(), shown.model.clone(), shown.placement);
-            (session.filtered, session.filtering) = (filter, true);
-            outbox.spawn(move || {
-                let centroid = |face: u32| placement.to_world_f64(asset.mesh.centroid(face as usize));
-                let keep = |face: u32| wanted.region.is_none_or(|region| region.holds(centroid(face), &[]));
-                Message::Subset(model.subset(&gpu, &asset.mesh, wanted.share, 0, keep))
-            });
+            let (gpu, groups) = (screen.gpu.clone(), screen.groups());
+            let (asset, placement) = (shown.asset.clone(), shown.placement);
+            (session.cropped_to, session.cropping) = (region, true);
+            let part = move || background::cropped(&gpu, &groups, &asset, &placement, &wanted);
+            outbox.spawn(move || Message::Cropped(part().map(Box::new)));
         }
         if std::mem::take(&mut session.saving_crop)
             && let Some(region) = shown.crop.region()
         {
             let save = shown.save_crop.clone();
-            outbox.spawn(move || Message::Cropped(save(&region)));
+            outbox.spawn(move || Message::SavedCrop(save(&region)));
         }
     }
 
@@ -351,14 +334,11 @@ impl App {
             KeyCode::KeyN => session.step(1),
             KeyCode::KeyP => session.step(-1),
             KeyCode::KeyO => session.next_photo_placement(),
-            KeyCode::KeyC => settings.cameras = !settings.cameras,
             KeyCode::KeyH => settings.panel = !settings.panel,
             KeyCode::Digit1 => settings.display = DisplayMode::Color,
             KeyCode::Digit2 => settings.display = DisplayMode::Normals,
-            KeyCode::Digit3 => settings.display = DisplayMode::Chunks,
-            KeyCode::Digit4 => settings.wireframe = !settings.wireframe,
-            KeyCode::Digit5 => settings.subset = !settings.subset,
-            KeyCode::Digit6 => {
+            KeyCode::Digit3 => settings.wireframe = !settings.wireframe,
+            KeyCode::Digit4 => {
                 settings.soft = !settings.soft && session.shown.as_ref().is_some_and(|s| s.has_soft)
             }
             KeyCode::KeyX => {
@@ -398,9 +378,7 @@ impl App {
             WindowEvent::MouseInput { state: ElementState::Released, .. } => {
                 // A picture of fewer pixels, drawn during a drag, is drawn again.
                 screen.window.request_redraw();
-                if let Some((MouseButton::Left, _, false)) = self.mouse.down.take() {
-                    self.click();
-                }
+                self.mouse.down = None;
             }
             WindowEvent::MouseWheel { delta, .. } if !consumed => {
                 let steps = match delta {
@@ -418,29 +396,11 @@ impl App {
         }
     }
 
-    /// Picks the triangle under the mouse.
-    fn click(&mut self) {
-        let outbox = self.outbox();
-        let Some((_, session)) = &self.window else { return };
-        let (Some(shown), Some(camera)) = (&session.shown, session.camera) else { return };
-        let Some(asset) = shown.asset.clone() else { return };
-        let (soup, to_soup, pixel) = (shown.soup.clone(), shown.to_soup.clone(), self.mouse.at);
-        outbox.spawn(move || {
-            let source = match (&soup, &to_soup) {
-                (Some(soup), Some(to_soup)) => {
-                    Some((&**soup, &**to_soup as &dyn Fn(glam::Vec3) -> glam::Vec3))
-                }
-                _ => None,
-            };
-            Message::Picked(pick(&asset, &camera, pixel, source).map(Box::new))
-        });
-    }
-
     /// Saves a picture without the panel.
     fn screenshot(&mut self) {
         let outbox = self.outbox();
         let Some((screen, session)) = &self.window else { return };
-        let Some(shown) = &session.shown else { return };
+        let Some(model) = session.model().cloned() else { return };
         // The current camera: the last picture may still show the one before.
         let size = screen.window.inner_size();
         let camera = session.controls.camera(UVec2::new(size.width, size.height), session.pane);
@@ -451,8 +411,7 @@ impl App {
             return;
         }
         let screenshot = Screenshot {
-            model: shown.model.clone(),
-            subset: session.drawn_subset().cloned(),
+            model,
             camera,
             near: session.controls.near(),
             background: self.options.background,

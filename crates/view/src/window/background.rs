@@ -1,9 +1,8 @@
 //! Work on other threads than the window's, and their messages.
 
 use super::super::layout::{Aabb, VertexLayout};
-use super::super::model::{Model, ModelGroups, Subset};
+use super::super::model::{Model, ModelGroups};
 use super::super::renderer::{DisplayMode, FrameParams, Renderer};
-use super::pick::Picked;
 use super::scene::{SceneChange, SceneFiles, SceneLoader, SoftRenderer, WindowScene};
 use crate::headless::Canvas;
 use glam::Vec3;
@@ -11,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_gpu::Gpu;
 use trisplat_scene::{
-    Asset, Error, Result,
+    Asset, Error, Placement, Region, Result,
     camera::{Camera, Viewpoint},
     image::RgbImage,
 };
@@ -23,24 +22,20 @@ pub(super) enum Message {
     Progress(String),
     /// The scene is loaded and in GPU memory.
     ImportedScene(Result<Box<LoadedScene>>),
-    /// The first scene has changed; the new state is in GPU memory, ready for picking.
+    /// The first scene has changed; the new state is in GPU memory.
     Changed(Result<Box<LoadedScene>>),
     /// The scene will not change any more, with a final note; `None`: there is nothing more to show.
     Final(Option<String>),
-    /// The scene is ready for picking.
-    Indexed(Result<Box<Asset>>),
     /// A photo is decoded.
     Photo(usize, Result<RgbImage>),
     /// A soft picture is drawn.
     Soft(Camera, RgbImage),
     /// Returns the renderer of soft pictures.
     Rested(SoftRenderer),
-    /// What a click has hit.
-    Picked(Option<Box<Picked>>),
-    /// A subset of the triangles is in GPU memory.
-    Subset(Result<Subset>),
+    /// The triangles in a region are in GPU memory.
+    Cropped(Result<Box<Model>>),
     /// A region is saved.
-    Cropped(Result<String>),
+    SavedCrop(Result<String>),
     /// A screenshot is saved.
     Saved(Result<PathBuf>),
 }
@@ -82,7 +77,7 @@ impl Outbox {
         let _ = self.proxy.send_event(Letter { scene: self.scene, message });
     }
 
-    /// Loads the scene, uploads it to GPU memory, then prepares picking.
+    /// Loads the scene and uploads it to GPU memory.
     pub(super) fn load(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: SceneLoader, files: SceneFiles) {
         let outbox = self.clone();
         self.spawn(move || {
@@ -92,20 +87,13 @@ impl Outbox {
                 progress("uploading to the graphics card");
                 uploaded(&gpu, &groups, files, scene)
             };
-            match load() {
-                Ok(mut loaded) => {
-                    let asset = std::mem::take(&mut loaded.scene.asset);
-                    outbox.send(Message::ImportedScene(Ok(loaded)));
-                    Message::Indexed((loader.add_bvh)(asset).map(Box::new))
-                }
-                Err(error) => Message::ImportedScene(Err(error)),
-            }
+            Message::ImportedScene(load())
         });
     }
 
     /// Shows changes of the scene of `files`, until it has ended.
     pub(super) fn follow(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: &SceneLoader, files: SceneFiles) {
-        let (outbox, add_bvh) = (self.clone(), loader.add_bvh);
+        let outbox = self.clone();
         let Some(follow) = loader.follow.clone() else { return };
         self.spawn(move || {
             loop {
@@ -115,11 +103,7 @@ impl Outbox {
                     Ok(SceneChange::Gone) => return Message::Final(None),
                     Err(error) => Err(error),
                 };
-                let indexed = changed.and_then(|mut changed| {
-                    changed.scene.asset = add_bvh(std::mem::take(&mut changed.scene.asset))?;
-                    Ok(changed)
-                });
-                outbox.send(Message::Changed(indexed));
+                outbox.send(Message::Changed(changed));
             }
         });
     }
@@ -138,6 +122,21 @@ fn uploaded(
     let room = |v: Viewpoint| scene.asset.room(glam::DVec3::from(v.target).as_vec3());
     let viewpoint = scene.asset.provenance.viewpoint.map(|viewpoint| (viewpoint, room(viewpoint)));
     Ok(Box::new(LoadedScene { files, scene, model, bounds, viewpoint }))
+}
+
+/// The triangles of `asset` in a region of its file, in GPU memory.
+pub(super) fn cropped(
+    gpu: &Gpu,
+    groups: &ModelGroups,
+    asset: &Asset,
+    placement: &Placement,
+    region: &Region,
+) -> Result<Model> {
+    let inside = |face: &u32| region.holds(placement.to_world_f64(asset.mesh.centroid(*face as usize)), &[]);
+    let mut mesh = asset.mesh.clone();
+    mesh.select(&(0..mesh.face_count() as u32).filter(inside).collect::<Vec<_>>());
+    let part = Asset::from(mesh);
+    Model::upload(gpu, groups, &part, Renderer::best_layout(gpu, &part))
 }
 
 /// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.
@@ -159,7 +158,6 @@ fn central_box(asset: &Asset) -> Aabb {
 /// What a screenshot shows.
 pub(super) struct Screenshot {
     pub(super) model: Arc<Model>,
-    pub(super) subset: Option<Arc<Subset>>,
     pub(super) camera: Camera,
     pub(super) near: f32,
     pub(super) background: [f32; 3],
@@ -179,7 +177,6 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<RgbImage> {
         background: of.background,
         display: of.display,
         wireframe: of.wireframe,
-        subset: of.subset.as_deref(),
         level_bias: 0.0,
     };
     canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &params, None)?;

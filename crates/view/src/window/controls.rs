@@ -25,7 +25,7 @@ const MOST_SINE: f32 = 0.85;
 
 /// Position, direction and intrinsics of the camera.
 #[derive(Debug, Clone)]
-pub struct CameraControls {
+pub(super) struct CameraControls {
     /// World to camera rotation: rows are right, down and forward.
     rotation: Mat3,
     position: Vec3,
@@ -53,27 +53,27 @@ struct Range {
 
 /// The pressed keys, each axis in -1, 0, 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Keys {
+pub(super) struct Keys {
     /// D - A.
-    pub right: f32,
+    pub(super) right: f32,
     /// E - Q.
-    pub up: f32,
+    pub(super) up: f32,
     /// W - S.
-    pub forward: f32,
+    pub(super) forward: f32,
     /// Shift: faster.
-    pub fast: bool,
+    pub(super) fast: bool,
 }
 
 impl Keys {
     /// Whether a key moves the camera.
-    pub fn any(&self) -> bool {
+    pub(super) fn any(&self) -> bool {
         self.right != 0.0 || self.up != 0.0 || self.forward != 0.0
     }
 }
 
 impl CameraControls {
     /// A camera that sees `bounds` from a little above; `up` is the world's axis that points up.
-    pub fn new(bounds: &Aabb, up: Vec3) -> Self {
+    pub(super) fn new(bounds: &Aabb, up: Vec3) -> Self {
         let size = UVec2::splat(1000);
         let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
@@ -95,7 +95,7 @@ impl CameraControls {
     }
 
     /// Moves back along the view until `bounds` is visible, with the default field of view.
-    pub fn frame(&mut self, bounds: &Aabb) {
+    pub(super) fn frame(&mut self, bounds: &Aabb) {
         let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let radius = (0.5 * (max - min).length()) as f32;
         let finite = radius.is_finite() && radius > 0.0;
@@ -110,7 +110,7 @@ impl CameraControls {
 
     /// Moves back along the view until a ball is visible. If the scene is closed, it stays within `room` of
     /// the ball's middle and widens the lens instead.
-    pub fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
+    pub(super) fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
         self.frame(&Aabb { min: target - radius / 3f32.sqrt(), max: target + radius / 3f32.sqrt() });
         let room = ROOM * room;
         if self.pivot_distance > room {
@@ -123,12 +123,12 @@ impl CameraControls {
     }
 
     /// Sets the pivot straight ahead, at the distance of a point of the scene.
-    pub fn orbit_at_depth_of(&mut self, point: Vec3) {
+    pub(super) fn orbit_at_depth_of(&mut self, point: Vec3) {
         self.set_pivot_distance((point - self.position).dot(self.forward()));
     }
 
     /// Takes the pose and the intrinsics of a camera.
-    pub fn move_to(&mut self, camera: &Camera) {
+    pub(super) fn move_to(&mut self, camera: &Camera) {
         self.rotation = camera.rotation;
         self.position = camera.position();
         self.intrinsics = *camera;
@@ -137,7 +137,7 @@ impl CameraControls {
     }
 
     /// Keeps its place in the world when the placement of the file changes.
-    pub fn change_frame(&mut self, from: &Placement, to: &Placement) {
+    pub(super) fn change_frame(&mut self, from: &Placement, to: &Placement) {
         if from == to {
             return;
         }
@@ -151,14 +151,14 @@ impl CameraControls {
     }
 
     /// Sets the distance to the pivot, for example to a clicked point.
-    pub fn set_pivot_distance(&mut self, distance: f32) {
+    pub(super) fn set_pivot_distance(&mut self, distance: f32) {
         if distance.is_finite() && distance > 0.0 {
             self.pivot_distance = distance;
         }
     }
 
     /// The camera for a window of `size`: its whole picture is visible, in the middle of `pane`.
-    pub fn camera(&self, size: UVec2, pane: Pane) -> Camera {
+    pub(super) fn camera(&self, size: UVec2, pane: Pane) -> Camera {
         let scale = (pane.size / self.intrinsics.size.as_vec2()).min_element();
         let off_center = self.intrinsics.center - 0.5 * self.intrinsics.size.as_vec2();
         Camera {
@@ -171,24 +171,24 @@ impl CameraControls {
     }
 
     /// The part of the window for the picture.
-    pub fn picture(&self, pane: Pane) -> Pane {
+    pub(super) fn picture(&self, pane: Pane) -> Pane {
         let size =
             self.intrinsics.size.as_vec2() * (pane.size / self.intrinsics.size.as_vec2()).min_element();
         Pane { min: pane.min + 0.5 * (pane.size - size), size }
     }
 
     /// Least depth that is drawn.
-    pub fn near(&self) -> f32 {
+    pub(super) fn near(&self) -> f32 {
         (1e-3 * self.extent.min(self.pivot_distance)).max(f32::MIN_POSITIVE)
     }
 
     /// The point ahead at the centre of orbits.
-    pub fn pivot(&self) -> Vec3 {
+    pub(super) fn pivot(&self) -> Vec3 {
         self.position + self.forward() * self.pivot_distance
     }
 
     /// Keeps orbits where photos looked, as `viewpoint` says.
-    pub fn stay_within(&mut self, viewpoint: &Viewpoint) {
+    pub(super) fn stay_within(&mut self, viewpoint: &Viewpoint) {
         let away = (DVec3::from(viewpoint.eye) - DVec3::from(viewpoint.target)).as_vec3();
         let start = away.reject_from(self.up).try_normalize();
         let radians = |range: [f64; 2]| range.map(|degrees| degrees.to_radians() as f32);
@@ -218,14 +218,14 @@ impl CameraControls {
     }
 
     /// Orbits around the pivot by a drag, in heights of the window.
-    pub fn orbit(&mut self, drag: Vec2) {
+    pub(super) fn orbit(&mut self, drag: Vec2) {
         let pivot = self.pivot();
         self.turn(-self.within_range(drag));
         self.position = pivot - self.forward() * self.pivot_distance;
     }
 
     /// Turns in place by a drag, in heights of the window. A tilted horizon comes level during the drag.
-    pub fn turn(&mut self, drag: Vec2) {
+    pub(super) fn turn(&mut self, drag: Vec2) {
         let forward = self.forward();
         let level = forward.cross(self.up).try_normalize().unwrap_or(self.right());
         let roll = f32::atan2(self.right().dot(forward.cross(level)), self.right().dot(level));
@@ -241,13 +241,13 @@ impl CameraControls {
     }
 
     /// Pans by a drag, in heights of the window, so that the pivot follows it.
-    pub fn pan(&mut self, drag: Vec2) {
+    pub(super) fn pan(&mut self, drag: Vec2) {
         let height = self.pivot_distance * self.intrinsics.size.y as f32 / self.intrinsics.focal.y;
         self.position -= (self.right() * drag.x + self.down() * drag.y) * height;
     }
 
     /// Moves towards the pivot by steps of the wheel.
-    pub fn zoom(&mut self, steps: f32) {
+    pub(super) fn zoom(&mut self, steps: f32) {
         let nearer = self.pivot_distance * (1.0 - 0.85f32.powf(steps));
         self.position += self.forward() * nearer;
         // Close to the pivot, the wheel pushes it ahead, so that the camera can always move on.
@@ -255,15 +255,10 @@ impl CameraControls {
     }
 
     /// Flies for `secs`.
-    pub fn fly(&mut self, keys: &Keys, secs: f32) {
+    pub(super) fn fly(&mut self, keys: &Keys, secs: f32) {
         let direction = self.right() * keys.right + self.up * keys.up + self.forward() * keys.forward;
         let speed = if keys.fast { 2.0 } else { 0.5 } * self.extent;
         self.position += direction.normalize_or_zero() * speed * secs.min(0.1);
-    }
-
-    /// Position of the camera.
-    pub fn position(&self) -> Vec3 {
-        self.position
     }
 
     fn right(&self) -> Vec3 {
@@ -285,11 +280,11 @@ impl CameraControls {
 
 /// A part of the window, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pane {
+pub(super) struct Pane {
     /// Left upper corner.
-    pub min: Vec2,
+    pub(super) min: Vec2,
     /// Width and height.
-    pub size: Vec2,
+    pub(super) size: Vec2,
 }
 
 #[cfg(test)]
@@ -332,7 +327,7 @@ mod tests {
         for room in [f32::INFINITY, 4.0, 1.0, 0.6] {
             let mut controls = CameraControls::new(&BOX, Vec3::Y);
             controls.frame_ball(target, radius, room);
-            assert!(controls.position().distance(target) <= 0.91 * room);
+            assert!(controls.position.distance(target) <= 0.91 * room);
             assert!(controls.pivot().distance(target) < 1e-4);
             let camera = controls.camera(SIZE, PANE);
             for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
@@ -373,7 +368,7 @@ mod tests {
             controls.stay_within(viewpoint);
             let ends = [Vec2::new(-0.05, 0.05), Vec2::new(0.05, -0.05)].map(|drag| {
                 (0..60).for_each(|_| controls.orbit(drag));
-                let away = (controls.position() - controls.pivot()).normalize();
+                let away = (controls.position - controls.pivot()).normalize();
                 [f32::atan2(away.x, away.z), away.y.asin()].map(|angle| angle.to_degrees().round())
             });
             assert!(controls.pivot().length() < 1e-3, "the pivot stays");
@@ -387,11 +382,11 @@ mod tests {
             orbit: Some(OrbitRange { elevation: [20.0, 40.0], ..range }),
             ..viewpoint
         });
-        let low = controls.position().y;
+        let low = controls.position.y;
         controls.orbit(Vec2::new(0.0, -0.05));
-        assert!((controls.position().y - low).abs() < 1e-3);
+        assert!((controls.position.y - low).abs() < 1e-3);
         controls.orbit(Vec2::new(0.0, 0.05));
-        assert!(controls.position().y > low + 0.1);
+        assert!(controls.position.y > low + 0.1);
     }
 
     #[test]
@@ -420,7 +415,7 @@ mod tests {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
         let (before, point) = (controls.camera(SIZE, PANE), BOX.min);
         controls.orbit(Vec2::new(0.01, 0.0));
-        let near = controls.position() + (0.5 * (BOX.min + BOX.max) - controls.position()) * 0.5;
+        let near = controls.position + (0.5 * (BOX.min + BOX.max) - controls.position) * 0.5;
         let moved = pixel(&controls.camera(SIZE, PANE), near).x - pixel(&before, near).x;
         assert!(moved > 0.0, "what is in front follows the mouse, not {moved}");
         let mut panned = CameraControls::new(&BOX, Vec3::Y);
@@ -450,9 +445,9 @@ mod tests {
             let wants = picture.min + pixel(&lens, point) * (600.0 / 640.0);
             assert!(pixel(&camera, point).distance(wants) < 1e-3);
         }
-        let before = controls.position();
+        let before = controls.position;
         controls.fly(&Keys { forward: 1.0, ..Keys::default() }, 0.05);
-        assert!((controls.position() - before).dot(Vec3::Z) > 0.0);
+        assert!((controls.position - before).dot(Vec3::Z) > 0.0);
         assert!(!Keys::default().any());
     }
 
@@ -477,14 +472,14 @@ mod tests {
     #[test]
     fn the_wheel_never_stops_or_passes_infinity() {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
-        let start = controls.position();
+        let start = controls.position;
         for _ in 0..100 {
             controls.zoom(1.0);
         }
-        assert!(controls.position().distance(start) > 4.0);
+        assert!(controls.position.distance(start) > 4.0);
         for _ in 0..100 {
             controls.zoom(-1.0);
         }
-        assert!(controls.position().is_finite() && controls.near() > 0.0);
+        assert!(controls.position.is_finite() && controls.near() > 0.0);
     }
 }

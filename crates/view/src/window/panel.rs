@@ -1,12 +1,10 @@
-//! The panel over the picture: figures, settings, photos, cameras, the picked triangle.
+//! The panel over the picture: figures, settings, photos, keys.
 
 use super::controls::Pane;
 use super::crop::CropClick;
-use super::help;
-use super::reduced;
 use super::session::{PhotoPlacement, Session, Settings};
 use crate::renderer::DisplayMode;
-use egui::{Color32, Pos2, Rect, Stroke, Ui};
+use egui::{Color32, LayerId, Pos2, Rect, Stroke, TextureId, Ui};
 use glam::{Vec2, Vec3};
 use indicatif::HumanCount;
 use trisplat_scene::camera::Camera;
@@ -16,11 +14,21 @@ const WIDTH: f32 = 320.0;
 const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
 
+/// What docs/viewer.md explains.
+const KEYS: &str = "drag left, right, middle: orbit, turn, pan
+wheel: zoom
+W A S D, Q E, Shift: fly, down, up, faster
+F: the subject in view
+N, P: next, previous photo; O: show it
+1 2 3 4: colour, normals, wireframe, soft
+X, Enter: crop, save the crop
+F12: screenshot; H: hide this panel; Esc: quit";
+
 /// Draws everything and takes input; sets the session's pane, in pixels.
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
     if let Some((id, _)) = session.reduced {
-        reduced::show(ui, id);
+        stretched(ui, id);
     }
     if session.settings.panel {
         egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
@@ -33,11 +41,7 @@ pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     session.pane = session.picture_pane(pane);
     let painter = ui.painter().clone();
     photo(&painter, session, pane, scale);
-    if session.settings.cameras {
-        cameras(&painter, session, scale);
-    }
     region(&painter, session, scale);
-    picked(&painter, session, scale);
     if let Some(left) = session.expire_note() {
         ui.ctx().request_repaint_after(left);
     }
@@ -57,12 +61,8 @@ fn side(ui: &mut Ui, session: &mut Session) {
         settings(ui, session);
         crop(ui, session);
         photos(ui, session);
-        if let Some(picked) = &session.picked {
-            ui.separator();
-            ui.label(described(picked));
-        }
         ui.separator();
-        help::show(ui);
+        ui.label(egui::RichText::new(KEYS).weak());
     });
 }
 
@@ -102,17 +102,12 @@ fn figures(ui: &mut Ui, session: &Session) {
 
 fn settings(ui: &mut Ui, session: &mut Session) {
     let has_soft = session.shown.as_ref().is_some_and(|s| s.has_soft);
-    let Settings { soft, display, wireframe, subset, share, continuous, .. } = &mut session.settings;
+    let Settings { soft, display, wireframe, continuous, .. } = &mut session.settings;
     ui.horizontal_wrapped(|ui| {
         ui.radio_value(display, DisplayMode::Color, "colour");
         ui.radio_value(display, DisplayMode::Normals, "normals");
-        ui.radio_value(display, DisplayMode::Chunks, "chunks");
     });
     ui.checkbox(wireframe, "wireframe");
-    ui.horizontal_wrapped(|ui| {
-        ui.checkbox(subset, "random subset");
-        ui.add_enabled(*subset, egui::Slider::new(share, 0.001..=1.0).logarithmic(true));
-    });
     ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
     ui.checkbox(continuous, "draw continuously");
 }
@@ -140,7 +135,6 @@ fn photos(ui: &mut Ui, session: &mut Session) {
     ui.horizontal_wrapped(|ui| {
         step -= isize::from(ui.button("previous").clicked());
         step += isize::from(ui.button("next").clicked());
-        ui.checkbox(&mut session.settings.cameras, "cameras");
     });
     ui.horizontal_wrapped(|ui| {
         ui.label("photo");
@@ -188,29 +182,6 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
     }
 }
 
-/// The cameras of the photos, each as a small pyramid.
-fn cameras(painter: &egui::Painter, session: &Session, scale: f32) {
-    let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
-    let length = 0.025 * (shown.bounds.max - shown.bounds.min).length();
-    let painter = painter.with_clip_rect(rect(session.pane, scale));
-    for (i, photo) in shown.photos.iter().enumerate() {
-        let is_current = session.current == Some(i);
-        let color = if is_current { ORANGE } else { Color32::from_rgb(90, 200, 255) };
-        let stroke = Stroke::new(if is_current { 2.0 } else { 1.0 }, color);
-        let from = &photo.camera;
-        let (position, to_world) = (from.position(), from.rotation.transpose());
-        let corner = |x: f32, y: f32| {
-            let pixel = from.size.as_vec2() * Vec2::new(x, y);
-            position + to_world * ((pixel - from.center) / from.focal).extend(1.0) * length
-        };
-        let ring = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
-        for k in 0..4 {
-            line(&painter, camera, session.controls.near(), [ring[k], ring[(k + 1) % 4]], stroke, scale);
-            line(&painter, camera, session.controls.near(), [position, ring[k]], stroke, scale);
-        }
-    }
-}
-
 /// The edges of the cropped region.
 fn region(painter: &egui::Painter, session: &Session, scale: f32) {
     let (Some(shown), Some(camera)) = (&session.shown, &session.camera) else { return };
@@ -224,14 +195,10 @@ fn region(painter: &egui::Painter, session: &Session, scale: f32) {
     }
 }
 
-/// The outline of the picked triangle.
-fn picked(painter: &egui::Painter, session: &Session, scale: f32) {
-    let (Some(picked), Some(camera)) = (&session.picked, &session.camera) else { return };
-    let painter = painter.with_clip_rect(rect(session.pane, scale));
-    for k in 0..3 {
-        let ends = [picked.corners[k], picked.corners[(k + 1) % 3]];
-        line(&painter, camera, session.controls.near(), ends, Stroke::new(2.0, ORANGE), scale);
-    }
+/// Shows a picture of fewer pixels in the whole window, behind everything.
+fn stretched(ui: &Ui, id: TextureId) {
+    let all = ui.ctx().content_rect();
+    ui.ctx().layer_painter(LayerId::background()).image(id, all, EVERYTHING, Color32::WHITE);
 }
 
 /// A line of the world, clipped at the near plane.
@@ -248,23 +215,6 @@ fn line(painter: &egui::Painter, camera: &Camera, near: f32, ends: [Vec3; 2], st
         Pos2::new(at.x, at.y)
     };
     painter.line_segment([place(cut(a, b)), place(cut(b, a))], stroke);
-}
-
-fn described(picked: &super::pick::Picked) -> String {
-    let [r, g, b] = picked.rgb;
-    let mut text = format!("depth {:.4}\ncolour {r} {g} {b}  #{r:02x}{g:02x}{b:02x}", picked.depth);
-    if let Some(origin) = picked.source {
-        text = format!(
-            "triangle {}\nσ {:.4} · opacity {:.4}\n{text}",
-            HumanCount(origin.triangle as u64),
-            origin.sigma,
-            origin.opacity
-        );
-    }
-    for (name, v) in ["a", "b", "c"].iter().zip(picked.corners) {
-        text += &format!("\n{name} {:.4} {:.4} {:.4}", v.x, v.y, v.z);
-    }
-    text
 }
 
 fn rect(pane: Pane, scale: f32) -> Rect {

@@ -1,9 +1,31 @@
-//! The content of a window, and the threads that load it.
+//! How a window looks, its content, and what loads it.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{Asset, Placement, Region, Result, Soup, camera::Camera, image::RgbImage};
+use trisplat_gpu::AdapterOptions;
+use trisplat_scene::{Asset, Placement, Region, Result, camera::Camera, image::RgbImage};
+
+/// How a window looks.
+#[derive(Debug, Clone)]
+pub struct WindowOptions {
+    /// Initial width and height, px.
+    pub size: UVec2,
+    /// sRGB-encoded background colour.
+    pub background: [f32; 3],
+    /// Samples per pixel at edges (MSAA): 1 or 4.
+    pub msaa: u32,
+    /// Frames per second to hold while something moves; `None` to draw every pixel always.
+    pub fps: Option<f64>,
+    /// Show pictures at the vertical blank of the screen.
+    pub vsync: bool,
+    /// Folder for screenshots.
+    pub screenshots: PathBuf,
+    /// The remedy when no window can be opened.
+    pub remedy: &'static str,
+    /// Which graphics card draws.
+    pub adapter: AdapterOptions,
+}
 
 /// What a window shows.
 pub struct WindowScene {
@@ -71,10 +93,6 @@ pub struct WindowPhoto {
 
 /// The soup behind an asset.
 pub struct SoupSource {
-    /// The soup as it was read.
-    pub soup: Arc<Soup>,
-    /// A point of the asset in the frame of the soup.
-    pub to_soup: Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>,
     /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
     pub renderer: SoftRenderer,
     /// Pause after a picture, as a multiple of its duration: more than 0 if other work needs the CPU.
@@ -93,8 +111,6 @@ pub struct SceneLoader {
     /// Makes the scene of some files and reports its progress; called on a thread of its own.
     #[allow(clippy::type_complexity, reason = "it is called once, here")]
     pub load: Arc<dyn Fn(&SceneFiles, &dyn Fn(&str)) -> Result<WindowScene> + Send + Sync>,
-    /// Adds the BVH for picking; called on a thread of its own once the scene is shown.
-    pub add_bvh: fn(Asset) -> Result<Asset>,
     /// Waits for the next change of the first scene; `None` for a static one. Called repeatedly on a thread
     /// of its own, until the scene has ended.
     pub follow: Option<SceneFollower>,

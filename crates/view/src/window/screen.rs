@@ -1,12 +1,12 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
 use super::super::model::ModelGroups;
-use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear};
-use super::options::WindowOptions;
+use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear, texture};
 use super::panel;
-use super::reduced::Reduced;
+use super::scene::WindowOptions;
 use super::session::Session;
 use crate::frame_rate::FrameRate;
+use egui::TextureId;
 use glam::UVec2;
 use std::sync::Arc;
 use std::time::Duration;
@@ -208,17 +208,16 @@ impl Screen {
             background: self.background,
             display: session.settings.display,
             wireframe: session.settings.wireframe,
-            subset: session.drawn_subset().map(|subset| &**subset),
             level_bias: 0.0,
         };
-        let Some(shown) = &session.shown else {
+        let Some(model) = session.model() else {
             clear(encoder, view, attachments, self.background);
             return Ok(false);
         };
         let slot = self.timer.as_mut().and_then(Timer::begin);
         let timestamps = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
         let output = FrameOutput { picture: view, attachments, timestamps };
-        session.drawn = self.renderer.draw(&self.gpu, encoder, output, &shown.model, &params)?;
+        session.drawn = self.renderer.draw(&self.gpu, encoder, output, model, &params)?;
         if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
             timer.end(slot, encoder);
         }
@@ -249,6 +248,33 @@ impl Screen {
         });
         self.panel.render(&mut pass.forget_lifetime(), &primitives, &screen);
         more
+    }
+}
+
+/// The format for the panel's renderer: encoded colours.
+const REDUCED: TextureFormat = TextureFormat::Rgba8Unorm;
+
+/// A picture of fewer pixels than the window, which the panel stretches over it, and its name in the panel.
+struct Reduced {
+    id: TextureId,
+    view: TextureView,
+    attachments: Attachments,
+}
+
+impl Reduced {
+    /// Of `size`, with one sample per pixel. Errors: no memory on the card.
+    fn new(gpu: &Gpu, panel: &mut egui_wgpu::Renderer, size: UVec2) -> Result<Self> {
+        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let attachments = Attachments::new(gpu, size, REDUCED, 1)?;
+        let view =
+            texture(gpu, "reduced", size, REDUCED, 1, usage).create_view(&TextureViewDescriptor::default());
+        gpu.check()?;
+        let id = panel.register_native_texture(&gpu.device, &view, FilterMode::Linear);
+        Ok(Self { id, view, attachments })
+    }
+
+    fn size(&self) -> UVec2 {
+        self.attachments.size
     }
 }
 

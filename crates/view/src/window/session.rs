@@ -1,19 +1,18 @@
 //! The present content of the window, and its settings.
 
-use super::super::model::{Model, Subset};
+use super::super::model::Model;
 use super::super::renderer::{DisplayMode, DrawStats};
 use super::background::LoadedScene;
 use super::controls::{CameraControls, Keys, Pane};
 use super::crop::CropEditor;
-use super::pick::Picked;
-use super::scene::{CropSaver, SceneFiles, SoftRenderer, SoupSource, WindowPhoto, WindowScene};
+use super::scene::{CropSaver, SceneFiles, SoftRenderer, WindowPhoto, WindowScene};
 use crate::layout::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureId, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use trisplat_scene::{
-    Asset, Placement, Region, Soup,
+    Asset, Placement, Region,
     camera::{Camera, Viewpoint},
     image::RgbImage,
 };
@@ -28,12 +27,6 @@ pub(super) struct Settings {
     pub(super) soft: bool,
     pub(super) display: DisplayMode,
     pub(super) wireframe: bool,
-    /// Only a random share of the triangles.
-    pub(super) subset: bool,
-    /// That share, of 1.
-    pub(super) share: f64,
-    /// Draw the cameras of the photos.
-    pub(super) cameras: bool,
     pub(super) photo: PhotoPlacement,
     /// Opacity of the photo over the picture.
     pub(super) photo_opacity: f32,
@@ -48,9 +41,6 @@ impl Default for Settings {
             soft: false,
             display: DisplayMode::Color,
             wireframe: false,
-            subset: false,
-            share: 0.1,
-            cameras: false,
             photo: PhotoPlacement::Off,
             photo_opacity: 0.5,
             panel: true,
@@ -74,15 +64,12 @@ pub(super) struct Shown {
     /// The first viewpoint, and the distance from its target at which the scene is closed.
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
     pub(super) photos: Vec<WindowPhoto>,
-    pub(super) soup: Option<Arc<Soup>>,
-    pub(super) to_soup: Option<Arc<dyn Fn(Vec3) -> Vec3 + Send + Sync>>,
     /// Not here while it draws.
     pub(super) soft_renderer: Option<SoftRenderer>,
     pub(super) has_soft: bool,
     /// Pause after a picture, as a multiple of its duration.
     pub(super) soft_rest: f64,
-    /// The asset with its BVH, after it is built.
-    pub(super) asset: Option<Arc<Asset>>,
+    pub(super) asset: Arc<Asset>,
     /// From the file's frame to the asset's.
     pub(super) placement: Placement,
     pub(super) crop: CropEditor,
@@ -90,7 +77,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// `scene`, whose triangles are in `model`, without its asset.
+    /// `scene`, whose triangles are in `model`.
     fn new(
         scene: WindowScene,
         model: Model,
@@ -98,46 +85,29 @@ impl Shown {
         viewpoint: Option<(Viewpoint, f32)>,
         crop: CropEditor,
     ) -> Self {
-        let (soup, to_soup, soft_renderer, soft_rest) = match scene.source {
-            Some(SoupSource { soup, to_soup, renderer, rest }) => {
-                (Some(soup), Some(to_soup), Some(renderer), rest)
-            }
-            None => (None, None, None, 0.0),
-        };
+        let (soft_renderer, soft_rest) =
+            scene.source.map_or((None, 0.0), |source| (Some(source.renderer), source.rest));
         Self {
             model: Arc::new(model),
             bounds,
             viewpoint,
             photos: scene.photos,
-            soup,
-            to_soup,
             has_soft: soft_renderer.is_some(),
             soft_renderer,
             soft_rest,
-            asset: None,
+            asset: Arc::new(scene.asset),
             placement: scene.placement,
             crop,
             save_crop: scene.save_crop,
         }
     }
-}
 
-impl Shown {
     /// The photo taken nearest to the first viewpoint; the first one when there is none.
     fn first_photo(&self) -> Option<usize> {
         let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
         let away = |i: &usize| eye.map_or(0.0, |eye| self.photos[*i].camera.position().distance(eye));
         (0..self.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
     }
-}
-
-/// The drawn triangles.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Filter {
-    /// A random share of them, of 1.
-    pub(super) share: f64,
-    /// Those in a region of the file.
-    pub(super) region: Option<Region>,
 }
 
 /// The state of the window, except what is on the graphics card.
@@ -168,14 +138,14 @@ pub(super) struct Session {
     pub(super) soft: Option<(Camera, TextureHandle, RgbImage)>,
     /// That picture shows an older state of the scene.
     pub(super) soft_is_old: bool,
-    pub(super) subset: Option<Arc<Subset>>,
-    /// The choice of that subset, or of the one being made.
-    pub(super) filtered: Option<Filter>,
+    /// The triangles in the region.
+    pub(super) cropped: Option<Arc<Model>>,
+    /// The region of these, or of those being uploaded.
+    pub(super) cropped_to: Option<Region>,
+    /// Whether they are being uploaded.
+    pub(super) cropping: bool,
     /// Whether to save the region.
     pub(super) saving_crop: bool,
-    /// Whether a subset is being made.
-    pub(super) filtering: bool,
-    pub(super) picked: Option<Box<Picked>>,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
     /// The frame rate to hold, and the share of the triangles that would reach it otherwise.
@@ -208,11 +178,10 @@ impl Session {
             decoding: None,
             soft: None,
             soft_is_old: false,
-            subset: None,
-            filtered: None,
-            filtering: false,
+            cropped: None,
+            cropped_to: None,
+            cropping: false,
             saving_crop: false,
-            picked: None,
             meter: Meter::default(),
             drawn: DrawStats::default(),
             held: None,
@@ -229,8 +198,8 @@ impl Session {
         let status = scene.status.take();
         let same = self.files.file == files.file;
         self.files = files;
-        (self.photo, self.soft, self.subset, self.picked) = (None, None, None, None);
-        (self.current, self.decoding, self.filtered, self.filtering) = (None, None, None, false);
+        (self.photo, self.soft, self.current, self.decoding) = (None, None, None, None);
+        (self.cropped, self.cropped_to, self.cropping) = (None, None, false);
         // The same scene may come again with other photos.
         let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
         let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
@@ -252,13 +221,11 @@ impl Session {
         // Another file may have been dropped on the window meanwhile.
         let Some(before) = self.shown.take_if(|_| self.files == files) else { return };
         self.scene = self.next_number();
-        (self.decoding, self.subset, self.filtered, self.filtering) = (None, None, None, false);
-        (self.picked, self.soft_is_old, self.status) = (None, true, scene.status.take());
+        (self.cropped, self.cropped_to, self.cropping) = (None, None, false);
+        (self.decoding, self.soft_is_old, self.status) = (None, true, scene.status.take());
         self.controls.change_frame(&before.placement, &scene.placement);
         viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
-        let asset = std::mem::take(&mut scene.asset);
-        let shown = Shown::new(scene, model, bounds, viewpoint, before.crop);
-        self.shown = Some(Shown { asset: Some(Arc::new(asset)), ..shown });
+        self.shown = Some(Shown::new(scene, model, bounds, viewpoint, before.crop));
     }
 
     /// The number of the next scene or state.
@@ -267,16 +234,15 @@ impl Session {
         self.last_number
     }
 
-    /// The triangles to draw; `None` for all.
-    pub(super) fn filter(&self) -> Option<Filter> {
-        let region = self.shown.as_ref().and_then(|shown| shown.crop.region());
-        let share = if self.settings.subset { self.settings.share } else { 1.0 };
-        (self.settings.subset || region.is_some()).then_some(Filter { share, region })
+    /// The region to draw; `None` for everything.
+    pub(super) fn region(&self) -> Option<Region> {
+        self.shown.as_ref().and_then(|shown| shown.crop.region())
     }
 
-    /// The subset that is drawn instead of the whole model.
-    pub(super) fn drawn_subset(&self) -> Option<&Arc<Subset>> {
-        self.filter().and(self.subset.as_ref())
+    /// The triangles to draw: those of the region once they are uploaded.
+    pub(super) fn model(&self) -> Option<&Arc<Model>> {
+        let cropped = self.region().and(self.cropped.as_ref());
+        cropped.or(self.shown.as_ref().map(|shown| &shown.model))
     }
 
     /// Moves the region to the pivot of the view.
