@@ -55,9 +55,8 @@ pub fn run(
     let clock = Instant::now();
     let outputs = outputs(args);
     let read = checkpoint_to_resume(args, matches);
-    let point = read.as_ref().ok().and_then(|(point, _)| point.as_ref());
     // An output that must not be written is said before a checkpoint that cannot be read.
-    let mut files = guard(args, inputs, &outputs, point)?;
+    let mut files = guard(args, inputs, &outputs)?;
     let (point, warnings) = read?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
@@ -89,10 +88,9 @@ pub fn run(
         return Err(error);
     }
     let done = match done {
-        Err(Error::Stopped { what, checkpoint: Some(checkpoint) }) => {
+        Err(Error::Stopped { what }) if signals::exit_code().is_some() => {
             drop(terminal);
-            let command = resume::command(matches, args, &checkpoint);
-            Progress::new(global).line(&format!("{what}; to continue: {command}"));
+            Progress::new(global).line(&what);
             return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
         }
         done => done?,
@@ -299,13 +297,8 @@ fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOption
     Ok(options)
 }
 
-/// Refuses outputs that would fail, or replace a file, only after the training. It may resume at `point`.
-fn guard<'a>(
-    args: &TrainArgs,
-    inputs: &'a Inputs,
-    outputs: &RunOptions,
-    point: Option<&Checkpoint>,
-) -> Result<Outputs<'a>> {
+/// Refuses outputs that would fail, or replace a file, only after the training.
+fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
     let out = &args.output;
     if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
         return Err(Error::invalid(
@@ -316,9 +309,7 @@ fn guard<'a>(
     }
     // A default one is claimed when the photos are counted.
     let teacher_file = teacher_args::beside(out);
-    // One that prepares a run still has its teacher to train.
-    let has_teacher = point.is_some_and(|point| point.meta.prepares.is_none());
-    let plan = |source| TeacherPlan::asked(source, has_teacher, Some(&teacher_file));
+    let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
     let trains = teacher == Some(TeacherPlan::Train);

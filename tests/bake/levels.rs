@@ -236,6 +236,6 @@ fn an_observer_stops_a_bake_between_two_stages() {
     };
     let options = BakeOptions::preset(BakePreset::Fast);
     let error = Bake::new(&options).observer(&mut observer).run([loaded(cameras())]).unwrap_err();
-    assert!(matches!(&error, trisplat::Error::Stopped { checkpoint: None, .. }), "{error}");
+    assert!(matches!(&error, trisplat::Error::Stopped { .. }), "{error}");
     assert_eq!(ended.last().map(String::as_str), Some("prune"));
 }

@@ -1,8 +1,8 @@
-//! A training that is stopped before its own first step, while it watches photos or trains its teacher, goes on there.
+//! A training that is stopped: before its own first step it begins again, after it goes on.
 
+use super::stderr;
 use super::train::succeed;
 use super::train_teacher::{SHORT, few_photos, read, train_few};
-use super::{fails, stderr};
 use std::ops::ControlFlow::{self, Continue};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -59,67 +59,30 @@ fn without_shell() -> TrainOptions {
     options
 }
 
-/// Seventeen photos decide by two short trainings.
+/// Seventeen photos are watched by two short trainings.
 #[test]
-fn photos_watched_with_stops_give_the_figures_of_those_watched_without() {
+fn a_run_stopped_before_its_own_first_step_begins_again_and_ends_as_one_that_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(folder.path(), 20);
     let point = folder.path().join("a.checkpoint");
-    let mut straight = job(&photos, TrainOptions::default(), &point);
-    let mut observer = Stopper::default();
-    straight.watch(&mut |event| observer.tell(&event)).unwrap();
-    let figures = straight.watched.unwrap();
-    assert!(observer.training == 2 && figures.gain().is_some(), "{figures:?}");
-
-    // Each process resumes one training, so the next is its second.
-    for (training, what) in [(0, "of 425 steps"), (1, "of 1275 steps")] {
-        let mut observer = Stopper { at: Some((training, 100)), ..Stopper::default() };
-        // With other options: the checkpoint holds those that the run began with.
-        let options = TrainOptions { steps: 10, ..TrainOptions::default() };
-        let options = if point.is_file() { options } else { TrainOptions::default() };
-        let stopped = job(&photos, options, &point).watch(&mut |event| observer.tell(&event)).unwrap_err();
-        let said = stopped.to_string();
-        assert!(
-            matches!(&stopped, Error::Stopped { checkpoint: Some(path), .. } if *path == point),
-            "{said}"
-        );
-        assert!(said.contains("stopped in a short training") && said.contains(what), "{said}");
+    for (training, step, what) in [
+        (0, 1, "a short training that leaves some photos out, after 1 of 425 steps"),
+        (1, 7, "a short training that leaves some photos out, after 7 of 1275 steps"),
+        (2, 9, "the training of a soft teacher scene, after 9 of "),
+    ] {
+        let mut observer = Stopper { at: Some((training, step)), ..Stopper::default() };
+        let error =
+            job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
+        let said = error.to_string();
+        assert!(matches!(error, Error::Stopped { .. }) && said.contains(what), "{said}");
+        assert!(said.contains("nothing was written") && !point.exists(), "{said}");
     }
-    let mut resumed = job(&photos, TrainOptions::default(), &point);
-    resumed.watch(&mut |_| Continue(())).unwrap();
-    assert_eq!(resumed.watched, Some(figures));
-}
-
-#[test]
-fn a_run_stopped_in_every_part_ends_as_one_that_never_stopped() {
-    let folder = tempfile::tempdir().unwrap();
-    let photos = photos(folder.path(), 20);
-    let point = folder.path().join("a.checkpoint");
     let mut observer = Stopper::default();
     let straight =
         job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
-    let teacher = observer.teacher.unwrap();
-    assert_eq!(observer.training, 3, "two short trainings and a teacher");
-
-    for (training, step, what) in [
-        (0, 1, "a short training"),
-        (0, 424, "a short training"),
-        (1, 7, "a short training"),
-        (1, 9, "soft teacher"),
-    ] {
-        let mut observer = Stopper { at: Some((training, step)), ..Stopper::default() };
-        let said = job(&photos, without_shell(), &point)
-            .run(&mut |event| observer.tell(&event))
-            .unwrap_err()
-            .to_string();
-        assert!(said.contains(what), "{said}");
-    }
-    let mut observer = Stopper::default();
-    let resumed =
-        job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
-    assert_eq!(observer.training, 1, "only the teacher was left");
-    assert!(observer.teacher.unwrap().soup == teacher.soup);
-    assert!(resumed.soup == straight.soup && resumed.steps == straight.steps);
+    assert!(observer.training == 3 && observer.teacher.is_some(), "two short trainings and a teacher");
+    let again = job(&photos, without_shell(), &point).run(&mut |_| Continue(())).unwrap().trained;
+    assert!(again.soup == straight.soup && again.steps == straight.steps);
 }
 
 /// The rest of a command that was printed after "to continue: ".
@@ -168,33 +131,32 @@ fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_conti
     let options = "--set init.shell_subdivisions=0";
     succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
     let log = folder.join("a.log");
-    let mut words = format!("train photos -o a.ply --log a.log --log-every 1 {options}");
-    let parts: [(&str, Option<&Path>, &str, i32, &str); 4] = [
-        (WATCHING, None, "-HUP", 129, "stopped in a short training that leaves some photos out, after "),
-        (WATCHING, None, "-INT", 130, "stopped in a short training that leaves some photos out, after "),
-        (TEACHER, None, "-TERM", 143, "stopped in the training of a soft teacher scene, after "),
-        (TEACHER, Some(&log), "-QUIT", 131, "stopped early; "),
-    ];
-    for (line, file, signal, code, what) in parts {
-        let output = stop(&mut typed(folder, &words), line, file, signal);
+    let words = format!("train photos -o a.ply --log a.log --log-every 1 {options}");
+    for (line, signal, code, what) in [
+        (WATCHING, "-HUP", 129, "stopped in a short training that leaves some photos out, after "),
+        (WATCHING, "-INT", 130, "stopped in a short training that leaves some photos out, after "),
+        (TEACHER, "-TERM", 143, "stopped in the training of a soft teacher scene, after "),
+    ] {
+        let output = stop(&mut typed(folder, &words), line, None, signal);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(code), "{said}");
-        assert!(said.contains(what) && !said.contains("error: "), "{said}");
-        assert_eq!(folder.join("a.ply").exists(), file.is_some(), "{said}");
-        words = continuing(&said).to_owned();
-        assert_eq!(
-            words,
-            "train photos --output a.ply --log a.log --log-every 1 --force --resume a.checkpoint"
-        );
+        assert!(said.contains(what) && said.contains("the same command begins again"), "{said}");
+        assert!(!said.contains("error: ") && !folder.join("a.ply").exists(), "{said}");
     }
-    succeed(&mut typed(folder, &words));
+    let output = stop(&mut typed(folder, &words), TEACHER, Some(&log), "-QUIT");
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(131), "{said}");
+    let words = continuing(&said);
+    assert_eq!(words, "train photos --output a.ply --log a.log --log-every 1 --force --resume a.checkpoint");
+    succeed(&mut typed(folder, words));
     assert!(read(folder, "a.teacher.ply") == read(folder, "straight.teacher.ply"));
     assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
 }
 
+/// The limit is that of the run's own steps: its teacher is trained to the end.
 #[cfg(unix)]
 #[test]
-fn a_requested_teacher_that_is_stopped_goes_on() {
+fn a_run_with_a_requested_teacher_that_is_stopped_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);
@@ -202,42 +164,9 @@ fn a_requested_teacher_that_is_stopped_goes_on() {
     succeed(&mut train_few(folder, "straight.ply", &flags(&[])));
     let stopped = succeed(&mut train_few(folder, "a.ply", &flags(&["--max-cpu-secs", "1e-9"])));
     let said = stderr(&stopped);
-    assert!(
-        said.contains("stopped in the training of a soft teacher scene, after 1 of 16 steps; to"),
-        "{said}"
-    );
-    assert!(folder.join("a.checkpoint").is_file() && !folder.join("a.teacher.ply").exists());
-    // It began with a teacher to train, and takes no other.
-    let (data, out) = (folder.join("photos"), folder.join("a.ply"));
-    let point = folder.join("a.checkpoint");
-    fails(
-        folder,
-        &[&"train", &data, &"-o", &out, &"--resume", &point, &"--teacher", &"off"],
-        &["--resume", "stopped before its teacher", "--teacher auto or nothing"],
-    );
+    assert!(folder.join("a.checkpoint").is_file() && folder.join("a.teacher.ply").is_file(), "{said}");
     succeed(&mut typed(folder, continuing(&said)));
     assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
-    // The flag may be forgotten: the checkpoint knows that a teacher was asked for.
-    let forgotten = format!("train '{}' -o a.ply --force --resume a.checkpoint", data.display());
-    succeed(&mut typed(folder, &forgotten));
-    assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
-}
-
-#[cfg(unix)]
-#[test]
-fn a_checkpoint_of_a_preparation_on_other_photos_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    few_photos(folder);
-    let flags = [&SHORT as &[&str], &["--max-cpu-secs", "1e-9", "--teacher", "auto"]].concat();
-    succeed(&mut train_few(folder, "a.ply", &flags));
-    let point = folder.join("a.checkpoint").display().to_string();
-    // Half as large, other photos.
-    let flags = ["--resume", &point, "--max-size", "12"];
-    let refused = train_few(folder, "a.ply", &flags).output().unwrap();
-    let said = stderr(&refused);
-    assert!(refused.status.code() == Some(1) && said.contains("of another run"), "{said}");
-    assert!(!folder.join("a.ply").exists());
 }
 
 #[cfg(unix)]
@@ -245,7 +174,6 @@ fn make(folder: &Path, more: &str) -> Command {
     typed(folder, &format!("make photos -o scene.glb --max-triangles 500 {more}"))
 }
 
-/// A checkpoint comes every 500 steps.
 #[cfg(unix)]
 #[test]
 fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
@@ -256,21 +184,17 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     let steps = "--steps 1100";
     succeed(&mut make(straight, steps));
     let at = |name: &str| folder.join("scene.make").join(name);
-    let saved = |path: &Path| checkpoint::read(path).unwrap().meta;
 
-    // Before its first checkpoint, and after the teacher's.
     stop(&mut make(folder, steps), TEACHER, None, "-KILL");
-    assert!(!at("scene.checkpoint").exists());
-    stop(&mut make(folder, steps), TEACHER, Some(&at("scene.checkpoint")), "-KILL");
-    assert!(saved(&at("scene.checkpoint")).prepares.is_some());
-    // Asked in the rest of the teacher's training, and then in the run's.
+    // Asked in the teacher's training, and then in the run's.
     let output = stop(&mut make(folder, steps), TEACHER, None, "-TERM");
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(143), "{said}");
     assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
+    assert!(!at("scene.checkpoint").exists());
     let output = stop(&mut make(folder, steps), TEACHER, Some(&at("scene.teacher.ply")), "-HUP");
     assert_eq!(output.status.code(), Some(129), "{}", stderr(&output));
-    assert!(saved(&at("scene.checkpoint")).prepares.is_none(), "{}", stderr(&output));
+    assert!(at("scene.checkpoint").exists());
     // Killed in the bake.
     stop(&mut make(folder, steps), "the training goes on", Some(&at("scene.ply")), "-KILL");
     assert!(!folder.join("scene.glb").exists());
@@ -278,30 +202,4 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     for name in ["scene.make/scene.ply", "scene.glb", "scene.html"] {
         assert!(read(folder, name) == read(straight, name), "{name}");
     }
-}
-
-#[cfg(unix)]
-#[test]
-fn a_make_with_a_budget_that_is_stopped_goes_on_with_what_is_left_of_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    photos(folder, 20);
-    let state = || {
-        let meta = checkpoint::read(&folder.join("scene.make/scene.checkpoint")).unwrap().meta;
-        let prepares = meta.prepares.expect("a preparation");
-        (prepares.state, prepares.spent_secs)
-    };
-    for signal in ["-TERM", "-INT"] {
-        let output = stop(&mut make(folder, "--budget 10m"), WATCHING, None, signal);
-        let said = stderr(&output);
-        assert!(output.status.code().is_some_and(|code| code > 128), "{said}");
-        assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
-        let (first, spent) = state();
-        let output = stop(&mut make(folder, "--budget 10m"), WATCHING, None, signal);
-        assert!(output.status.code().is_some_and(|code| code > 128), "{}", stderr(&output));
-        assert!(state().0["budget"] == first["budget"] && state().1 > spent);
-    }
-    // Another budget is another training.
-    let output = stop(&mut make(folder, "--budget 5m"), WATCHING, None, "-TERM");
-    assert!(state().0["budget"]["seconds"].as_f64() < Some(300.0), "{}", stderr(&output));
 }

@@ -101,7 +101,7 @@ pub(super) fn begin<'a>(
         ControlFlow::Continue(()) => Ok(move |event: TrainEvent<'_>| observer(Event::Train(part, event))),
         ControlFlow::Break(()) => {
             let what = "stopped before a training began; nothing was written".to_owned();
-            Err(Error::Stopped { what, checkpoint: None })
+            Err(Error::Stopped { what })
         }
     }
 }

@@ -8,7 +8,6 @@
 //! In: a request and options in layers. Out: a finished run with its report.
 
 mod baking;
-mod budget;
 mod coverage;
 mod describe;
 mod evaluate;
@@ -20,16 +19,13 @@ mod inputs;
 mod making;
 mod meshing;
 mod plain;
-mod preparation;
 mod renderer;
 mod rendering;
 mod scores;
 mod steps;
-mod taught;
 mod teacher;
 mod training;
 pub mod watched;
-mod watching;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use describe::describe;

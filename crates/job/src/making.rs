@@ -228,7 +228,7 @@ impl MakeJob {
             return Err(error);
         }
         let trained = match trained {
-            Err(Error::Stopped { checkpoint: Some(_), .. }) => return Ok(false),
+            Err(Error::Stopped { .. }) => return Ok(false),
             trained => trained?,
         };
         if trained.trained.stopped {

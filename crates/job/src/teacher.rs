@@ -8,10 +8,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_scene::{
-    Budget, Error, ImportedScene, Result, Seconds,
-    layered::{Layered, Layers},
-};
+use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, layered::Layered};
 use trisplat_teacher as teacher;
 use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::StepLimit};
 
@@ -66,44 +63,31 @@ pub enum TeacherPlan {
     Train,
 }
 
-/// A training without a request for or against a teacher.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UndecidedRun {
-    /// Photos to train on.
-    pub photos: usize,
-    /// Gain of more steps on watched photos, dB; `None` without them.
-    pub watched_gain: Option<f64>,
-    /// The preset of its options.
-    pub preset: TrainPreset,
-    /// Whether it starts from photos and their points instead of a scene.
-    pub starts_from_photos: bool,
-    /// CPU seconds after which it is stopped; 0: never.
-    pub max_cpu_secs: f64,
+/// The reason for having no teacher; `None`: a teacher is trained first. A plain run is solid and starts from photos and their points.
+pub(super) fn needless(
+    is_plain: bool,
+    is_limited: bool,
+    photos: usize,
+    watched_gain: Option<f64>,
+) -> Option<String> {
+    if !is_plain {
+        return Some("by default only solid scenes that start from photos have one".into());
+    }
+    if is_limited {
+        return Some("by default a run that `max_cpu_secs` may end early has none".into());
+    }
+    match (photos, watched_gain) {
+        (0 | 1, _) => Some("there is nothing between so few photos".into()),
+        (..=FEW_PHOTOS, _) => None,
+        (_, Some(gain)) if gain < LITTLE_GAIN => None,
+        (_, Some(gain)) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
+        (photos, None) => Some(format!("{photos} photos are enough without one")),
+    }
 }
 
-impl UndecidedRun {
-    /// The reason for having no teacher; `None`: a teacher is trained first.
-    pub fn needs_none(&self) -> Option<String> {
-        if !self.starts_from_photos || self.preset != TrainPreset::Solid {
-            return Some("by default only solid scenes that start from photos have one".into());
-        }
-        if self.max_cpu_secs > 0.0 {
-            return Some("by default a run that `max_cpu_secs` may end early has none".into());
-        }
-        match (self.photos, self.watched_gain) {
-            (0 | 1, _) => Some("there is nothing between so few photos".into()),
-            (..=FEW_PHOTOS, _) => None,
-            (_, Some(gain)) if gain < LITTLE_GAIN => None,
-            (_, Some(gain)) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
-            (photos, None) => Some(format!("{photos} photos are enough without one")),
-        }
-    }
-
-    /// Whether to watch photos, because their number alone does not decide.
-    pub(super) fn is_unsure(&self) -> bool {
-        let with_few = Self { photos: 2, ..*self };
-        with_few.needs_none().is_none() && (FEW_PHOTOS + 1..=watched::MOST_PHOTOS).contains(&self.photos)
-    }
+/// Whether this number of photos does not decide about a teacher: some are watched.
+pub(super) fn decides_little(photos: usize) -> bool {
+    (FEW_PHOTOS + 1..=watched::MOST_PHOTOS).contains(&photos)
 }
 
 /// Limits of a run on `photos` with a teacher.
@@ -124,22 +108,18 @@ pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
 }
 
 /// Training options of a teacher. A budget chooses its triangles unless the run's are given.
-///
-/// Errors: none if options are in range.
-pub(super) fn teacher_options(
-    run: &Layered<TrainOptions>,
-    has_budget: bool,
-) -> Result<Layered<TrainOptions>> {
+pub(super) fn teacher_options(run: &Layered<TrainOptions>, has_budget: bool) -> Layered<TrainOptions> {
     let share = |count: u64, share: f64| ((count as f64 * share) as u64).max(1);
-    let mut given = serde_json::json!({
-        "preset": TrainPreset::Outdoor,
-        "steps": share(run.options.steps, STEPS_SHARE),
-        "seed": run.options.seed,
-    });
-    if !has_budget || run.is_given("max_triangles") {
-        given["max_triangles"] = share(run.options.max_triangles, TRIANGLES_SHARE).into();
-    }
-    Layers::default().given(given).resolve(TrainOptions::preset)
+    let (preset, triangles_given) =
+        (TrainOptions::preset(TrainPreset::Outdoor), run.is_given("max_triangles"));
+    let max_triangles = match has_budget && !triangles_given {
+        true => preset.max_triangles,
+        false => share(run.options.max_triangles, TRIANGLES_SHARE),
+    };
+    let steps = share(run.options.steps, STEPS_SHARE);
+    let options = TrainOptions { steps, max_triangles, seed: run.options.seed, ..preset };
+    let layered = Layered::over(&options, options.clone());
+    if triangles_given { layered.giving(&["max_triangles"]) } else { layered }
 }
 
 impl TeacherPlan {
@@ -151,11 +131,6 @@ impl TeacherPlan {
             (TeacherSource::Auto, Some(kept)) => Self::Read(kept.to_owned()),
             (TeacherSource::Auto, None) => Self::Train,
         }
-    }
-
-    /// The plan of a new run without a request.
-    pub fn by_default(run: &UndecidedRun) -> Self {
-        run.needs_none().map_or(Self::Train, Self::Without)
     }
 
     /// The plan of a resumed run on `photos` without a request. It has a teacher exactly when it began with one, kept at `kept` if
@@ -217,48 +192,32 @@ pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<ImportedSc
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const FEW: UndecidedRun = UndecidedRun {
-        photos: 8,
-        watched_gain: None,
-        preset: TrainPreset::Solid,
-        starts_from_photos: true,
-        max_cpu_secs: 0.0,
-    };
+    use trisplat_scene::layered::Layers;
 
     #[test]
     fn solid_scenes_of_few_photos_have_a_teacher() {
-        assert_eq!(FEW.needs_none(), None);
-        for (run, why) in [
-            (UndecidedRun { photos: 1, ..FEW }, "nothing between"),
-            (UndecidedRun { photos: 100, ..FEW }, "100 photos are enough"),
-            (UndecidedRun { preset: TrainPreset::Outdoor, ..FEW }, "only solid scenes"),
-            (UndecidedRun { starts_from_photos: false, ..FEW }, "only solid scenes"),
-            (UndecidedRun { max_cpu_secs: 5.0, ..FEW }, "max_cpu_secs"),
+        assert_eq!(needless(true, false, 8, None), None);
+        for ((is_plain, is_limited, photos), why) in [
+            ((true, false, 1), "nothing between"),
+            ((true, false, 100), "100 photos are enough"),
+            ((false, false, 8), "only solid scenes"),
+            ((true, true, 8), "max_cpu_secs"),
         ] {
-            assert!(run.needs_none().is_some_and(|reason| reason.contains(why)), "{run:?}");
+            let reason = needless(is_plain, is_limited, photos, None);
+            assert!(reason.as_ref().is_some_and(|reason| reason.contains(why)), "{reason:?}");
         }
     }
 
     #[test]
     fn watched_photos_may_ask_for_a_teacher_that_the_number_of_photos_does_not() {
-        let most = UndecidedRun { photos: FEW_PHOTOS, ..FEW };
-        let many = UndecidedRun { photos: FEW_PHOTOS + 1, ..FEW };
-        assert!(most.needs_none().is_none() && many.needs_none().is_some() && many.is_unsure());
-        let watched = |gain| UndecidedRun { watched_gain: Some(gain), ..many };
-        assert_eq!([-0.5, 0.1].map(|gain| watched(gain).needs_none()), [None, None]);
-        let why = watched(1.5).needs_none();
-        assert!(why.as_ref().is_some_and(|why| why.contains("gain 1.5 dB")), "{why:?}");
+        let [few, many] =
+            [FEW_PHOTOS, FEW_PHOTOS + 1].map(|photos| move |gain| needless(true, false, photos, gain));
+        assert!(few(None).is_none() && many(None).is_some());
+        assert_eq!([-0.5, 0.1].map(|gain| many(Some(gain))), [None, None]);
+        assert!(many(Some(1.5)).is_some_and(|why| why.contains("gain 1.5 dB")));
         // Watched photos never remove a teacher.
-        assert_eq!(UndecidedRun { photos: FEW_PHOTOS, ..watched(1.5) }.needs_none(), None);
-        for sure in [
-            most,
-            UndecidedRun { photos: 101, ..FEW },
-            UndecidedRun { preset: TrainPreset::Outdoor, ..many },
-            UndecidedRun { starts_from_photos: false, ..many },
-        ] {
-            assert!(!sure.is_unsure(), "{sure:?}");
-        }
+        assert_eq!(few(Some(1.5)), None);
+        assert_eq!([FEW_PHOTOS, FEW_PHOTOS + 1, 100, 101].map(decides_little), [false, true, true, false]);
     }
 
     #[test]
@@ -273,15 +232,15 @@ mod tests {
     fn a_teacher_is_smaller_than_what_it_teaches() -> Result<()> {
         let steps = serde_json::json!({ "steps": 1000, "seed": 7 });
         let run = Layers::default().given(steps).resolve(TrainOptions::preset)?;
-        let teacher = teacher_options(&run, false)?.options;
+        let teacher = teacher_options(&run, false).options;
         let preset = TrainOptions::preset(TrainPreset::Outdoor);
         assert_eq!((teacher.steps, teacher.max_triangles, teacher.seed), (550, 100_500, 7));
         assert_eq!(
-            teacher_options(&run, true)?.options,
+            teacher_options(&run, true).options,
             TrainOptions { max_triangles: preset.max_triangles, ..teacher }
         );
         let given = Layers::default().given(serde_json::json!({ "max_triangles": 1000 }));
-        let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true)?;
+        let teacher = teacher_options(&given.resolve(TrainOptions::preset)?, true);
         assert!(teacher.is_given("max_triangles") && teacher.options.max_triangles == 670);
         Ok(())
     }

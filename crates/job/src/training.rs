@@ -1,25 +1,21 @@
 //! A training job, from options to the trained scene: plan, preparation, run, report.
 
-use super::budget::{self, Budgeted};
 use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
-use super::preparation::{self, Preparation, PreparationPart, Resumed, Storing};
-use super::taught::TaughtRun;
-use super::teacher::{self, TeacherPlan, TeacherSource, UndecidedRun};
-use super::watched::{self, TrialRun, WatchedTraining};
-use super::watching::Watching;
+use super::teacher::{self, TeacherPlan, TeacherSource};
+use super::watched::{self, TrialRun};
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
 use trisplat_scene::{
     Budget, Error, ImportedScene, Result, Seconds, Spending,
-    layered::Layered,
+    layered::{Layered, Origin},
     process::cpu_secs,
-    report::{Report, StageDetails, StageReport},
+    report::{Report, StageDetails, StageReport, counted},
 };
 use trisplat_train::{
-    BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainRun, Trained,
-    budget::{Paced, StepLimit},
+    BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
+    budget::{self, BudgetController, Paced, PlanInput, StepLimit, calibrate},
 };
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
@@ -73,12 +69,10 @@ pub struct TrainJob {
     pub backend: BackendOptions,
     /// Files that the run writes on the way.
     pub outputs: RunOptions,
-    /// Checkpoint to resume from: that of the run, or of a training that its preparation needs.
+    /// Checkpoint to resume from.
     pub resume: Option<Checkpoint>,
     /// Resume although photos, cameras, points or background differ from the checkpoint's.
     pub force_resume: bool,
-    /// The preparation that goes on.
-    preparation: Option<Resumed>,
 }
 
 /// A trained scene and its report.
@@ -92,28 +86,6 @@ pub struct TrainDone {
     pub teacher: TeacherPlan,
     /// Share of the steps on the teacher's pictures; `None` without a teacher.
     pub teacher_share: Option<f64>,
-}
-
-/// A training with its photos, options and teacher ready.
-struct ReadyTrain {
-    /// The photos alone, if there are pictures of a teacher.
-    photos: Option<Dataset>,
-    teacher: TeacherPlan,
-    teacher_share: Option<f64>,
-    /// Stages so far: the short trainings, and the teacher's training or the reason for having none.
-    stages: Vec<StageReport>,
-    warnings: Vec<String>,
-    /// Whether watched photos decided about this run.
-    watched: bool,
-    dataset_options: DatasetOptions,
-    options: TrainOptions,
-    paced: Option<Paced>,
-    from: Option<ImportedScene>,
-    backend: BackendOptions,
-    outputs: RunOptions,
-    resume: Option<Checkpoint>,
-    force_resume: bool,
-    began: Instant,
 }
 
 impl TrainJob {
@@ -137,7 +109,6 @@ impl TrainJob {
             outputs: RunOptions::default(),
             resume: None,
             force_resume: false,
-            preparation: None,
         }
     }
 
@@ -151,23 +122,65 @@ impl TrainJob {
 
     /// Plans, prepares and runs the training, to the end or until `observer` stops it.
     ///
-    /// Errors: those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded.
-    /// [`Error::Stopped`] if it was stopped before its own first step; its checkpoint is one for `resume` all the same.
-    pub fn run(self, observer: Observer<'_>) -> Result<TrainDone> {
-        let (dataset, mut ready) = self.prepare(observer)?;
-        let (teacher, teacher_share) = (ready.teacher.clone(), ready.teacher_share);
-        let (plan, stages, began) = (ready.budget_summary(), std::mem::take(&mut ready.stages), ready.began);
-        let (mut warnings, photos) = (std::mem::take(&mut ready.warnings), ready.photos.take());
-        let OpenRun { run, card, warnings: about_start } = ready.open(&dataset)?;
+    /// Errors: those of the preparation and of [`TrainRun::start_at`]; photos that cannot be decoded; options that the budget
+    /// chooses; an unreadable or solid teacher; a budget that is too small; a checkpoint of another run. [`Error::Stopped`] if it was
+    /// stopped before its own first step: nothing is written, and the run begins again.
+    pub fn run(mut self, observer: Observer<'_>) -> Result<TrainDone> {
+        let began = self.began.unwrap_or_else(Instant::now);
+        self.watch(observer)?;
+        let plan = self.teacher_plan();
+        let mut stages: Vec<StageReport> =
+            self.watched.iter().map(|watched| watched.stage(self.watch_secs)).collect();
+        let mut enough = StepLimit::default();
+        let mut warnings: Vec<String> = self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
+        let teacher = match &plan {
+            TeacherPlan::Without(why) => {
+                stages.push(StageReport::skipped(TeacherDetails::STAGE, why.clone()));
+                None
+            }
+            TeacherPlan::Read(path) => Some(teacher::soft_scene(path, &self.dataset_options)?),
+            TeacherPlan::Train => {
+                if !self.options.is_given("steps") {
+                    enough = teacher::enough(self.dataset.train().count());
+                }
+                let (teacher, stage) = self.train_teacher(began, observer)?;
+                stages.push(stage);
+                Some(teacher)
+            }
+        };
+        let paced = self.keep_to_budget(enough, began)?;
+        warnings.extend(self.dataset.warnings.iter().cloned());
+        let share = teacher.is_some().then(|| self.picture_share());
+        let taught = match (&teacher, share) {
+            (Some(teacher), Some(share)) => {
+                warnings.extend(teacher.warnings.iter().cloned());
+                let (options, how) = (&self.options.options, &self.dataset_options);
+                Some(teacher::with_pictures(&self.dataset, teacher, share, options, how, observer)?)
+            }
+            _ => None,
+        };
+        let summary = paced.as_ref().map(|paced| self.summary(&paced.pace));
+        let dataset = taught.as_ref().unwrap_or(&self.dataset);
+        let run = TrainRun {
+            outputs: self.outputs,
+            from: self.from,
+            resume: self.resume,
+            paced,
+            began: Some(began),
+            force_resume: self.force_resume,
+            ..TrainRun::new(dataset, &self.options.options).with_dataset_options(&self.dataset_options)
+        };
+        let OpenRun { run, card, warnings: about_start } = run.start_at(&self.backend)?;
         warnings.extend(about_start);
+        warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
         let triangles = run.triangles();
         let begins = TrainBegins {
             part: TrainPart::Scene,
             steps: run.options().steps,
             done: run.steps(),
-            plan,
+            plan: summary,
             card,
-            photos: Some(photos.as_ref().unwrap_or(&dataset)),
+            photos: Some(&self.dataset),
             curve: run.curve(),
             stages: &stages,
             warnings: &warnings,
@@ -178,110 +191,51 @@ impl TrainJob {
         let mut report = Report { warnings, stages, seconds, ..Report::new("train") };
         report.options = serde_json::to_value(&trained.options).unwrap_or_default();
         report.stages.push(trained.stage(triangles, seconds));
-        Ok(TrainDone { trained, report, teacher, teacher_share })
+        Ok(TrainDone { trained, report, teacher: plan, teacher_share: share })
+    }
+
+    /// The share of the steps on pictures of a teacher; a resumed run keeps its number of pictures.
+    fn picture_share(&self) -> f64 {
+        let begun = self.resume.as_ref().map(|checkpoint| {
+            let all = checkpoint.meta.identity.photos.len().max(1);
+            1.0 - self.dataset.train().count() as f64 / all as f64
+        });
+        self.teacher_share.or(begun).unwrap_or(teacher::PICTURE_SHARE)
+    }
+
+    /// Description of the budget's plan for people.
+    fn summary(&self, pace: &BudgetController) -> String {
+        let why = if self.watched.is_some() { "watched photos" } else { "photos are few" };
+        let end =
+            if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
+        pace.summary() + &end
     }
 
     /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
     /// photos does not. [`TrainJob::run`] calls this unless it was called before.
     ///
-    /// Errors: options that the budget chooses, undecodable photos, a stopped training, a checkpoint of another run.
+    /// Errors: options that the budget chooses, undecodable photos, a stopped training.
     pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
-        self.unpack()?;
         if self.resume.is_none() {
-            budget::check(self.budget, &self.options)?;
+            check(self.budget, &self.options)?;
         }
-        let unsure = self.teacher.is_none() && self.undecided().is_unsure();
+        let photos = self.dataset.train().count();
+        let unsure =
+            self.teacher.is_none() && teacher::decides_little(photos) && self.needs_no_teacher(2).is_none();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
-        let is_over = self.resume.is_some() || self.watched.is_some() || self.is_teaching();
+        let is_over = self.resume.is_some() || self.watched.is_some();
         if !unsure || !self.has_time_to_watch() || cut || is_over {
             return Ok(());
         }
-        let (how, began) = (self.dataset_options.clone(), self.began.unwrap_or_else(Instant::now));
-        let (earlier, seed) = (self.earlier_trials(), self.options.options.seed);
-        let mut watching = Watching::new(&self.dataset, &how, seed, self.storing(began), earlier)?;
-        let watched = watching.run(observer)?;
+        let clock = Instant::now();
+        let watched =
+            TrialRun::of(&self.dataset, &self.dataset_options, self.options.options.seed, observer)?;
         // The teacher or the run, which come next, ask whether to go on.
         let _ = observer(Event::Watched(&watched));
-        self.watch_secs = watching.seconds();
+        self.watch_secs = clock.elapsed().as_secs_f64();
         self.watched = Some(watched);
         Ok(())
-    }
-
-    /// The checkpoint of a training that a preparation needs resumes that training: the run itself begins again, with all that
-    /// it began with.
-    fn unpack(&mut self) -> Result<()> {
-        let Some(prepared) = self.resume.as_mut().and_then(|point| point.meta.prepares.take()) else {
-            return Ok(());
-        };
-        if let Some(TeacherSource::Off | TeacherSource::File(_)) = &self.teacher {
-            let wants = "`teacher` auto or nothing, as the run began";
-            return Err(Error::invalid("resume", "of a run that was stopped before its teacher", wants));
-        }
-        let (run, spent_secs) = preparation::unpack(prepared)?;
-        let Preparation { options, budget, max_cpu_secs, asked, teacher_share, part } = run;
-        (self.options, self.budget) = (options, budget);
-        self.teacher = asked.then_some(TeacherSource::Auto);
-        self.teacher_share = self.teacher_share.or(teacher_share);
-        if let PreparationPart::Teacher { watched, .. } = &part {
-            self.watched.clone_from(watched);
-        }
-        let checkpoint = self.resume.take();
-        self.preparation = Some(Resumed { part, checkpoint, spent_secs, max_cpu_secs });
-        Ok(())
-    }
-
-    /// Whether the preparation goes on at a teacher.
-    fn is_teaching(&self) -> bool {
-        let part = self.preparation.as_ref().map(|resumed| &resumed.part);
-        matches!(part, Some(PreparationPart::Teacher { .. }))
-    }
-
-    /// Results of the short trainings of an earlier process, and the one that it was stopped in.
-    fn earlier_trials(&mut self) -> (Vec<WatchedTraining>, Option<Checkpoint>) {
-        match &mut self.preparation {
-            Some(Resumed { part: PreparationPart::Watching(done), checkpoint, .. }) => {
-                (done.clone(), checkpoint.take())
-            }
-            _ => (Vec::new(), None),
-        }
-    }
-
-    /// The teacher that an earlier process was stopped in, and the size of its photos.
-    fn stopped_teacher(&mut self) -> Option<(Checkpoint, Option<u32>)> {
-        let Resumed { part, checkpoint, .. } = self.preparation.as_mut()?;
-        let PreparationPart::Teacher { max_size, .. } = part else { return None };
-        Some((checkpoint.take()?, *max_size))
-    }
-
-    /// Where and how trainings of the preparation are stored.
-    fn storing(&self, began: Instant) -> Storing {
-        let RunOptions { checkpoint, keep, checkpoint_every, max_cpu_secs, .. } = self.outputs.clone();
-        Storing {
-            outputs: RunOptions { checkpoint, keep, checkpoint_every, max_cpu_secs, ..RunOptions::default() },
-            force_resume: self.force_resume,
-            spending: self.spending(began),
-            run: Preparation {
-                options: self.options.clone(),
-                budget: self.budget,
-                max_cpu_secs: self.max_cpu_secs(),
-                asked: self.teacher.is_some(),
-                teacher_share: self.teacher_share,
-                part: PreparationPart::Watching(Vec::new()),
-            },
-        }
-    }
-
-    /// The clock of the budget.
-    fn spending(&self, began: Instant) -> Spending {
-        let clock = self.budget.map(|budget| budget.clock).unwrap_or_default();
-        let before = self.preparation.as_ref().map_or(0.0, |resumed| resumed.spent_secs);
-        Spending::of_process(clock, began).after(before)
-    }
-
-    /// The limit of CPU seconds that the run began with, which decides about its preparation.
-    fn max_cpu_secs(&self) -> f64 {
-        self.preparation.as_ref().map_or(self.outputs.max_cpu_secs, |resumed| resumed.max_cpu_secs)
     }
 
     /// Whether there are photos to watch, and time for short trainings.
@@ -289,7 +243,7 @@ impl TrainJob {
         match self.budget {
             Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count()),
             // Short trainings do not obey the run's limit.
-            None if self.max_cpu_secs() > 0.0 => false,
+            None if self.outputs.max_cpu_secs > 0.0 => false,
             None => watched::fits_beside(&self.options.options, &self.dataset),
         }
     }
@@ -300,145 +254,124 @@ impl TrainJob {
         match (&self.teacher, &self.resume) {
             (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
             (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
-            (None, None) => TeacherPlan::by_default(&self.undecided()),
+            (None, None) => self.needs_no_teacher(photos).map_or(TeacherPlan::Train, TeacherPlan::Without),
         }
     }
 
-    /// The run without the request for or against a teacher.
-    fn undecided(&self) -> UndecidedRun {
-        UndecidedRun {
-            photos: self.dataset.train().count(),
-            watched_gain: self.watched.as_ref().and_then(TrialRun::gain),
-            preset: self.options.options.preset,
-            starts_from_photos: self.from.is_none() && self.dataset.kind != DatasetKind::Drawn,
-            max_cpu_secs: self.max_cpu_secs(),
-        }
+    /// The reason for having no teacher with this number of photos; `None`: one is trained first.
+    fn needs_no_teacher(&self, photos: usize) -> Option<String> {
+        let from_photos = self.from.is_none() && self.dataset.kind != DatasetKind::Drawn;
+        let is_plain = from_photos && self.options.options.preset == TrainPreset::Solid;
+        let gain = self.watched.as_ref().and_then(TrialRun::gain);
+        teacher::needless(is_plain, self.outputs.max_cpu_secs > 0.0, photos, gain)
     }
 
-    /// Prepares the training pictures: photos in the size that the budget allows, and pictures of the teacher.
+    /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own steps.
     ///
-    /// Errors: options that the budget chooses; an unreadable or solid teacher; errors of the teacher's training; a budget that is
-    /// too small; a checkpoint of another run; [`Error::Stopped`].
-    fn prepare(mut self, observer: Observer<'_>) -> Result<(Dataset, ReadyTrain)> {
-        let began = self.began.unwrap_or_else(Instant::now);
-        self.watch(observer)?;
-        let plan = self.teacher_plan();
-        let mut enough = StepLimit::default();
-        let (teacher, stage) = match &plan {
-            TeacherPlan::Without(why) => {
-                (None, Some(StageReport::skipped(TeacherDetails::STAGE, why.clone())))
-            }
-            TeacherPlan::Read(path) => (Some(teacher::soft_scene(path, &self.dataset_options)?), None),
-            TeacherPlan::Train => {
-                if !self.options.is_given("steps") {
-                    enough = teacher::enough(self.dataset.train().count());
-                }
-                let stopped = self.stopped_teacher();
-                let (teacher, stage) = self.taught(began).train_teacher(stopped, observer)?;
-                (Some(teacher), Some(stage))
-            }
+    /// Errors: those of a training; a stopped training; a budget that is too small.
+    fn train_teacher(&self, began: Instant, observer: Observer<'_>) -> Result<(ImportedScene, StageReport)> {
+        let clock = Instant::now();
+        let mut enough = teacher::enough_for_teacher(self.dataset.train().count());
+        // Steps given for the run also hold for its teacher.
+        enough.steps = enough.steps.filter(|_| !self.options.is_given("steps"));
+        let spent = self.spending(began).seconds();
+        let mut job = Self {
+            dataset_options: self.dataset_options.clone(),
+            options: teacher::teacher_options(&self.options, self.budget.is_some()),
+            budget: self.budget.map(|budget| teacher::teacher_budget(budget, spent)),
+            ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
-        if self.preparation.as_ref().is_some_and(|resumed| resumed.checkpoint.is_some()) {
-            let wants = "the photos and options of its run";
-            return Err(Error::invalid("resume", "of a preparation that these photos do not need", wants));
+        let paced = job.keep_to_budget(enough, began)?;
+        let run =
+            TrainRun::new(&job.dataset, &job.options.options).with_dataset_options(&job.dataset_options);
+        // The run reports the card, so the teacher does not.
+        let OpenRun { run, .. } = TrainRun { paced, ..run }.start_at(&self.backend)?;
+        let triangles = run.triangles();
+        let (part, steps) = (TrainPart::Teacher, run.options().steps);
+        let trained =
+            run.finish(&mut begin(observer, &TrainBegins { part, steps, ..TrainBegins::default() })?)?;
+        if trained.stopped {
+            return Err(stopped("the training of a soft teacher scene", &trained));
         }
-        let spending = self.spending(began);
-        let mut how = self.dataset_options;
-        let Budgeted { dataset, options, paced } = budget::budgeted(
-            self.dataset,
-            self.options,
-            self.from.as_ref(),
-            self.budget,
-            enough,
-            spending,
-            &mut how,
-        )?;
-        let from_warnings = self.from.iter().flat_map(|scene| &scene.warnings);
-        let mut warnings: Vec<String> = from_warnings.chain(&dataset.warnings).cloned().collect();
-        let (dataset, photos, teacher_share) = match teacher {
-            Some(teacher) => {
-                // A resumed run keeps its number of pictures.
-                let begun = self.resume.as_ref().map(|checkpoint| {
-                    1.0 - dataset.train().count() as f64 / checkpoint.meta.identity.photos.len().max(1) as f64
-                });
-                let share = self.teacher_share.or(begun).unwrap_or(teacher::PICTURE_SHARE);
-                let beside = teacher::with_pictures(&dataset, &teacher, share, &options, &how, observer)?;
-                warnings.extend(teacher.warnings);
-                (beside, Some(dataset), Some(share))
-            }
-            None => (dataset, None, None),
-        };
-        let watched = self.watched.iter().map(|watched| watched.stage(self.watch_secs));
-        let ready = ReadyTrain {
-            photos,
-            teacher: plan,
-            teacher_share,
-            stages: watched.into_iter().chain(stage).collect(),
-            warnings,
-            watched: self.watched.is_some(),
-            dataset_options: how,
-            options,
-            paced,
-            from: self.from,
-            backend: self.backend,
-            outputs: self.outputs,
-            resume: self.resume,
-            force_resume: self.force_resume,
-            began,
-        };
-        Ok((dataset, ready))
+        // The run, which comes next, asks whether to go on.
+        let _ = observer(Event::Teacher(&trained));
+        let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
+        TeacherDetails::STAGE.clone_into(&mut stage.name);
+        Ok((trained.into(), stage))
     }
 
-    /// The run as its teacher needs it.
-    fn taught(&self, began: Instant) -> TaughtRun<'_> {
-        TaughtRun {
-            photos: &self.dataset,
-            how: &self.dataset_options,
-            options: &self.options,
-            budget: self.budget,
-            began,
-            backend: &self.backend,
-            storing: self.storing(began),
-            watched: self.watched.clone(),
+    /// The clock of the budget.
+    fn spending(&self, began: Instant) -> Spending {
+        Spending::of_process(self.budget.map(|budget| budget.clock).unwrap_or_default(), began)
+    }
+
+    /// Measures the machine and chooses steps, triangles and the size of photos, within `enough`.
+    ///
+    /// Errors: those of the first steps; photos that cannot be decoded; a budget that is too small.
+    fn keep_to_budget(&mut self, enough: StepLimit, began: Instant) -> Result<Option<Paced>> {
+        let triangles_given = self.options.is_given("max_triangles");
+        let Some(budget) = self.budget else {
+            self.options.options = with_fewer_steps(&self.options.options, enough.steps, triangles_given);
+            return Ok(None);
+        };
+        let (options, how) = (&self.options.options, &mut self.dataset_options);
+        let spending = Spending::of_process(budget.clock, began);
+        let (background, secs) = (how.background.to_f32(), budget.seconds.0);
+        let from = self.from.as_ref();
+        let calibration = calibrate(&self.dataset, from, options, background, &spending, secs)?;
+        let input = PlanInput {
+            triangles_given,
+            size_given: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
+            from_scene: from.is_some(),
+            enough,
+            ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), calibration)
+        };
+        let plan = budget::plan(&input)?;
+        let pace = BudgetController::new(&input, &plan, spending.seconds());
+        self.options.options = plan.apply(options);
+        if plan.max_size.is_some() {
+            how.max_size = plan.max_size;
+            // Only a few photos were decoded so far.
+            self.dataset = Dataset::load(&self.dataset.path, how)?;
         }
+        Ok(Some(Paced { pace, spending }))
     }
 }
 
-impl ReadyTrain {
-    /// Description of the budget's plan for people; `None` without a budget.
-    fn budget_summary(&self) -> Option<String> {
-        let pace = &self.paced.as_ref()?.pace;
-        let why = if self.watched { "watched photos" } else { "photos are few" };
-        let end =
-            if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
-        Some(pace.summary() + &end)
-    }
-
-    /// Sets up the run on the prepared photos and pictures.
-    ///
-    /// Errors: those of [`TrainRun::start_at`].
-    fn open(self, dataset: &Dataset) -> Result<OpenRun<'_>> {
-        let run = TrainRun::new(dataset, &self.options).with_dataset_options(&self.dataset_options);
-        let run = TrainRun {
-            outputs: self.outputs,
-            from: self.from,
-            resume: self.resume,
-            paced: self.paced,
-            began: Some(self.began),
-            force_resume: self.force_resume,
-            ..run
+/// Refuses options that a budget chooses, whichever layer sets them.
+fn check(budget: Option<Budget>, options: &Layered<TrainOptions>) -> Result<()> {
+    let Some(budget) = budget else { return Ok(()) };
+    let TrainOptions { steps, milestones, .. } = &options.options;
+    for (key, value) in [("steps", steps.to_string()), ("milestones", format!("{milestones:?}"))] {
+        let layer = match options.origin(key) {
+            Origin::Preset => continue,
+            Origin::File => " of `config`",
+            Origin::Setting => " of `sets`",
+            Origin::Given => "",
         };
-        let mut open = run.start_at(&self.backend)?;
-        open.warnings
-            .extend(open.run.differences().iter().map(|difference| format!("resumed although {difference}")));
-        Ok(open)
+        let wants = format!("to be left out{layer}: `{}` chooses the steps", budget.option());
+        return Err(Error::invalid(key, value, wants));
     }
+    Ok(())
+}
+
+/// `options` with at most `most` steps, and proportionally fewer triangles unless they are given.
+fn with_fewer_steps(options: &TrainOptions, most: Option<u64>, triangles_given: bool) -> TrainOptions {
+    let Some(steps) = most.filter(|most| *most < options.steps) else { return options.clone() };
+    let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
+    let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };
+    TrainOptions { steps: steps.max(1), max_triangles, ..options.clone() }
+}
+
+/// The error of a run that was stopped in `what`, a training that it needs.
+pub(super) fn stopped(what: &str, training: &Trained) -> Error {
+    let steps = counted(training.options.steps, "step");
+    let place = format!("stopped in {what}, after {} of {steps}", training.steps);
+    Error::Stopped { what: format!("{place}; nothing was written, and the same command begins again") }
 }
 
 /// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.
 pub fn reading(how: &DatasetOptions, resume: Option<&Checkpoint>) -> DatasetOptions {
-    // A training that prepares a run does not choose for it.
-    let resume = resume.filter(|point| point.meta.prepares.is_none());
     let chosen = resume.and_then(|point| point.meta.pace.as_ref()?.plan.max_size);
     DatasetOptions { max_size: how.max_size.or(chosen), ..how.clone() }
 }

@@ -4,22 +4,26 @@
 //! Two solid scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
 //! decibel or more; if it memorises photos, they gain little or lose, and a teacher helps. See docs/benchmarks/few-photos.md.
 
+use super::event::{Observer, TrainBegins, TrainPart, begin};
+use super::training::stopped;
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_dataset::{Dataset, View};
+use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_scene::{
     Error, Result,
     report::{Counts, StageDetails, StageReport, counted, to_json},
 };
 use trisplat_train::{
-    TrainOptions,
+    TrainOptions, TrainRun,
     budget::{CostModel, Workload, part_secs},
 };
 
 /// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
-pub(super) const LONGEST_PX: u32 = 96;
-pub(super) const TRIANGLES: u64 = 1500;
+const LONGEST_PX: u32 = 96;
+const TRIANGLES: u64 = 1500;
+/// Fewest pixels of a photo per triangle.
+const PIXELS_PER_TRIANGLE: u64 = 4;
 /// One photo in this many is watched, at least the second number.
 const ONE_IN: usize = 6;
 const FEWEST_WATCHED: usize = 3;
@@ -36,7 +40,7 @@ const LEAST_SECS: f64 = 50.0;
 /// Largest share of the trainings in a run without a budget.
 const MOST_SHARE: f64 = 0.1;
 /// Steps per photo of the two scenes.
-pub(super) const SOLID_STEPS: [u64; 2] = [25, 75];
+const SOLID_STEPS: [u64; 2] = [25, 75];
 
 /// What short trainings say of photos that they left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -61,6 +65,43 @@ impl StageDetails for TrialRun {
 }
 
 impl TrialRun {
+    /// Trains both scenes on small copies of `photos`, which were read with `how`.
+    ///
+    /// Errors: photos that cannot be decoded; a training that was stopped.
+    pub(super) fn of(
+        photos: &Dataset,
+        how: &DatasetOptions,
+        seed: u64,
+        observer: Observer<'_>,
+    ) -> Result<Self> {
+        let count = photos.train().count();
+        let view = |(i, view): (usize, &View)| {
+            let camera = view.camera.within(LONGEST_PX);
+            let photo = Photo::drawn(view.photo.decode()?.downscaled(camera.size));
+            Ok(View { camera, photo, test: is_left_out(i, count), ..view.clone() })
+        };
+        let views = photos.train().enumerate().map(view).collect::<Result<Vec<_>>>()?;
+        let small = Dataset { views, ..photos.clone() };
+        let pixels = small.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
+        let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
+        let mut train = |steps_per_photo: u64| {
+            let steps = steps_per_photo * count as u64;
+            let options = TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() };
+            let begins = TrainBegins { part: TrainPart::Trial, steps, ..TrainBegins::default() };
+            // A graphics card gains nothing on small photos.
+            let run = TrainRun::new(&small, &options).with_dataset_options(how);
+            let trained = run.run(&mut begin(observer, &begins)?)?;
+            if trained.stopped {
+                return Err(stopped("a short training that leaves some photos out", &trained));
+            }
+            let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
+            Ok(WatchedTraining { steps, psnr })
+        };
+        let [few, many] = SOLID_STEPS;
+        let solid = [train(few)?, train(many)?];
+        Ok(Self { photos: small.test().map(|view| view.name.clone()).collect(), solid })
+    }
+
     /// Gain of more steps, dB; `None` without any finite one.
     pub fn gain(&self) -> Option<f64> {
         let [few, many] = self.solid;
@@ -92,7 +133,7 @@ pub(super) fn fits(secs: f64, photos: usize) -> bool {
 }
 
 /// Whether training photo `i` of `count` is left out: one in six, at least three, spread evenly.
-pub(super) fn is_left_out(i: usize, count: usize) -> bool {
+fn is_left_out(i: usize, count: usize) -> bool {
     let watched = (count / ONE_IN).max(FEWEST_WATCHED);
     (0..watched).any(|k| (2 * k + 1) * count / (2 * watched) == i)
 }
@@ -137,7 +178,6 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_dataset::DatasetOptions;
     use trisplat_dataset::synthetic::{self, SyntheticOptions};
 
     fn gaining(gain: f64) -> TrialRun {

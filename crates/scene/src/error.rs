@@ -63,10 +63,8 @@ pub enum Error {
     /// A run was stopped before it had a result.
     #[error("{what}")]
     Stopped {
-        /// Where it was stopped, and what was lost if there is no checkpoint.
+        /// Where it was stopped, and how to go on.
         what: String,
-        /// The checkpoint from which it continues.
-        checkpoint: Option<PathBuf>,
     },
     /// A file exceeds a limit: see [`Limits`](crate::limits::Limits).
     #[error("{place}: {value} {what}, the limit is {limit}; if that is right, give `limit` {key}={value}")]

@@ -234,7 +234,7 @@ fn go_on<D: StageDetails>(told: ControlFlow<()>) -> Result<()> {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => {
             let what = format!("stopped at the stage {}; nothing was written", D::STAGE);
-            Err(Error::Stopped { what, checkpoint: None })
+            Err(Error::Stopped { what })
         }
     }
 }

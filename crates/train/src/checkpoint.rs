@@ -9,7 +9,6 @@ use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
-use super::prepared_run::PreparedRun;
 use super::progress::TrainSample;
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
@@ -23,7 +22,7 @@ use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFi
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: &str = "17";
+const FORMAT: &str = "18";
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
@@ -71,8 +70,6 @@ pub struct CheckpointMeta {
     pub cpu_secs: f64,
     /// The known costs of a run with a budget.
     pub pace: Option<BudgetController>,
-    /// The run that this training prepares, if it is not the run itself.
-    pub prepares: Option<PreparedRun>,
 }
 
 impl CheckpointMeta {
@@ -374,7 +371,6 @@ mod tests {
             curve: vec![TrainSample::default()],
             cpu_secs: 1.5,
             pace: None,
-            prepares: Some(PreparedRun { state: serde_json::json!({ "psnr": 21.3 }), spent_secs: 0.1 }),
         };
         let params = Params::from_soup(&soup, meta.options.sh_degree);
         let state = TrainState { pinned: 2, frozen: 1, ..TrainState::new(params) };
@@ -414,7 +410,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"16");
+        let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"17");
         let expected = format!("is a checkpoint of another version, this one reads format {FORMAT}");
         assert!(error.contains(&expected), "{error}");
         let other = replaced("\"trisplat\":", "\"somebody\":");

@@ -1,10 +1,9 @@
 //! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
-use super::budget::{BudgetController, Spending};
+use super::budget::BudgetController;
 use super::checkpoint;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
-use super::prepared_run::PreparedRun;
 use super::progress::{TrainEvent, TrainObserver, TrainSample};
 use super::trainer::Trainer;
 use std::path::PathBuf;
@@ -30,8 +29,6 @@ pub struct RunOptions {
     pub preview: Option<Preview>,
     /// Stop after this many CPU seconds, as on request; 0 never.
     pub max_cpu_secs: f64,
-    /// The state of the run that this one prepares, and the clock of its budget: see [`PreparedRun`].
-    pub prepares: Option<(serde_json::Value, Spending)>,
 }
 
 /// The beginning of the names of previews.
@@ -197,10 +194,6 @@ impl<'a> Recorder<'a> {
         let spent = cpu_secs() - self.cpu_start;
         let written = trainer.checkpoint(&self.curve, spent).and_then(|mut checkpoint| {
             checkpoint.meta.pace = pace;
-            checkpoint.meta.prepares = outputs.prepares.as_ref().map(|(state, spending)| PreparedRun {
-                state: state.clone(),
-                spent_secs: spending.seconds(),
-            });
             Ok((checkpoint.meta.step, checkpoint::write_kept(path, &checkpoint, outputs.keep)?))
         });
         match written {

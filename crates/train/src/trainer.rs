@@ -451,7 +451,6 @@ impl<B: TrainBackend> Trainer<B> {
             curve: curve.iter().copied().filter(|sample| sample.step <= now.step).collect(),
             cpu_secs,
             pace: None,
-            prepares: None,
         };
         Ok(Checkpoint { state, visibility: now.visibility, meta })
     }
