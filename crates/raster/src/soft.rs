@@ -23,7 +23,6 @@ use gather::PairGrads;
 use slabs::SlabTarget;
 use slots::{GradSlots, WeightSlot};
 use splats::Projection;
-use std::time::Instant;
 use tiles::{TileChannel, TileGeometry, TilePixels, Tiles};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::parallel;
@@ -37,7 +36,6 @@ pub struct SoftRasterizer {
     slots: GradSlots,
     weights: Vec<WeightSlot>,
     frame: Frame,
-    timings: Vec<(&'static str, f64)>,
     /// Most pairs of splats and tiles drawn at once; tests set fewer.
     pairs_per_slab: u64,
 }
@@ -51,28 +49,8 @@ impl Default for SoftRasterizer {
             slots: GradSlots::default(),
             weights: Vec::new(),
             frame: Frame::default(),
-            timings: Vec::new(),
             pairs_per_slab: slabs::PAIRS_PER_SLAB,
         }
-    }
-}
-
-/// Measures the time of each part of a frame.
-struct Clock(Instant);
-
-impl Clock {
-    fn new() -> Self {
-        Self(Instant::now())
-    }
-
-    fn lap(&mut self, part: &'static str, out: &mut Vec<(&'static str, f64)>) {
-        let now = Instant::now();
-        let ms = (now - self.0).as_secs_f64() * 1e3;
-        match out.iter_mut().find(|(name, _)| *name == part) {
-            Some((_, sum)) => *sum += ms,
-            None => out.push((part, ms)),
-        }
-        self.0 = now;
     }
 }
 
@@ -95,25 +73,18 @@ impl SoftRasterizer {
         options: &SoftOptions,
         counted: Option<CountedPixels<'_>>,
     ) -> &Frame {
-        self.timings.clear();
-        let mut clock = Clock::new();
         self.projection.project(soup, camera, options);
-        clock.lap("project", &mut self.timings);
         self.projection.order();
-        clock.lap("sort", &mut self.timings);
-        let Self { projection, tiles, pixels, weights, timings, .. } = self;
+        let Self { projection, tiles, pixels, weights, .. } = self;
         let (splats, size) = (&projection.splats, camera.size);
         if slabs::are_needed(splats, size, options, self.pairs_per_slab) {
             let mut target = SlabTarget { tiles, pixels, weights };
-            target.draw(splats, size, options, counted, self.pairs_per_slab, |part| clock.lap(part, timings));
+            target.draw(splats, size, options, counted, self.pairs_per_slab);
         } else {
             tiles.bin(splats, size, options.window);
-            clock.lap("bin", timings);
             forward::draw(splats, tiles, Slab::Whole, pixels, weights, options, counted);
-            clock.lap("forward", timings);
         }
         assemble(&mut self.frame, &self.pixels, &self.tiles, options);
-        clock.lap("assemble", &mut self.timings);
         &self.frame
     }
 
@@ -127,13 +98,10 @@ impl SoftRasterizer {
         d: &FrameGrad,
         out: &mut SoupGrad,
     ) {
-        let mut clock = Clock::new();
         let Self { projection, tiles, pixels, slots, .. } = self;
         backward::draw_grad(&projection.splats, tiles, pixels, options, d, slots);
-        clock.lap("backward", &mut self.timings);
         let pairs = PairGrads { chunks: &self.projection.chunks, tiles: &self.tiles, slots: &self.slots };
         gather::gather(&pairs, soup, camera, options, out);
-        clock.lap("gather", &mut self.timings);
     }
 
     /// The last frame drawn.
@@ -145,16 +113,6 @@ impl SoftRasterizer {
     /// triangles differs.
     pub fn accumulate_importance(&self, out: &mut Importance) {
         out.accumulate(&self.projection, &self.tiles, &self.weights);
-    }
-
-    /// Wall time of every part of the last frame, ms.
-    pub fn timings(&self) -> &[(&'static str, f64)] {
-        &self.timings
-    }
-
-    /// Numbers of splats and of (splat, tile) pairs of the last frame.
-    pub fn load(&self) -> (usize, usize) {
-        (self.projection.splats.len(), self.tiles.entries.len())
     }
 }
 

@@ -24,7 +24,6 @@ mod planes;
 mod projector;
 mod resolve;
 mod shade;
-mod timing;
 mod visibility;
 
 pub use planes::{Nearest, PlaneTile};
@@ -34,35 +33,21 @@ pub use visibility::{NO_FACE, Visibility};
 
 use bin::{Faces, PAIRS_PER_ROUND, rounds};
 use bins::Batch;
-use glam::UVec2;
 use projector::Projector;
-use shade::Code;
-use std::time::Instant;
-use timing::PartTimes;
-use trisplat_scene::{
-    camera::Camera,
-    image::{Image, RgbImage},
-    mesh::Mesh,
-};
+use trisplat_scene::{camera::Camera, image::RgbImage, mesh::Mesh};
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug)]
 pub struct SolidRasterizer {
     batches: Vec<Batch>,
     visibility: Visibility,
-    timings: Vec<(&'static str, f64)>,
     /// Most pairs of triangles and tiles in the bins at once; tests set fewer.
     pairs_per_round: usize,
 }
 
 impl Default for SolidRasterizer {
     fn default() -> Self {
-        Self {
-            batches: Vec::new(),
-            visibility: Visibility::default(),
-            timings: Vec::new(),
-            pairs_per_round: PAIRS_PER_ROUND,
-        }
+        Self { batches: Vec::new(), visibility: Visibility::default(), pairs_per_round: PAIRS_PER_ROUND }
     }
 }
 
@@ -76,41 +61,16 @@ impl SolidRasterizer {
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> RgbImage {
-        let (size, rgb) = self.shaded(mesh, camera, options);
-        RgbImage { size, rgb, alpha: None }
-    }
-
-    /// The same picture before its colours are rounded to 8 bits, sRGB-encoded.
-    pub fn render_image(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> Image {
-        let (size, pixels) = self.shaded(mesh, camera, options);
-        Image { size, pixels }
-    }
-
-    fn shaded<C: Code>(
-        &mut self,
-        mesh: &Mesh,
-        camera: &Camera,
-        options: &SolidRasterOptions,
-    ) -> (UVec2, Vec<[C; 3]>) {
-        let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
         let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
-        let binned = clock.elapsed();
-        let parts = PartTimes::default();
-        let picture = resolve::picture(&faces, mesh, &projector, options, &parts);
-        self.timings = parts.split(binned, clock.elapsed());
-        picture
+        resolve::picture(&faces, mesh, &projector, options)
     }
 
     /// The face and depth that every sample sees.
     pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> &Visibility {
-        let clock = Instant::now();
         let projector = Projector::new(camera, options.samples, options.near);
         let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
-        let binned = clock.elapsed();
-        let parts = PartTimes::default();
-        resolve::export(&faces, &projector, &mut self.visibility, &parts);
-        self.timings = parts.split(binned, clock.elapsed());
+        resolve::export(&faces, &projector, &mut self.visibility);
         &self.visibility
     }
 
@@ -127,12 +87,6 @@ impl SolidRasterizer {
         let projector = Projector::new(camera, options.samples, options.near);
         let pairs = self.pairs_per_round;
         planes::planes(&mut self.batches, mesh, &projector, pairs, (planes, plane_of), on_tile);
-    }
-
-    /// Wall time of every part of the last frame, ms: "bin", "fill", "resolve". The last two alternate, tile
-    /// by tile; each gets its share. Several rounds count as part of "bin".
-    pub fn timings(&self) -> &[(&'static str, f64)] {
-        &self.timings
     }
 }
 

@@ -6,13 +6,11 @@ use super::bins::{
 };
 use super::fill::fill;
 use super::projector::Projector;
-use super::shade::{Code, ShadeTile, shade};
-use super::timing::PartTimes;
+use super::shade::{ShadeTile, shade};
 use super::visibility::{NO_FACE, Visibility};
 use glam::UVec2;
 use std::slice;
-use std::time::Instant;
-use trisplat_scene::{Error, Result, math::color::linear_from_srgb, mesh::Mesh, parallel};
+use trisplat_scene::{Error, Result, image::RgbImage, math::color::linear_from_srgb, mesh::Mesh, parallel};
 
 /// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
 pub const MAX_SAMPLES: u32 = 1 << 15;
@@ -72,16 +70,15 @@ fn tile_keys<'a>(faces: &'a Faces<'_>, keys: &'a mut SampleKeys, tile: usize, si
     &faces.keys(slice::from_mut(keys), tile, |keys, batches, tile| fill(&mut keys[0], batches, tile, size))[0]
 }
 
-/// The size and the pixels of the picture, sRGB-encoded.
-pub(super) fn picture<C: Code>(
+/// The picture, sRGB-encoded.
+pub(super) fn picture(
     faces: &Faces<'_>,
     mesh: &Mesh,
     projector: &Projector,
     options: &SolidRasterOptions,
-    parts: &PartTimes,
-) -> (UVec2, Vec<[C; 3]>) {
+) -> RgbImage {
     let size = projector.size / projector.samples;
-    let mut rgb = vec![[C::default(); 3]; size.x as usize * size.y as usize];
+    let mut rgb = vec![[0; 3]; size.x as usize * size.y as usize];
     let across = tile_count(projector.size).x;
     let samples = projector.samples as usize;
     let tiles = split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
@@ -91,19 +88,16 @@ pub(super) fn picture<C: Code>(
         || Box::new(EMPTY),
         |keys, tile, mut rows| {
             let (column, row) = (tile as u32 % across, tile as u32 / across);
-            let start = Instant::now();
             let keys = tile_keys(faces, keys, tile, projector.size);
-            let filled = PartTimes::lap(&parts.fill, start);
             let corner = [column * TILE_WIDTH as u32, row * TILE_HEIGHT as u32];
             shade(ShadeTile { mesh, projector, background, corner, keys, rows: &mut rows });
-            PartTimes::lap(&parts.resolve, filled);
         },
     );
-    (size, rgb)
+    RgbImage { size, rgb, alpha: None }
 }
 
 /// Faces and depths of all samples.
-pub(super) fn export(faces: &Faces<'_>, projector: &Projector, out: &mut Visibility, parts: &PartTimes) {
+pub(super) fn export(faces: &Faces<'_>, projector: &Projector, out: &mut Visibility) {
     let count = projector.size.x as usize * projector.size.y as usize;
     out.size = projector.size;
     out.face.resize(count, NO_FACE);
@@ -115,16 +109,13 @@ pub(super) fn export(faces: &Faces<'_>, projector: &Projector, out: &mut Visibil
         seen.into_iter().zip(depths),
         || Box::new(EMPTY),
         |keys, tile, (seen, depths)| {
-            let start = Instant::now();
             let keys = tile_keys(faces, keys, tile, projector.size);
-            let filled = PartTimes::lap(&parts.fill, start);
             for ((faces, depths), keys) in seen.into_iter().zip(depths).zip(keys.chunks(STRIDE)) {
                 for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
                     *face = face_of(*key);
                     *depth = 1.0 / inverse_depth_of(*key);
                 }
             }
-            PartTimes::lap(&parts.resolve, filled);
         },
     );
 }

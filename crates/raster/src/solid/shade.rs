@@ -7,35 +7,14 @@ use super::visibility::FaceBarycentrics;
 use super::visibility::NO_FACE;
 use trisplat_scene::{
     FaceTexture,
-    math::color::srgb_from_linear,
     math::lanes::{LANES, Lanes, Work, dispatch, prefetch},
     math::real::{Mask, Real},
     math::srgb8::srgb8_from_linear,
     mesh::{Colors, Mesh},
 };
 
-/// A channel of a pixel, sRGB-encoded.
-pub(super) trait Code: Copy + Default + Send {
-    /// That of a linear value.
-    fn of_linear(linear: f32) -> Self;
-}
-
-impl Code for u8 {
-    #[inline(always)]
-    fn of_linear(linear: f32) -> Self {
-        srgb8_from_linear(linear)
-    }
-}
-
-impl Code for f32 {
-    #[inline(always)]
-    fn of_linear(linear: f32) -> Self {
-        srgb_from_linear(linear)
-    }
-}
-
 /// A tile to be shaded.
-pub(super) struct ShadeTile<'a, 'b, C> {
+pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
     pub(super) projector: &'a Projector,
     /// Linear.
@@ -43,18 +22,18 @@ pub(super) struct ShadeTile<'a, 'b, C> {
     /// First sample of the tile.
     pub(super) corner: [u32; 2],
     pub(super) keys: &'a SampleKeys,
-    pub(super) rows: &'a mut [&'b mut [[C; 3]]],
+    pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
 }
 
 /// Writes the pixels of a tile.
-pub(super) fn shade<C: Code>(tile: ShadeTile<C>) {
+pub(super) fn shade(tile: ShadeTile) {
     dispatch(tile);
 }
 
 /// Linear colours of a row of samples, channel by channel.
 type SampleRow = [[f32; TILE_WIDTH]; 3];
 
-impl<C: Code> Work for ShadeTile<'_, '_, C> {
+impl Work for ShadeTile<'_, '_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
@@ -75,14 +54,14 @@ impl<C: Code> Work for ShadeTile<'_, '_, C> {
             }
             for (x, pixel) in self.rows[y].iter_mut().enumerate() {
                 for (code, sums) in pixel.iter_mut().zip(&sums) {
-                    *code = C::of_linear(sums[x] * share);
+                    *code = srgb8_from_linear(sums[x] * share);
                 }
             }
         }
     }
 }
 
-impl<C> ShadeTile<'_, '_, C> {
+impl ShadeTile<'_, '_> {
     /// The colours of row `y` of the tile's samples.
     #[inline(always)]
     fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
