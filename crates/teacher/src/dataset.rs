@@ -1,8 +1,7 @@
 //! Soft pictures of a scene as a data set for training the solid scene.
 
 use super::drawing::Teacher;
-use super::stored;
-use super::viewpoints::Viewpoints;
+use super::viewpoints::{Viewpoints, between, picture_bytes};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -94,7 +93,7 @@ pub fn drawn_beside(
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Dataset> {
     let cameras: Vec<Camera> = photos.train().map(|view| view.camera).collect();
-    let between = stored::between(&cameras);
+    let between = between(&cameras);
     let wanted = (cameras.len() as f64 * share / (1.0 - share)).round() as usize;
     let chosen: Vec<Camera> = evenly_spaced(between.len(), wanted).map(|i| between[i]).collect();
     let pictures = draw(&chosen, max_bytes, picture, drawn)?;
@@ -108,7 +107,7 @@ fn draw(
     mut picture: impl FnMut(&Camera) -> RgbImage,
     drawn: &mut dyn FnMut(usize, usize),
 ) -> Result<Vec<View>> {
-    let held = cameras.iter().map(stored::picture_bytes).sum::<u64>() <= max_bytes;
+    let held = cameras.iter().map(picture_bytes).sum::<u64>() <= max_bytes;
     let file = Arc::new(PictureFile::default());
     let mut views = Vec::with_capacity(cameras.len());
     for (i, camera) in cameras.iter().enumerate() {

@@ -5,21 +5,14 @@
 //!
 //! In: a soft scene, or Gaussians. Out: viewpoints around and inside it, and pictures from there.
 
-mod background;
-mod chosen;
-pub mod dataset;
+mod dataset;
 mod drawing;
-mod filled;
-mod framed;
 mod gaussians;
-mod photographed;
-mod stored;
+mod splat_views;
 mod survey;
-mod thin;
 mod viewpoints;
 
-pub use background::Background;
 pub use dataset::{beside, dataset, drawn_beside, drawn_for};
-pub use drawing::Teacher;
+pub use drawing::{Background, Teacher};
 pub use gaussians::GaussianTeacher;
 pub use viewpoints::{ViewpointKind, Viewpoints, between};

@@ -1,9 +1,8 @@
-//! Measures the view of a scene from a place, on a small picture.
+//! Measures the view of a scene from a place, on a small picture of fewer, larger triangles.
 
-use super::thin::Along;
-use glam::{Mat3, UVec2, Vec2, Vec3};
-use trisplat_raster::soft::{SoftOptions, SoftRasterizer, SoupRef};
-use trisplat_scene::{Soup, camera::Camera};
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
+use trisplat_raster::{soft::SoftOptions, soft::SoftRasterizer, soft::SoupRef};
+use trisplat_scene::{Soup, camera::Camera, math::curve::along_curve};
 
 /// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;
@@ -116,4 +115,133 @@ pub(super) fn direction(i: usize, count: usize) -> Vec3 {
     let (sin, cos) = (i as f32 * GOLDEN_ANGLE).sin_cos();
     let radius = (1.0 - y * y).sqrt();
     Vec3::new(radius * cos, y, radius * sin)
+}
+
+/// Middles of triangles along a curve through space, so that every k-th one gives an even selection for any
+/// order of the file.
+#[derive(Debug)]
+pub(super) struct Along {
+    /// The i-th triangle along the curve. `[N]`
+    order: Vec<u32>,
+    /// Of the triangles in the order of the soup. `[N]`
+    middles: Vec<Vec3>,
+}
+
+impl Along {
+    pub(super) fn of(soup: &Soup) -> Self {
+        let middles: Vec<Vec3> = soup.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let points: Vec<DVec3> = middles.iter().map(|m| m.as_dvec3()).collect();
+        Self { order: along_curve(&points), middles }
+    }
+
+    /// At most `most` of the middles.
+    pub(super) fn middles(&self, most: usize) -> Vec<Vec3> {
+        let step = self.order.len().div_ceil(most).max(1);
+        self.order.iter().step_by(step).map(|&i| self.middles[i as usize]).collect()
+    }
+
+    /// About `most` triangles instead of all. Large ones stay; smaller ones are selected with a chance in
+    /// proportion to their area, and enlarged to replace the others.
+    pub(super) fn thinned(&self, soup: &Soup, most: usize) -> Soup {
+        if soup.len() <= most {
+            return soup.clone();
+        }
+        let areas: Vec<f64> = soup.vertices.iter().map(|[a, b, c]| area(*a, *b, *c)).collect();
+        let least = least_kept(&areas, most);
+        let (mut sum, mut picked) = (0.5, Vec::new());
+        for &i in &self.order {
+            let before = f64::floor(sum);
+            sum += (areas[i as usize] / least).min(1.0);
+            if sum.floor() > before {
+                picked.push(i as usize);
+            }
+        }
+        let mut thinned = soup.picked(&picked);
+        // Large ones stay bitwise unchanged.
+        let small = thinned.vertices.iter_mut().zip(&picked).filter(|(_, i)| areas[**i] < least);
+        for (corners, &i) in small {
+            let grown = (least / areas[i]).sqrt() as f32;
+            let middle = self.middles[i];
+            *corners = corners.map(|v| middle + (v - middle) * grown);
+        }
+        thinned
+    }
+}
+
+fn area(a: Vec3, b: Vec3, c: Vec3) -> f64 {
+    let [a, b, c] = [a, b, c].map(|v| v.as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
+}
+
+/// The area A with which the sum of min(1, area / A) is `most`; infinite when there is no area to share.
+fn least_kept(areas: &[f64], most: usize) -> f64 {
+    let mut falling: Vec<f64> = areas.to_vec();
+    falling.sort_unstable_by(|a, b| b.total_cmp(a));
+    let mut rest: f64 = falling.iter().sum();
+    for (kept, largest) in falling.iter().take(most).enumerate() {
+        let share = rest / (most - kept) as f64;
+        if *largest <= share {
+            return if share > 0.0 { share } else { f64::INFINITY };
+        }
+        rest -= largest;
+    }
+    f64::INFINITY
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trisplat_scene::Rng;
+
+    /// Nine of ten are small, one of ten is ten times as long.
+    fn soup(count: usize) -> Soup {
+        let rng = Rng::new(5, "thin", 0);
+        let at = |i: usize| Vec3::from([0, 1, 2].map(|k| rng.uniform((3 * i + k) as u64)));
+        let size = |i: usize| if i.is_multiple_of(10) { 0.1 } else { 0.01 };
+        Soup {
+            vertices: (0..count)
+                .map(|i| [at(i), at(i) + size(i) * Vec3::X, at(i) + size(i) * Vec3::Y])
+                .collect(),
+            opacity: (0..count).map(|i| i as f32).collect(),
+            sigma: vec![1.0; count],
+            sh: vec![[0.0; 3]; count],
+            sh_degree: 0,
+            ..Soup::default()
+        }
+    }
+
+    fn total_area(soup: &Soup) -> f64 {
+        soup.vertices.iter().map(|[a, b, c]| area(*a, *b, *c)).sum()
+    }
+
+    #[test]
+    fn area_stays_and_large_ones_stay_as_they_are() {
+        let all = soup(5000);
+        let thinned = Along::of(&all).thinned(&all, 1000);
+        assert!(thinned.len().abs_diff(1000) <= 1, "{}", thinned.len());
+        assert!((total_area(&thinned) / total_area(&all) - 1.0).abs() < 0.01);
+        let large = |i: &&usize| i.is_multiple_of(10);
+        let kept: Vec<usize> = thinned.opacity.iter().map(|o| *o as usize).collect();
+        assert_eq!(kept.iter().filter(large).count(), 500);
+        for (corners, &i) in thinned.vertices.iter().zip(&kept).filter(|(_, i)| i.is_multiple_of(10)) {
+            assert_eq!(*corners, all.vertices[i]);
+        }
+    }
+
+    #[test]
+    fn the_order_of_the_file_does_not_matter() {
+        let all = soup(5000);
+        let shuffled: Vec<usize> = (0..5000).map(|i| i * 1777 % 5000).collect();
+        let other = all.picked(&shuffled);
+        let (a, b) = (Along::of(&all), Along::of(&other));
+        assert_eq!(a.thinned(&all, 700).opacity, b.thinned(&other, 700).opacity);
+        assert_eq!(a.middles(300), b.middles(300));
+    }
+
+    #[test]
+    fn points_are_not_kept() {
+        let points = Soup { vertices: vec![[Vec3::ONE; 3]; 50], ..soup(50) };
+        assert_eq!(Along::of(&points).thinned(&points, 20).len(), 0);
+        assert_eq!(Along::of(&points).thinned(&points, 50).len(), 50);
+    }
 }
