@@ -23,7 +23,7 @@ const LONGEST: u64 = 1 << 13;
 /// Sends an event. A stop is [`Error::Stopped`].
 pub(super) fn tell(observer: StageObserver<'_>, event: StageEvent<'_>) -> Result<()> {
     match observer(event).is_break() {
-        true => Err(Error::Stopped { what: "stopped".into(), checkpoint: None }),
+        true => Err(Error::Stopped { what: "stopped".into() }),
         false => Ok(()),
     }
 }
