@@ -28,9 +28,7 @@ await page.evaluate(async () => {
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
   const world = new THREE.Scene();
   world.background = new THREE.Color(0);
-  const { KTX2Loader } = await import("three/addons/loaders/KTX2Loader.js");
-  const ktx2 = new KTX2Loader().setTranscoderPath("/modules/three/examples/jsm/libs/basis/").detectSupport(renderer);
-  world.add((await new GLTFLoader().setKTX2Loader(ktx2).loadAsync("/scene.glb")).scene);
+  world.add((await new GLTFLoader().loadAsync("/scene.glb")).scene);
   window.show = ({ size, fov, eye, target, up }) => {
     renderer.setSize(size[0], size[1], false);
     const camera = new THREE.PerspectiveCamera(fov, size[0] / size[1], 0.01, 1e4);

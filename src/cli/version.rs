@@ -4,8 +4,7 @@
 ///
 /// Builds of releases and containers set `TRISPLAT_COMMIT`: asking git here would compile the program again after every commit.
 pub(super) fn version() -> String {
-    let features =
-        [("gpu", cfg!(feature = "gpu")), ("ktx2", cfg!(feature = "ktx2")), ("view", cfg!(feature = "view"))];
+    let features = [("gpu", cfg!(feature = "gpu")), ("view", cfg!(feature = "view"))];
     let on: Vec<&str> = features.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
     let features = if on.is_empty() { "default features".to_owned() } else { on.join(", ") };
     let commit = option_env!("TRISPLAT_COMMIT").unwrap_or("built from source");

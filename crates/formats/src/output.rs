@@ -2,7 +2,6 @@
 
 mod beside;
 mod encode;
-mod ktx2;
 mod of_levels;
 mod stale;
 
@@ -72,11 +71,7 @@ impl OutputOptions {
     /// The glTF options of the target; notes for the user go into `details`.
     pub fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
         let encoding = self.target.encoding(self.compress);
-        let mut notes = encoding.notes;
-        if self.texture_format.is_ktx2() {
-            notes.extend(self.target.ktx2().ok().map(|note| format!("{}: {note}", self.target.name())));
-        }
-        details.notes = Some(notes);
+        details.notes = Some(encoding.notes);
         GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding.options }
     }
 
@@ -401,7 +396,7 @@ impl SetWriter<'_> {
             None => warnings = self.one(asset, output, details)?,
         }
         if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
-            self.bytes(path, &self.options.texture_format.plain_bytes(sky)?)?;
+            self.bytes(path, &self.options.texture_format.bytes(sky)?)?;
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
@@ -432,7 +427,7 @@ impl SetWriter<'_> {
         self.written.push(main);
         self.written.extend(second);
         if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
-            self.bytes(path, &self.options.texture_format.bytes(&texture.joined().pages[0])?)?;
+            self.bytes(path, &self.options.texture_format.bytes(texture.joined().pages[0].picture())?)?;
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;

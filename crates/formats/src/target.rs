@@ -61,8 +61,6 @@ struct TargetRow {
     /// The file that switches levels of detail, if any.
     levels: Option<EngineLevels>,
     small: SmallFile,
-    /// What to know about KTX2 textures, or why the target reads none.
-    ktx2: Result<&'static str, &'static str>,
     notes: &'static [&'static str],
     /// Notes for small files.
     small_notes: &'static [&'static str],
@@ -83,7 +81,6 @@ impl OutputTarget {
             collision: None,
             levels: None,
             small,
-            ktx2: Ok("textures are KTX2: the viewer must know KHR_texture_basisu"),
             notes: &[],
             small_notes: &[],
         };
@@ -101,7 +98,6 @@ impl OutputTarget {
                 collision: Some(GODOT_COLLISION),
                 levels: Some(EngineLevels::GodotScene),
                 notes: &["vertex colours are sRGB codes; other viewers show this file washed out"],
-                ktx2: Err("Godot 4 imports KTX2 too dark: it makes colours linear and reads them as sRGB"),
                 ..plain("godot", SmallFile::No("its importer refuses quantised and compressed meshes"))
             },
             OutputTarget::Godot3 => TargetRow {
@@ -112,19 +108,16 @@ impl OutputTarget {
                     "vertex colours are sRGB codes; other viewers show this file washed out",
                     "the importer ignores 'unlit': tick Unshaded in the material's flags",
                 ],
-                ktx2: Err("Godot 3 does not read KTX2"),
                 ..plain("godot3", SmallFile::No("a compressed mesh comes in empty"))
             },
             OutputTarget::Unity => TargetRow {
                 levels: Some(EngineLevels::UnityScript),
                 small_notes: &["meshopt is left out: it needs one more Unity package"],
-                ktx2: Ok("textures are KTX2: add the package com.unity.cloud.ktx"),
                 ..plain("unity", SmallFile::Quantised)
             },
             OutputTarget::Unreal => TargetRow {
                 levels: Some(EngineLevels::UnrealScript),
                 notes: &["the material needs a Vertex Color node (docs/engines.md)"],
-                ktx2: Err("the importer of Unreal does not read KTX2"),
                 ..plain(
                     "unreal",
                     SmallFile::No("its importer does not read meshopt, and 16-bit positions are untried"),
@@ -134,18 +127,15 @@ impl OutputTarget {
                 small_notes: &[
                     "objects get a scale of their own; meshopt is left out, Blender reads it from 5.2 on",
                 ],
-                ktx2: Err("Blender does not read KTX2"),
                 ..plain("blender", SmallFile::Quantised)
             },
             OutputTarget::Web => TargetRow {
                 small_notes: &["the page must set a meshopt decoder (docs/engines.md)"],
-                ktx2: Ok("textures are KTX2: the page must set a KTX2 loader (docs/textures.md)"),
                 ..plain("web", SmallFile::Compressed)
             },
             OutputTarget::Playcanvas => TargetRow {
                 notes: &["needs engine 2.14 or later: before, vertex colours show too bright"],
                 small_notes: &["meshopt is left out: the engine does not read it"],
-                ktx2: Ok("textures are KTX2: the page must load the engine's Basis module"),
                 ..plain("playcanvas", SmallFile::Quantised)
             },
         }
@@ -176,16 +166,6 @@ impl OutputTarget {
             },
             notes: notes.iter().map(|note| format!("{}: {note}", row.name)).collect(),
         }
-    }
-
-    /// The name that the user types.
-    pub(crate) fn name(self) -> &'static str {
-        self.row().name
-    }
-
-    /// What to know about KTX2 textures in the target, or why it reads none.
-    pub(crate) fn ktx2(self) -> Result<&'static str, &'static str> {
-        self.row().ktx2
     }
 
     /// Whether the target's glTF has a collision node; other targets get a file beside the scene.

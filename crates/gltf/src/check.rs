@@ -5,8 +5,7 @@ use crate::accessor::Accessors;
 use crate::buffers::Buffers;
 use crate::container::{ContainerFile, GlbChunk};
 use crate::document::{self, Document, Primitive};
-use crate::extensions::{BASISU, MESHOPT, MESHOPT_KHR, QUANTIZATION};
-use crate::ktx2;
+use crate::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
 use crate::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
 use crate::textures;
 use gltf_json::accessor::ComponentType;
@@ -49,16 +48,11 @@ pub fn check(
     check_pictures(&document, &mut checker.accessors, findings)
 }
 
-/// Pictures that are not there, and KTX2 that is not as readers expect: engines draw their triangles white, or nothing at all.
+/// Pictures that are not there: engines draw their triangles white, or nothing at all.
 fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) -> Result<()> {
     for (i, image) in document.images.iter().enumerate() {
         let place = format!("image {i}");
-        let wanted = document.textures.iter().any(|texture| texture.ktx2() == Some(i));
         match textures::picture_bytes(accessors, image, &place) {
-            Ok(bytes) if wanted || ktx2::is_ktx2(&bytes) => match ktx2::Header::read(&bytes) {
-                Ok(header) => header.faults().into_iter().for_each(|fault| findings.error(&place, fault)),
-                Err(fault) => findings.error(place, fault),
-            },
             Ok(_) => {}
             Err(Error::Malformed { reason, .. }) => findings.error(place, reason),
             Err(error) => findings.error(place, error.to_string()),
@@ -130,15 +124,6 @@ fn check_extensions(document: &Document, for_engines: bool, findings: &mut Findi
     let declared = used(MESHOPT) || used(MESHOPT_KHR);
     if compressed && !declared {
         findings.error("extensionsUsed", format!("lacks {MESHOPT}, which a bufferView uses"));
-    }
-    if document.textures.iter().any(|texture| texture.ktx2().is_some()) {
-        if !used(BASISU) {
-            findings.error("extensionsUsed", format!("lacks {BASISU}, which a texture uses"));
-        }
-        if for_engines {
-            let what = "textures are KTX2: readers need KHR_texture_basisu, which Blender and Unreal lack";
-            findings.add(Severity::Note, "extensionsUsed", what);
-        }
     }
     if compressed || used(QUANTIZATION) {
         findings.positions = Positions::Encoded;

@@ -3,9 +3,7 @@
 use super::container::stream_offsets;
 use super::content::{Content, Picture};
 use super::exact;
-use super::extensions::{
-    BASISU, CompressedView, CompressionMode, FallbackBuffer, KtxSource, MESHOPT, QUANTIZATION, UNLIT,
-};
+use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::extras::SceneExtras;
 use super::options::{ColorEncoding, GltfOptions, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
@@ -39,8 +37,7 @@ pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>>
 fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let Content { options, parts, .. } = content;
     let quantised = parts.iter().any(|part| part.grid.is_some());
-    let is_ktx2 = !content.pictures.is_empty() && options.texture.is_ktx2();
-    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT), (is_ktx2, BASISU)];
+    let needed = [(quantised, QUANTIZATION), (options.meshopt, MESHOPT)];
     let required = needed.into_iter().filter(|(used, _)| *used).map(|(_, name)| name.to_owned());
     let required: Vec<String> = required.collect();
     let (mut buffer_views, buffers) = buffers(content, bin_name)?;
@@ -49,7 +46,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     buffer_views.extend(content.pictures.iter().map(picture_view));
     let pages = 0..content.pictures.len();
     let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
-    let textures = pages.clone().map(|page| texture(page, is_ktx2)).collect::<Result<_>>()?;
+    let textures = pages.clone().map(texture).collect();
     let samplers = pages.take(1).map(|_| sampler()).collect();
     let painted = painted(parts);
     let materials: Vec<Material> = painted.iter().map(|of| material(content, *of)).collect();
@@ -202,16 +199,15 @@ fn sampler() -> Sampler {
     }
 }
 
-/// The texture of a page; a KTX2 picture is the extension's, and the texture itself has none.
-fn texture(page: usize, is_ktx2: bool) -> Result<Texture> {
-    let others = is_ktx2.then(|| object(BASISU, &KtxSource { source: page })).transpose()?;
-    Ok(Texture {
+/// The texture of a page.
+fn texture(page: usize) -> Texture {
+    Texture {
         name: Some(page_name(page)),
         sampler: Some(index(0)),
-        source: if is_ktx2 { Index::new(u32::MAX) } else { index(page) },
-        extensions: others.map(|others| extensions::texture::Texture { others }),
+        source: index(page),
+        extensions: None,
         extras: None,
-    })
+    }
 }
 
 /// Name of the texture of a page and of its picture.

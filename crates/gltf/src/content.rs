@@ -43,7 +43,7 @@ impl<'a> Content<'a> {
         };
         let mut pictures = Vec::new();
         for page in asset.mesh.texture.iter().flat_map(|texture| &texture.pages) {
-            let bytes = options.texture.bytes(page)?;
+            let bytes = options.texture.bytes(page.picture())?;
             let start = bin_bytes.next_multiple_of(4);
             bin_bytes = start + bytes.len() as u64;
             pictures.push(Picture { start, bytes });

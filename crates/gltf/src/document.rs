@@ -12,7 +12,7 @@
 //!
 //! The crate `gltf` reads through these types, so it loses the same.
 
-use super::extensions::{CompressedView, KtxSource, MESHOPT, MESHOPT_KHR};
+use super::extensions::{CompressedView, MESHOPT, MESHOPT_KHR};
 use gltf_json::accessor::{self, ComponentType};
 use gltf_json::material::AlphaMode;
 use gltf_json::mesh;
@@ -147,23 +147,6 @@ pub(crate) struct Texture {
     /// Number of its PNG or JPEG picture.
     #[serde(default, deserialize_with = "lenient")]
     pub(crate) source: Option<usize>,
-    #[serde(default, deserialize_with = "lenient")]
-    pub(crate) extensions: Option<TextureExtensions>,
-}
-
-/// The extension of a texture that is followed.
-#[derive(Debug, Deserialize)]
-pub(crate) struct TextureExtensions {
-    /// Its KTX2 picture.
-    #[serde(rename = "KHR_texture_basisu")]
-    pub(crate) basisu: Option<KtxSource>,
-}
-
-impl Texture {
-    /// Number of its KTX2 picture.
-    pub(crate) fn ktx2(&self) -> Option<usize> {
-        Some(self.extensions.as_ref()?.basisu.as_ref()?.source)
-    }
 }
 
 #[derive(Debug, Deserialize)]

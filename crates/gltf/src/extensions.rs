@@ -11,8 +11,6 @@ pub(crate) const QUANTIZATION: &str = "KHR_mesh_quantization";
 pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
 /// The later name of [`MESHOPT`].
 pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
-/// Textures of KTX2 pictures.
-pub(crate) const BASISU: &str = "KHR_texture_basisu";
 /// Compressed primitives, which are not read.
 pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Many copies of a node's mesh, which are not read.
@@ -25,7 +23,8 @@ const READABLE: [&str; 10] = [
     MESHOPT,
     MESHOPT_KHR,
     "KHR_texture_transform",
-    BASISU,
+    // Its pictures are named in a warning.
+    "KHR_texture_basisu",
     "EXT_texture_webp",
     "EXT_texture_avif",
     "KHR_lights_punctual",
@@ -53,12 +52,6 @@ pub(crate) struct CompressedView {
     /// One of [`Filter`]'s names.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) filter: Option<String>,
-}
-
-/// [`BASISU`] on a texture: the number of its picture.
-#[derive(Debug, Serialize, Deserialize)]
-pub(crate) struct KtxSource {
-    pub(crate) source: usize,
 }
 
 /// [`MESHOPT`] on a buffer: true for a buffer that exists only after decoding.

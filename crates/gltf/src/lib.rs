@@ -10,7 +10,6 @@
 //!              │                        │
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
 //!                          └──► textures ──┘
-//! ktx2:    pictures for graphics cards, written and read
 //! ```
 //!
 //! The writer writes unlit, double-sided, opaque triangles with a colour per vertex or one texture. The
@@ -31,7 +30,6 @@ mod extensions;
 mod extras;
 mod grid;
 mod info;
-mod ktx2;
 mod limits;
 mod merge;
 mod meshopt;

@@ -1,9 +1,8 @@
 //! How colours and positions are stored, and the other options of a glTF file.
 
-use super::ktx2::{self, Blocks};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Error, Result, Texture, image::RgbImage};
+use trisplat_scene::{Result, image::RgbImage};
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///
@@ -97,11 +96,6 @@ pub enum TextureFormat {
     Jpeg,
     /// PNG, exact and several times as large
     Png,
-    /// KTX2 of ETC1S blocks with mip levels: fewer bytes than JPEG, and an eighth of the memory on the card. Glb, gltf and 3D Tiles
-    /// only, whose readers must know KHR_texture_basisu; a program built with the feature `ktx2` writes it
-    Ktx2,
-    /// KTX2 of UASTC blocks: nearly exact, a byte per texel on the card, larger files
-    Ktx2Uastc,
 }
 
 /// Quality of a JPEG texture, of 100.
@@ -113,7 +107,6 @@ impl TextureFormat {
         match self {
             Self::Jpeg => "image/jpeg",
             Self::Png => "image/png",
-            Self::Ktx2 | Self::Ktx2Uastc => "image/ktx2",
         }
     }
 
@@ -122,68 +115,16 @@ impl TextureFormat {
         match self {
             Self::Jpeg => "jpg",
             Self::Png => "png",
-            Self::Ktx2 | Self::Ktx2Uastc => "ktx2",
         }
     }
 
-    /// Whether only readers of KHR_texture_basisu can show it.
-    pub fn is_ktx2(self) -> bool {
-        matches!(self, Self::Ktx2 | Self::Ktx2Uastc)
-    }
-
-    /// Its name among the options.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Jpeg => "jpeg",
-            Self::Png => "png",
-            Self::Ktx2 => "ktx2",
-            Self::Ktx2Uastc => "ktx2-uastc",
-        }
-    }
-
-    /// Whether this program writes it.
-    ///
-    /// Errors: KTX2 in a program without the feature `ktx2`.
-    pub fn check_built(self) -> Result<()> {
-        if self.is_ktx2() && !ktx2::IS_BUILT {
-            return Err(self.refused(&format!("this program writes no KTX2; {}", ktx2::REMEDY)));
-        }
-        Ok(())
-    }
-
-    /// The error of a use that this format cannot serve, for this reason.
-    pub fn refused(self, why: &str) -> Error {
-        Error::invalid("texture_format", self.name(), format!("jpeg or png: {why}"))
-    }
-
-    /// What the sides of a picture must be multiples of.
-    pub(crate) fn block(self) -> u32 {
-        if self.is_ktx2() { ktx2::BLOCK } else { 1 }
-    }
-
-    /// The format of a picture that is no texture, such as a sky: JPEG in place of KTX2, which only readers of glTF know.
-    pub fn plain(self) -> Self {
-        if self.is_ktx2() { Self::Jpeg } else { self }
-    }
-
-    /// The bytes of the file of a picture that is no texture, in the [`plain`](Self::plain) format.
+    /// The bytes of the file of a picture.
     ///
     /// Errors: what the encoder refuses.
-    pub fn plain_bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
-        match self.plain() {
-            Self::Png => picture.to_png(),
-            _ => picture.to_jpeg(JPEG_QUALITY),
-        }
-    }
-
-    /// The bytes of its file. The sides of a picture for KTX2 are multiples of 4.
-    ///
-    /// Errors: what the encoder refuses; KTX2 without the feature `ktx2`.
-    pub fn bytes(self, texture: &Texture) -> Result<Vec<u8>> {
+    pub fn bytes(self, picture: &RgbImage) -> Result<Vec<u8>> {
         match self {
-            Self::Jpeg | Self::Png => self.plain_bytes(texture.picture()),
-            Self::Ktx2 => ktx2::encode(texture, Blocks::Etc1s).map_err(|why| self.refused(&why)),
-            Self::Ktx2Uastc => ktx2::encode(texture, Blocks::Uastc).map_err(|why| self.refused(&why)),
+            Self::Png => picture.to_png(),
+            Self::Jpeg => picture.to_jpeg(JPEG_QUALITY),
         }
     }
 }

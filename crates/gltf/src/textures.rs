@@ -3,7 +3,6 @@
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
-use super::ktx2;
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use std::collections::BTreeMap;
@@ -28,11 +27,10 @@ impl PaintedPrimitives {
         corner: impl Fn(usize) -> usize,
         plain: bool,
     ) -> Result<Option<String>> {
-        // A PNG or JPEG beside a KTX2 is at least as exact, and needs no decoder of that.
-        let image = document.textures.get(info.index).and_then(|texture| texture.source.or(texture.ktx2()));
+        let image = document.textures.get(info.index).and_then(|texture| texture.source);
         let (Some(image), Some(coordinates)) = (image, coordinates) else {
             return Ok(Some(format!(
-                "texture {} has no PNG, JPEG or KTX2 picture, or no TEXCOORD_0",
+                "texture {} has no PNG or JPEG picture (KTX2 is not read), or no TEXCOORD_0",
                 info.index
             )));
         };
@@ -100,10 +98,7 @@ fn read(
         Error::malformed(&path, &place, format!("does not exist: the file has {has}"))
     })?;
     let bytes = picture_bytes(accessors, entry, &place)?;
-    let texture = match ktx2::is_ktx2(&bytes) {
-        true => ktx2::decode(&path, &bytes, limits)?,
-        false => Texture::decoded(&path, &bytes, limits)?,
-    };
+    let texture = Texture::decoded(&path, &bytes, limits)?;
     // With its mip levels.
     accessors.buffers.spend(2 * texture.picture().bytes())?;
     Ok(Arc::new(texture))

@@ -57,8 +57,7 @@ pub fn to_glb_bytes(asset: &Asset, options: &GltfOptions) -> Result<Vec<u8>> {
 /// [`Error::Unsupported`] for zero triangles, [`Error::Invalid`] for a mesh or chunks that do not fit
 /// together, [`Error::TooLarge`] above 2 GiB (unless allowed) and above 4 GiB, [`Error::Io`].
 pub fn write_glb(out: &mut dyn Write, path: &Path, asset: &Asset, options: &GltfOptions) -> Result<Written> {
-    let padded = padded(asset, options);
-    let content = Content::new(path, padded.as_ref().unwrap_or(asset), options)?;
+    let content = Content::new(path, asset, options)?;
     let json = compose::json(&content, None).map_err(|e| Error::io(path, e.into()))?;
     let bytes = glb_size(json.len() as u64, content.bin_bytes);
     let large = check_size(path, Container::Glb, bytes, options.allow_huge)?;
@@ -84,8 +83,7 @@ pub fn write_gltf(
     asset: &Asset,
     options: &GltfOptions,
 ) -> Result<Written> {
-    let padded = padded(asset, options);
-    let content = Content::new(path, padded.as_ref().unwrap_or(asset), options)?;
+    let content = Content::new(path, asset, options)?;
     let text = compose::json(&content, Some(bin_name)).map_err(|e| Error::io(path, e.into()))?;
     let bytes = text.len() as u64 + content.bin_bytes;
     let large = check_size(path, Container::Gltf, bytes, options.allow_huge)?;
@@ -95,14 +93,6 @@ pub fn write_gltf(
     json.write_all(&text).map_err(io)?;
     json.flush().map_err(io)?;
     Ok(written(&content, bytes, large))
-}
-
-/// The asset with pictures of whole blocks, if they are not so already.
-fn padded(asset: &Asset, options: &GltfOptions) -> Option<Asset> {
-    let texture = asset.mesh.texture.as_ref()?.padded(options.texture.block())?;
-    let mut padded = asset.clone();
-    padded.mesh.texture = Some(texture);
-    Some(padded)
 }
 
 fn written(content: &Content, bytes: u64, large: Option<String>) -> Written {

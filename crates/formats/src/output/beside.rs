@@ -28,16 +28,13 @@ impl Output {
     /// The files of a scene and all files beside it; `format` decides if the name of `path` does not.
     /// Standard output can take only one file.
     ///
-    /// Errors: a name without a known ending; an output that cannot have files beside it; pictures of a kind that its readers do not
-    /// know.
+    /// Errors: a name without a known ending; an output that cannot have files beside it.
     pub fn of_scene(
         path: &Path,
         format: Option<OutputFormat>,
         options: &OutputOptions,
         beside: &Beside,
     ) -> Result<Self> {
-        let known = format.map_or_else(|| OutputFormat::of(path), Ok)?;
-        options.check_texture_format(known)?;
         let mut output =
             Self::plan(path, format, options, beside.bvh)?.with_levels(beside.levels, options)?;
         if beside.backdrop {
@@ -46,7 +43,7 @@ impl Output {
         // A page holds it.
         if beside.sky && output.format != OutputFormat::Html {
             output.sky = Some(output.beside(
-                &format!("sky.{}", options.texture_format.plain().ending()),
+                &format!("sky.{}", options.texture_format.ending()),
                 "`backdrop` sky writes a picture",
             )?);
         }

@@ -58,9 +58,9 @@ impl Output {
                         "html: the page shows colours as they are; `lit` is for files that engines read";
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
-                let format = options.texture_format.plain();
+                let format = options.texture_format;
                 let encoded = |sky| {
-                    Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.plain_bytes(sky)? })
+                    Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? })
                 };
                 let sky = asset.sky.as_ref().map(encoded).transpose()?;
                 html::write(main, path, &title.to_string_lossy(), asset, sky.as_ref(), &encoding)?
@@ -84,7 +84,7 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
     let scene = apart.as_ref().map_or(asset, |(scene, _)| scene);
     let format = options.texture_format;
     let texture = scene.mesh.texture.as_ref();
-    let bytes = texture.map(|texture| format.bytes(&texture.joined().pages[0])).transpose()?;
+    let bytes = texture.map(|texture| format.bytes(texture.joined().pages[0].picture())).transpose()?;
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;

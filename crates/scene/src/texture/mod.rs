@@ -3,7 +3,6 @@
 mod excerpt;
 mod faces;
 mod joined;
-mod padded;
 mod picture;
 
 pub use faces::FaceTexture;

@@ -54,11 +54,6 @@ impl Texture {
         Ok(Self { stored: Some(stored), ..Self::new(RgbImage::from_bytes(place, bytes, limits)?) })
     }
 
-    /// The same, of a file that holds it so.
-    pub fn stored_as(self, stored: StoredPicture) -> Self {
-        Self { stored: Some(stored), ..self }
-    }
-
     /// How the file that it was read from holds it; `None` of a new one.
     pub fn stored(&self) -> Option<&StoredPicture> {
         self.stored.as_ref()
