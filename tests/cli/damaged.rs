@@ -5,13 +5,13 @@ pub(super) mod png;
 
 use super::{fails, sample, stderr, trisplat};
 use std::path::{Path, PathBuf};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_synthetic::SyntheticOptions;
 
 /// A data set of four photos, the last of them these bytes.
 fn dataset(folder: &Path, photo: &[u8]) -> PathBuf {
     let data = folder.join("photos");
     let options = SyntheticOptions { views: 4, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
-    synthetic::write(&data, &options).unwrap();
+    trisplat_synthetic::write(&data, &options).unwrap();
     std::fs::write(data.join("images/view_0003.png"), photo).unwrap();
     data
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trisplat::read;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_synthetic::SyntheticOptions;
 
 /// Runs an example in `folder` and returns what it prints.
 fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
@@ -74,7 +74,7 @@ fn the_example_makes_a_textured_surface_of_photos() {
     let folder = tempfile::tempdir().unwrap();
     let options = SyntheticOptions { views: 16, width: 64, ..SyntheticOptions::default() };
     std::fs::create_dir(folder.path().join("photos")).unwrap();
-    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     let printed = run("surface", folder.path(), &["photos", "surface.glb"]);
     let scene = read(folder.path().join("surface.glb")).unwrap().scene;
     assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");

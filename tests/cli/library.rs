@@ -8,9 +8,9 @@ use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_job::{BakeDone, BakeInput, Event, HardenOptions, TeacherSource, TrainDone};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::Trained;
 
 /// What the flags of [`train`] ask for; `given` are flags of the training.
@@ -91,7 +91,7 @@ impl Watching {
 /// A training with a budget on `views` photos of the synthetic scene, one in eight of them held out.
 fn with_budget(folder: &Path, views: u32, seconds: f64) -> TrainJob {
     let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(folder, &options).unwrap();
+    trisplat_synthetic::write(folder, &options).unwrap();
     let photos = Dataset::load(folder, &DatasetOptions::default()).unwrap();
     let mut job = TrainJob::new(photos, TrainOptions::default());
     job.budget = Some(Budget::cpu(Seconds(seconds)));

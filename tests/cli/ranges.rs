@@ -6,7 +6,7 @@ use std::any::TypeId;
 use std::path::Path;
 use std::process::Stdio;
 use trisplat::cli::program::Cli;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_synthetic::SyntheticOptions;
 
 /// Flags that may be any number that their type holds.
 const ANY: [&str; 2] = ["seed", "threads"];
@@ -92,7 +92,7 @@ fn every_flag_with_a_number_refuses_what_makes_no_sense() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::copy(super::sample("degenerate.ply"), folder.path().join("a.ply")).unwrap();
     let options = SyntheticOptions { views: 4, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
-    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     let mut tried = 0;
     each_command(&Cli::command(), "", &mut |name, command| {
         for arg in command.get_arguments().filter(|arg| arg.get_long().is_some()) {

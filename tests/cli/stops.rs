@@ -7,8 +7,8 @@ use std::ops::ControlFlow::{self, Continue};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_job::{Event, TrainPart};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{TrainEvent, Trained, checkpoint};
 
 /// Photos in `folder/photos`: `views` of them, one in eight held out. With 20 views, 17 remain: photos are watched, and more steps lose
@@ -17,7 +17,7 @@ fn photos(folder: &Path, views: u32) -> PathBuf {
     let folder = folder.join("photos");
     std::fs::create_dir(&folder).unwrap();
     let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(&folder, &options).unwrap();
+    trisplat_synthetic::write(&folder, &options).unwrap();
     folder
 }
 

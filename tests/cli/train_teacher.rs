@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
+use trisplat_synthetic::SyntheticOptions;
 
 pub(super) fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
@@ -111,7 +111,7 @@ pub(super) const SHORT: [&str; 4] = ["--steps", "30", "--max-triangles", "100"];
 pub(super) fn few_photos(folder: &Path) {
     let options = SyntheticOptions { views: 9, width: 24, points: 50, ..SyntheticOptions::default() };
     std::fs::create_dir(folder.join("photos")).unwrap();
-    synthetic::write(&folder.join("photos"), &options).unwrap();
+    trisplat_synthetic::write(&folder.join("photos"), &options).unwrap();
 }
 
 #[test]

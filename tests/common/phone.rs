@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 use std::path::Path;
-use trisplat_dataset::PhotoTruth;
 use trisplat_scene::image::{Image, RgbImage};
+use trisplat_synthetic::PhotoTruth;
 
 /// Writes the photos of the sample into `folder` as a phone would have taken them from the same places, with the sample's poses. Returns
 /// what was done, photo by photo in order of name.

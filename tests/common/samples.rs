@@ -1,8 +1,8 @@
 //! Samples on the disk, as `trisplat-bench sample` writes them.
 
 use std::path::Path;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_formats::ply;
+use trisplat_synthetic::SyntheticOptions;
 
 /// A soup of the studio.
 pub(crate) fn studio(path: impl AsRef<Path>, triangles: usize) {
@@ -16,5 +16,5 @@ pub(crate) fn studio(path: impl AsRef<Path>, triangles: usize) {
 /// Posed photos: their number and width, the points of the cloud, the seed.
 pub(crate) fn photos(folder: impl AsRef<Path>, [views, width, points]: [u32; 3], seed: u64) {
     let options = SyntheticOptions { views, width, points, seed, ..SyntheticOptions::default() };
-    synthetic::write(folder.as_ref(), &options).unwrap();
+    trisplat_synthetic::write(folder.as_ref(), &options).unwrap();
 }

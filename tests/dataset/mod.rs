@@ -9,17 +9,14 @@ mod transforms;
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use trisplat_dataset::{
-    Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, Ray, View, random_points,
-    synthetic::{self, SyntheticOptions},
-    trace,
-};
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, View, random_points};
 use trisplat_scene::{
     Limits,
     camera::Camera,
     image::{Image, RgbImage},
     math::metric,
 };
+use trisplat_synthetic::{Ray, SyntheticOptions, trace};
 
 const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
 const SAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/dataset");
@@ -176,7 +173,7 @@ fn masks_of_a_real_scene_are_found_and_used() {
 fn the_sample_is_what_the_generator_makes() {
     let options = SyntheticOptions::default();
     let folder = tempfile::tempdir().unwrap();
-    synthetic::write_poses(folder.path(), &options).unwrap();
+    trisplat_synthetic::write_poses(folder.path(), &options).unwrap();
     for name in ["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"] {
         let [made, kept] =
             [folder.path(), Path::new(SAMPLE)].map(|root| std::fs::read_to_string(root.join(name)).unwrap());
@@ -189,12 +186,12 @@ fn the_sample_is_what_the_generator_makes() {
     assert_eq!(dataset.views.len(), options.views as usize);
     for index in [0, 21] {
         let view = &dataset.views[index as usize];
-        let exact = synthetic::render(&synthetic::camera(&options, index)).to_pixels();
+        let exact = trisplat_synthetic::render(&trisplat_synthetic::camera(&options, index)).to_pixels();
         let kept = view.photo.decode().unwrap();
         // One code: another platform's sine may round differently.
         let off = exact.rgb.as_flattened().iter().zip(kept.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b));
         assert!(off.max().unwrap() <= 1, "{}", view.name);
-        assert_same_camera(&view.camera, &synthetic::camera(&options, index), &view.name);
+        assert_same_camera(&view.camera, &trisplat_synthetic::camera(&options, index), &view.name);
     }
 }
 
@@ -211,9 +208,9 @@ fn the_sample_loads_without_complaint() {
 
 #[test]
 fn synthetic_images_are_exact() {
-    let camera = synthetic::camera(&SyntheticOptions::default(), 30);
+    let camera = trisplat_synthetic::camera(&SyntheticOptions::default(), 30);
     let width = camera.size.x as usize;
-    let image = synthetic::render(&camera);
+    let image = trisplat_synthetic::render(&camera);
     let to_world = camera.rotation.as_dmat3().transpose();
     let origin = -(to_world * camera.translation.as_dvec3());
     let mut off = Vec::new();
@@ -243,10 +240,10 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
     let options = SyntheticOptions { width: 160, views: 3, ..SyntheticOptions::default() };
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("images")).unwrap();
-    synthetic::write_poses(folder.path(), &options).unwrap();
+    trisplat_synthetic::write_poses(folder.path(), &options).unwrap();
     let distortion = Distortion { radial: [-0.12, 0.03, 0.0, 0.0], tangential: [0.002, -0.001] };
     for index in 0..3 {
-        let camera = synthetic::camera(&options, index);
+        let camera = trisplat_synthetic::camera(&options, index);
         let lens = Lens {
             size: camera.size,
             focal: camera.focal.as_dvec2(),
@@ -257,7 +254,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
             .save_png(folder.path().join(format!("images/view_{index:04}.png")))
             .unwrap();
     }
-    let camera = synthetic::camera(&options, 0);
+    let camera = trisplat_synthetic::camera(&options, 0);
     let (f, c) = (camera.focal, camera.center);
     let line = format!("1 OPENCV 160 120 {} {} {} {} -0.12 0.03 0.002 -0.001\n", f.x, f.y, c.x, c.y);
     std::fs::write(folder.path().join("sparse/0/cameras.txt"), line).unwrap();
@@ -265,7 +262,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
     for view in &dataset.views {
         let undistorted = view.photo.decode().unwrap();
         assert_eq!(undistorted.size, view.camera.size);
-        let want = synthetic::render(&view.camera).to_pixels();
+        let want = trisplat_synthetic::render(&view.camera).to_pixels();
         let psnr = metric::psnr(&undistorted.rgb, &want.rgb, None);
         // What is left is the blur of resampling sharp edges; half a pixel of shift would give 22 dB.
         assert!(psnr > 27.0, "{}: {psnr} dB at {}", view.name, view.camera.size);
@@ -305,7 +302,7 @@ fn photos_are_shrunk_with_their_cameras() {
     let apart =
         pixels.rgb.as_flattened().iter().zip(at_once.rgb.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
     assert!(apart.is_some_and(|codes| codes <= 1), "{apart:?} codes apart");
-    let exact = synthetic::render(&view.camera).to_pixels();
+    let exact = trisplat_synthetic::render(&view.camera).to_pixels();
     let psnr = metric::psnr(&pixels.rgb, &exact.rgb, None);
     // Pixels that a new one covers in part are taken as of one colour; that is all the difference.
     assert!(psnr > 42.0, "{psnr} dB");

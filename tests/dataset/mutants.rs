@@ -8,8 +8,8 @@ use glam::UVec2;
 use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
 use trisplat::{Dataset, DatasetOptions, Limits};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::{Error, image::RgbImage};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// A refusal names its file and is one line of a readable length.
@@ -21,7 +21,7 @@ fn check_refusal(error: &Error, folder: &Path) {
 
 fn small_set(folder: &Path) {
     let options = SyntheticOptions { views: 3, width: 16, points: 9, seed: 1, ..SyntheticOptions::default() };
-    synthetic::write(folder, &options).expect("a data set");
+    trisplat_synthetic::write(folder, &options).expect("a data set");
 }
 
 fn survive_dataset(folder: &Path) {

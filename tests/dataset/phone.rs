@@ -1,18 +1,15 @@
 //! The sample data set as a phone takes it: what its file says was done is what was done.
 
 use glam::{DQuat, DVec3, Vec2};
-use trisplat_dataset::{
-    PhoneTruth, TRUTH_FILE,
-    synthetic::{self, SyntheticOptions},
-};
 use trisplat_scene::{Limits, camera::Camera, math::color::linear_from_srgb, math::median::median};
+use trisplat_synthetic::{PhoneTruth, SyntheticOptions, TRUTH_FILE};
 
 #[test]
 fn a_phone_does_to_photos_what_its_file_says() {
     let folder = tempfile::tempdir().unwrap();
     let options =
         SyntheticOptions { views: 4, width: 64, points: 200, phone: true, ..SyntheticOptions::default() };
-    synthetic::write(folder.path(), &options).unwrap();
+    trisplat_synthetic::write(folder.path(), &options).unwrap();
     let text = std::fs::read_to_string(folder.path().join(TRUTH_FILE)).unwrap();
     let truth: PhoneTruth = serde_json::from_str(&text).unwrap();
     let dataset = super::load(folder.path());
@@ -20,7 +17,7 @@ fn a_phone_does_to_photos_what_its_file_says() {
     let mut off = Vec::new();
     for (i, (view, photo)) in dataset.views.iter().zip(&truth.photos).enumerate() {
         assert_eq!(view.name, photo.name);
-        let exact = synthetic::camera(&options, i as u32);
+        let exact = trisplat_synthetic::camera(&options, i as u32);
         let [w, x, y, z] = photo.rotation;
         let rotation = glam::DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)).as_mat3();
         assert!(exact.rotation.abs_diff_eq(rotation, 1e-6), "{}", view.name);
@@ -32,7 +29,7 @@ fn a_phone_does_to_photos_what_its_file_says() {
         };
         off.push(place(&exact).distance(place(&view.camera)));
         // Light, away from edges: in the middle and in a corner.
-        let (scene, taken) = (synthetic::render(&exact), view.photo.decode().unwrap());
+        let (scene, taken) = (trisplat_synthetic::render(&exact), view.photo.decode().unwrap());
         let middle = taken.size.as_vec2() / 2.0;
         for c in 0..3 {
             let ratios = (0..taken.rgb.len()).filter_map(|p| {

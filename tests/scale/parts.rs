@@ -4,13 +4,13 @@ use glam::{UVec2, Vec3};
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, ImportedScene, Soup, TrainOptions, train};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::SceneNormalization;
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{Core, Part, RunOptions, TrainPreset, TrainRun, checkpoint};
 
 fn photos(folder: &Path) -> Dataset {
     let options = SyntheticOptions { views: 12, width: 48, points: 300, ..SyntheticOptions::default() };
-    synthetic::write(folder, &options).unwrap();
+    trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 

@@ -5,10 +5,11 @@ use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat_dataset::{Dataset, DatasetOptions, Ray, trace};
+use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{ReadOptions, read};
 use trisplat_scene::{camera::Camera, mesh::Mesh};
 use trisplat_surface::SurfaceOptions;
+use trisplat_synthetic::{Ray, trace};
 
 /// Side of the cells in which nearest points are looked for; also the largest distance.
 const CELL: f32 = 0.25;

@@ -3,13 +3,11 @@
 use super::collision::trisplat;
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{MeshOptions, TextureOptions, TextureWhen, Views};
-use trisplat_dataset::{
-    Dataset, DatasetOptions,
-    synthetic::{self, SyntheticOptions},
-};
+use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_job::MeshJob;
 use trisplat_scene::report::Report;
 use trisplat_surface::SurfaceOptions;
+use trisplat_synthetic::SyntheticOptions;
 
 const PHOTOS: SyntheticOptions =
     SyntheticOptions { views: 24, width: 160, points: 800, seed: 0, transparent: false, phone: false };
@@ -17,7 +15,7 @@ const PHOTOS: SyntheticOptions =
 #[test]
 fn photos_alone_become_a_textured_surface() {
     let folder = tempfile::tempdir().unwrap();
-    synthetic::write(folder.path(), &PHOTOS).unwrap();
+    trisplat_synthetic::write(folder.path(), &PHOTOS).unwrap();
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let surface = SurfaceOptions { max_triangles: Some(3000), ..SurfaceOptions::default() };
     let texture = TextureOptions { texture: TextureWhen::On, ..TextureOptions::default() };
@@ -48,7 +46,7 @@ fn photos_alone_become_a_textured_surface() {
 fn the_command_line_takes_photos_in_place_of_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let photos = SyntheticOptions { views: 3, width: 32, points: 50, ..PHOTOS };
-    synthetic::write(&folder.path().join("photos"), &photos).unwrap();
+    trisplat_synthetic::write(&folder.path().join("photos"), &photos).unwrap();
     let refuses = |arguments: &[&str], needles: &[&str]| {
         let (done, said) = trisplat(folder.path(), arguments);
         assert_eq!(done.status.code(), Some(1), "{said}");

@@ -7,8 +7,8 @@ use std::path::Path;
 use trisplat::{BakeOptions, Dataset, DatasetOptions, ImportedScene, Scene, Soup, train};
 use trisplat::{TrainOptions, TrainPreset, Trained};
 use trisplat_bake::{Bake, TeacherOptions};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::{Placement, UpAxis, placed};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_teacher as teacher;
 use trisplat_train::{RunOptions, TrainRun, checkpoint};
 
@@ -16,7 +16,7 @@ const PHOTO_BYTES: u64 = 1 << 26;
 
 fn photos(folder: &Path) -> Dataset {
     let options = SyntheticOptions { views: 24, width: 64, points: 600, ..SyntheticOptions::default() };
-    synthetic::write(folder, &options).unwrap();
+    trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 

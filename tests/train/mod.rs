@@ -11,18 +11,16 @@ mod watched;
 
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
-use trisplat_dataset::{
-    Dataset, DatasetOptions,
-    synthetic::{self, SyntheticOptions},
-};
+use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::Soup;
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
     DensifyOptions, InitOptions, RunOptions, SampleWeight, TrainEvent, TrainOptions, TrainPreset, TrainRun,
     Trained, checkpoint,
 };
 
 fn scene(folder: &Path, options: &SyntheticOptions) -> Dataset {
-    synthetic::write(folder, options).unwrap();
+    trisplat_synthetic::write(folder, options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 
@@ -258,7 +256,7 @@ fn repaint(folder: &Path, rgb: [u8; 3]) {
 #[test]
 fn black_photos_train_to_black() {
     let folder = tempfile::tempdir().unwrap();
-    synthetic::write(folder.path(), &small()).unwrap();
+    trisplat_synthetic::write(folder.path(), &small()).unwrap();
     repaint(folder.path(), [0; 3]);
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let trained = trained(&dataset, &options(150));
@@ -301,7 +299,7 @@ fn odd_data_sets_train_without_errors() {
 #[test]
 fn a_photo_of_one_pixel_trains() {
     let folder = tempfile::tempdir().unwrap();
-    synthetic::write(folder.path(), &small()).unwrap();
+    trisplat_synthetic::write(folder.path(), &small()).unwrap();
     let options_of_data = DatasetOptions { max_size: Some(1), ..DatasetOptions::default() };
     let dataset = Dataset::load(folder.path(), &options_of_data).unwrap();
     let trained = trained(&dataset, &options(60));

@@ -4,8 +4,8 @@ use super::{psnr, scene, trained};
 use glam::UVec2;
 use std::path::Path;
 use trisplat::{Dataset, DatasetOptions, TrainOptions, TrainPreset};
-use trisplat_dataset::synthetic::SyntheticOptions;
 use trisplat_scene::{Soup, image::RgbImage};
+use trisplat_synthetic::SyntheticOptions;
 
 /// So few photos that much of the background is seen by one or two.
 fn few() -> SyntheticOptions {

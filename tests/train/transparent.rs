@@ -4,12 +4,10 @@ use super::trained;
 use std::path::Path;
 use trisplat::{Asset, Dataset, DatasetOptions, TrainOptions, TrainPreset};
 use trisplat_bake::{BackdropDetails, Bake, BakeOptions, Views};
-use trisplat_dataset::{
-    Masks,
-    synthetic::{self, SyntheticOptions},
-};
+use trisplat_dataset::Masks;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{Soup, image::RgbImage, math::metric, report::Report};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{Quality, Trained};
 
 fn written(folder: &Path) {
@@ -20,7 +18,7 @@ fn written(folder: &Path) {
         transparent: true,
         ..SyntheticOptions::default()
     };
-    synthetic::write(folder, &options).unwrap();
+    trisplat_synthetic::write(folder, &options).unwrap();
 }
 
 fn options() -> TrainOptions {

@@ -3,14 +3,14 @@
 use super::card;
 use std::path::Path;
 use std::process::{Command, Output};
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_scene::image::RgbImage;
+use trisplat_synthetic::SyntheticOptions;
 
 /// A folder with a small data set in `photos`.
 fn folder_of_photos() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let options = SyntheticOptions { views: 8, width: 24, points: 50, ..SyntheticOptions::default() };
-    synthetic::write(&folder.path().join("photos"), &options).unwrap();
+    trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
     folder
 }
 

@@ -4,12 +4,10 @@
 use super::{card, small_card};
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
-use trisplat_dataset::{
-    Dataset, DatasetOptions,
-    synthetic::{self, SyntheticOptions},
-};
+use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, Soup};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
     Checkpoint, CpuBackend, GpuBackend, GpuLimits, RunOptions, SampleWeight, TrainBackend, TrainEvent,
     TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint,
@@ -17,7 +15,7 @@ use trisplat_train::{
 
 fn dataset(folder: &Path) -> Dataset {
     let options = SyntheticOptions { views: 12, width: 48, points: 200, ..SyntheticOptions::default() };
-    synthetic::write(folder, &options).unwrap();
+    trisplat_synthetic::write(folder, &options).unwrap();
     Dataset::load(folder, &DatasetOptions::default()).unwrap()
 }
 

@@ -5,9 +5,9 @@ use clap::{Args, Parser, Subcommand, value_parser};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use trisplat_dataset::synthetic::{self, SyntheticOptions};
 use trisplat_formats::ply;
 use trisplat_scene::{Error, Result, ranges};
+use trisplat_synthetic::SyntheticOptions;
 
 /// Measures what trisplat costs and how exact it is, and makes samples.
 #[derive(Debug, Parser)]
@@ -133,7 +133,7 @@ fn make(sample: &Sample) -> Result<()> {
         Sample::Dataset { to, options } => {
             let holds = std::fs::read_dir(&to.output).is_ok_and(|mut entries| entries.next().is_some());
             check_new(to, holds)?;
-            synthetic::write(&to.output, options)
+            trisplat_synthetic::write(&to.output, options)
         }
     }
 }

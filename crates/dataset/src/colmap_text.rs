@@ -1,9 +1,7 @@
 //! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
 
 use super::colmap_model::{self, ImageRow, Model, PointRow};
-use super::lens::Distortion;
-use glam::{DQuat, DVec3, Vec2};
-use std::collections::HashMap;
+use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -170,50 +168,4 @@ impl<'a> Words<'a> {
         }
         Ok(numbers)
     }
-}
-
-/// Writes the three files of a model into `folder`; tracks are made from the observations.
-pub(super) fn write(folder: &Path, model: &Model, points: &[PointRow]) -> Result<()> {
-    let mut cameras = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
-    let mut ids: Vec<&u32> = model.cameras.keys().collect();
-    ids.sort();
-    for id in ids {
-        let lens = &model.cameras[id];
-        let ([w, h], [fx, fy], [cx, cy]) =
-            (lens.size.to_array(), lens.focal.to_array(), lens.center.to_array());
-        let Distortion { radial: [k1, k2, ..], tangential: [p1, p2] } = lens.distortion;
-        if lens.distortion.is_none() {
-            cameras += &format!("{id} PINHOLE {w} {h} {fx} {fy} {cx} {cy}\n");
-        } else {
-            cameras += &format!("{id} OPENCV {w} {h} {fx} {fy} {cx} {cy} {k1} {k2} {p1} {p2}\n");
-        }
-    }
-    let mut images = String::from(
-        "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n",
-    );
-    let mut tracks: HashMap<u64, String> = HashMap::new();
-    for (index, image) in model.images.iter().enumerate() {
-        let id = index + 1;
-        let q = DQuat::from_mat3(&image.rotation);
-        let t = image.translation;
-        let (camera, name) = (image.camera, &image.name);
-        images += &format!("{id} {} {} {} {} {} {} {} {camera} {name}\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z);
-        let seen = |(k, (point, at)): (usize, &(u64, Vec2))| {
-            *tracks.entry(*point).or_default() += &format!(" {id} {k}");
-            format!("{} {} {point}", at.x, at.y)
-        };
-        images += &image.observations.iter().enumerate().map(seen).collect::<Vec<_>>().join(" ");
-        images.push('\n');
-    }
-    let mut cloud =
-        String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
-    for PointRow { id, position: p, rgb: [r, g, b], error } in points {
-        let track = tracks.get(id).map_or("", String::as_str);
-        cloud += &format!("{id} {} {} {} {r} {g} {b} {error}{track}\n", p.x, p.y, p.z);
-    }
-    for (name, text) in [("cameras.txt", cameras), ("images.txt", images), ("points3D.txt", cloud)] {
-        let path = folder.join(name);
-        std::fs::write(&path, text).map_err(|e| Error::io(&path, e))?;
-    }
-    Ok(())
 }

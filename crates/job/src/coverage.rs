@@ -106,10 +106,10 @@ impl DepthPicture {
 mod tests {
     use super::*;
     use glam::{DVec2, DVec3, Mat3, UVec2};
-    use trisplat_dataset::synthetic::{self, SyntheticOptions};
     use trisplat_dataset::{Photo, View};
-    use trisplat_dataset::{Ray, trace, visible};
     use trisplat_scene::image::RgbImage;
+    use trisplat_synthetic::SyntheticOptions;
+    use trisplat_synthetic::{Ray, trace, visible};
 
     fn view(name: &str, camera: Camera) -> View {
         let photo = Photo::drawn(RgbImage { size: camera.size, rgb: Vec::new(), alpha: None });
@@ -199,7 +199,8 @@ mod tests {
     #[test]
     fn the_synthetic_scene_is_covered_as_its_rays_say() {
         let options = SyntheticOptions { views: 12, width: 160, ..SyntheticOptions::default() };
-        let all: Vec<View> = (0..12).map(|i| view(&i.to_string(), synthetic::camera(&options, i))).collect();
+        let all: Vec<View> =
+            (0..12).map(|i| view(&i.to_string(), trisplat_synthetic::camera(&options, i))).collect();
         let (held_out, training): (Vec<&View>, Vec<&View>) = all.iter().partition(|v| v.name == "5");
         let ray = |camera: &Camera, x: u32, y: u32| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);

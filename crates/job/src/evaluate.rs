@@ -14,7 +14,7 @@ use trisplat_train::BackendOptions;
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
 ///
 /// ```
-/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_synthetic::SyntheticOptions;
 /// use trisplat_dataset::Dataset;
 /// use trisplat_dataset::DatasetOptions;
 /// use trisplat_job::EvalJob;
@@ -23,7 +23,7 @@ use trisplat_train::BackendOptions;
 /// #     sh: vec![[0.5, 0.0, -0.5]], ..trisplat_scene::Soup::default() };
 ///
 /// let folder = tempfile::tempdir().unwrap();
-/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let file = folder.path().join("scene.glb");
 /// trisplat_formats::write(&trisplat_bake::bake(scene, &Default::default())?, &file, &Default::default())?;

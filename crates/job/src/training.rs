@@ -22,7 +22,7 @@ use trisplat_train::{
 ///
 /// ```
 /// use std::ops::ControlFlow::Continue;
-/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_synthetic::SyntheticOptions;
 /// use trisplat_job::TeacherSource;
 /// use trisplat_dataset::Dataset;
 /// use trisplat_dataset::DatasetOptions;
@@ -30,7 +30,7 @@ use trisplat_train::{
 /// use trisplat_train::TrainOptions;
 ///
 /// let folder = tempfile::tempdir().unwrap();
-/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
 ///

@@ -178,7 +178,7 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_dataset::synthetic::{self, SyntheticOptions};
+    use trisplat_synthetic::SyntheticOptions;
 
     fn gaining(gain: f64) -> TrialRun {
         let photos = ["a", "b", "c"].map(String::from).to_vec();
@@ -207,7 +207,7 @@ mod tests {
     fn photos_are_watched_beside_a_run_that_takes_ten_times_as_long() -> Result<()> {
         let folder = tempfile::tempdir().unwrap();
         let options = SyntheticOptions { views: 24, width: 24, points: 50, ..SyntheticOptions::default() };
-        synthetic::write(folder.path(), &options)?;
+        trisplat_synthetic::write(folder.path(), &options)?;
         let photos = Dataset::load(folder.path(), &DatasetOptions::default())?;
         let run = |steps| TrainOptions { steps, max_triangles: 20_000, ..TrainOptions::default() };
         let most = (1..100).find(|thousands| fits_beside(&run(1000 * thousands), &photos));

@@ -22,12 +22,12 @@ use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Cam
 ///
 /// ```
 /// use std::ops::ControlFlow::Continue;
-/// use trisplat_dataset::synthetic::{self, SyntheticOptions};
+/// use trisplat_synthetic::SyntheticOptions;
 /// use trisplat_dataset::{Dataset, DatasetOptions};
 /// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
 ///
 /// let folder = tempfile::tempdir().unwrap();
-/// synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
 /// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
 /// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
 ///

@@ -247,8 +247,8 @@ fn beside(faces: &[[u32; 3]]) -> Vec<[usize; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_dataset::synthetic::{self, SyntheticOptions};
     use trisplat_dataset::{Dataset, DatasetOptions};
+    use trisplat_synthetic::SyntheticOptions;
 
     /// Points on a wall 4 units ahead, and cameras in front of it.
     fn wall() -> Vec<Vec3> {
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn it_has_the_colours_of_the_photos() {
         let folder = tempfile::tempdir().unwrap();
-        synthetic::write(
+        trisplat_synthetic::write(
             folder.path(),
             &SyntheticOptions { views: 12, width: 48, points: 300, seed: 0, ..SyntheticOptions::default() },
         )

@@ -11,12 +11,10 @@ use grid::{CostCell, CostRun, Grid, compare};
 use serde::Serialize;
 use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
-use trisplat_dataset::{
-    Dataset, DatasetOptions, ShrunkSize,
-    synthetic::{self, SyntheticOptions},
-};
+use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize};
 use trisplat_job::{TrainJob, watched};
 use trisplat_scene::{Error, Result, Seconds, process::cpu_secs};
+use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::TrainOptions;
 
 /// What to measure.
@@ -110,7 +108,10 @@ fn photos(args: &CostArgs, folder: &Path) -> Result<(Dataset, String)> {
         Some(path) => (path.clone(), path.display().to_string()),
         None => {
             let photos = folder.join("photos");
-            synthetic::write(&photos, &SyntheticOptions { width: WIDTH, ..SyntheticOptions::default() })?;
+            trisplat_synthetic::write(
+                &photos,
+                &SyntheticOptions { width: WIDTH, ..SyntheticOptions::default() },
+            )?;
             (photos, "synthetic".to_owned())
         }
     };

@@ -2,46 +2,46 @@
 //!
 //! It contains no camera's data, so it can be distributed, and every number in it can be checked.
 
-use super::colmap_model::{ImageRow, Model, PointRow};
-use super::colmap_text;
-use super::lens::{Distortion, Lens};
-use super::phone::{self, PhotoTruth};
-use super::synthetic_scene::{Ray, SurfaceHit, trace, visible};
+mod colmap;
+mod phone;
+mod scene;
+
+use colmap::{ImageRow, PointRow};
+pub use phone::{PhoneTruth, PhotoTruth, TRUTH_FILE};
+pub use scene::{Ray, SurfaceHit, trace, visible};
+
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec2};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::parallel;
+use trisplat_dataset::{Distortion, Lens};
 use trisplat_scene::{
     Error, Result, Rng,
     camera::Camera,
     image::{Image, RgbImage},
+    parallel,
 };
 
 /// What to make.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
-#[serde(default, deny_unknown_fields)]
-#[cfg_attr(feature = "cli", command(next_help_heading = "Synthetic data set"))]
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+#[command(next_help_heading = "Synthetic data set")]
 pub struct SyntheticOptions {
     /// Photos, on a spiral around the scene.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=100_000)))]
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub views: u32,
     /// Width of a photo, px; the height is three quarters of it.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = 160, value_parser = clap::value_parser!(u32).range(4..=8192)))]
+    #[arg(long, value_name = "PX", default_value_t = 160, value_parser = clap::value_parser!(u32).range(4..=8192))]
     pub width: u32,
     /// Points of the sparse cloud.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 1500, value_parser = clap::value_parser!(u32).range(0..=10_000_000)))]
+    #[arg(long, value_name = "N", default_value_t = 1500, value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     pub points: u32,
     /// Seed of the camera jitter and of the points.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = 0))]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Show only the objects on the ground, in photos that are transparent around them.
-    #[cfg_attr(feature = "cli", arg(long))]
+    #[arg(long)]
     pub transparent: bool,
     /// Disturb the photos as a phone does: varying exposure and white balance, darker corners, noise, and
     /// poses half a pixel off. `truth.json` has the true values.
-    #[cfg_attr(feature = "cli", arg(long, conflicts_with = "transparent"))]
+    #[arg(long, conflicts_with = "transparent")]
     pub phone: bool,
 }
 
@@ -86,16 +86,16 @@ fn truth(options: &SyntheticOptions, index: u32) -> PhotoTruth {
 pub fn write_poses(folder: &Path, options: &SyntheticOptions) -> Result<()> {
     let sparse = folder.join("sparse/0");
     std::fs::create_dir_all(&sparse).map_err(|e| Error::io(&sparse, e))?;
-    let (mut model, points) = model(options);
+    let (mut images, points) = model(options);
     if options.phone {
-        for (index, image) in (0..).zip(&mut model.images) {
+        for (index, image) in (0..).zip(&mut images) {
             let pose = (image.rotation, image.translation);
             let focal = lens(options).focal.x;
             (image.rotation, image.translation) = phone::found(options.seed, index, focal, pose);
         }
         phone::write(folder, (0..options.views).map(|index| truth(options, index)).collect())?;
     }
-    colmap_text::write(&sparse, &model, &points)?;
+    colmap::write(&sparse, &lens(options), &images, &points)?;
     let held_out: String = (0..options.views).step_by(8).map(|i| photo_name(i) + "\n").collect();
     let list = folder.join("test.txt");
     std::fs::write(&list, held_out).map_err(|e| Error::io(&list, e))
@@ -248,27 +248,25 @@ fn pose(options: &SyntheticOptions, index: u32) -> (DMat3, DVec3) {
 }
 
 /// Cameras, poses, points and the photos that show them.
-fn model(options: &SyntheticOptions) -> (Model, Vec<PointRow>) {
+fn model(options: &SyntheticOptions) -> (Vec<ImageRow>, Vec<PointRow>) {
     let lens = lens(options);
     let image = |index| {
         let (rotation, translation) = pose(options, index);
-        ImageRow { name: photo_name(index), camera: 1, rotation, translation, observations: Vec::new() }
+        ImageRow { name: photo_name(index), rotation, translation, observations: Vec::new() }
     };
-    let mut model = Model { images: (0..options.views).map(image).collect(), ..Model::default() };
-    let tracks: Vec<Track> =
-        parallel::map(0..options.points, |_, id| track(options, &lens, &model.images, id))
-            .into_iter()
-            .flatten()
-            .collect();
+    let mut images: Vec<ImageRow> = (0..options.views).map(image).collect();
+    let tracks: Vec<Track> = parallel::map(0..options.points, |_, id| track(options, &lens, &images, id))
+        .into_iter()
+        .flatten()
+        .collect();
     let mut points = Vec::with_capacity(tracks.len());
     for Track { point, observations } in tracks {
         for (image, place) in observations {
-            model.images[image].observations.push((point.id, place));
+            images[image].observations.push((point.id, place));
         }
         points.push(point);
     }
-    model.cameras.insert(1, lens);
-    (model, points)
+    (images, points)
 }
 
 struct Track {

@@ -86,7 +86,7 @@ impl PhotoTruth {
 }
 
 /// An estimated pose: half a pixel off, for a focal length of `focal` px.
-pub(super) fn found(
+pub(crate) fn found(
     seed: u64,
     index: u32,
     focal: f64,
@@ -100,7 +100,7 @@ pub(super) fn found(
 }
 
 /// Writes the true parameters into `folder`.
-pub(super) fn write(folder: &Path, photos: Vec<PhotoTruth>) -> Result<()> {
+pub(crate) fn write(folder: &Path, photos: Vec<PhotoTruth>) -> Result<()> {
     let path = folder.join(TRUTH_FILE);
     let mut text = serde_json::to_string_pretty(&PhoneTruth { falloff: FALLOFF, photos })
         .expect("plain numbers and names are JSON");
