@@ -179,7 +179,7 @@ impl SceneRenderer {
     }
 
     /// Number of Gaussians; `None` of triangles.
-    pub fn splat_count(&self) -> Option<u64> {
+    pub(super) fn splat_count(&self) -> Option<u64> {
         match self {
             Self::Splats(scene) => Some(scene.splats.len() as u64),
             Self::Soft(_) | Self::Solid(_) => None,
@@ -205,7 +205,7 @@ impl SceneRenderer {
     }
 
     /// The camera's view over another background, sRGB-encoded; `None`: over its own.
-    pub fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> RgbImage {
+    pub(super) fn color_over(&mut self, camera: &Camera, background: Option<[f32; 3]>) -> RgbImage {
         let Some(background) = background else { return self.color(camera) };
         let own = self.set_background(background);
         let picture = self.color(camera);
@@ -246,7 +246,7 @@ impl SceneRenderer {
 
     /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
     /// of a soup is where half of the light is stopped; Gaussians have none. `[H * W]`
-    pub fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
+    pub(super) fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
         match self {
             Self::Soft(scene) => {
                 let unit = 1.0 / scene.space.scale;
@@ -270,7 +270,7 @@ impl SceneRenderer {
     }
 
     /// The error of Gaussians where a surface is drawn.
-    pub fn no_surface() -> Error {
+    pub(super) fn no_surface() -> Error {
         let wants = "color or random-subset: Gaussians have no surface";
         Error::invalid("show", "a property of surfaces", wants)
     }

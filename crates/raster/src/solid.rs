@@ -27,9 +27,8 @@ mod shade;
 mod visibility;
 
 pub use planes::{Nearest, PlaneTile};
-pub use resolve::{MAX_SAMPLES, SolidRasterOptions};
-pub use visibility::{Barycentrics, FaceBarycentrics};
-pub use visibility::{NO_FACE, Visibility};
+pub use resolve::SolidRasterOptions;
+pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
 
 use bin::{Faces, PAIRS_PER_ROUND, rounds};
 use bins::Batch;

@@ -1,7 +1,7 @@
 //! The plan of a scene that is trained in blocks: `manifest.json`, which every task reads and none writes.
 
 use super::region::Region;
-use super::source::hash_of;
+use super::source::{Source, hash_of};
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,18 +49,6 @@ pub struct Manifest {
     pub photos: Vec<PlannedPhoto>,
     /// The blocks. Those that one cut made follow each other: the first half of them, rounded up, is below the first cut.
     pub blocks: Vec<Block>,
-}
-
-/// A file of the plan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Source {
-    /// Its name in the folder of the plan.
-    pub file: String,
-    /// The hash of its bytes (XXH3).
-    pub hash: String,
-    /// Triangles in it.
-    pub triangles: u64,
 }
 
 /// A photo to train on.
@@ -292,7 +280,7 @@ impl Block {
 
 impl BlockPhoto {
     /// Upper left corner and size of the part, px.
-    pub fn corner_and_size(&self) -> (UVec2, UVec2) {
+    pub(super) fn corner_and_size(&self) -> (UVec2, UVec2) {
         let [x, y, width, height] = self.part;
         (UVec2::new(x, y), UVec2::new(width, height))
     }

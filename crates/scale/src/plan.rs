@@ -1,10 +1,10 @@
 //! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
 
 use super::cover::{Coverage, assign, middles, owners, visible};
-use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto, Source};
+use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto};
 use super::options::PlanOptions;
 use super::region::{Region, Surroundings, cut, extent};
-use super::source::{self, digits, hash_of, hash_of_file};
+use super::source::{self, Source, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
@@ -66,7 +66,7 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
 
 impl Planner<'_> {
     /// How many blocks there are.
-    pub fn count(&self) -> Result<usize> {
+    fn count(&self) -> Result<usize> {
         check(self.options, self.whole, None)
     }
 

@@ -24,17 +24,17 @@ pub struct Region {
 
 impl Region {
     /// All of space.
-    pub const EVERYWHERE: Self = Self { low: [None; 3], high: [None; 3] };
+    pub(super) const EVERYWHERE: Self = Self { low: [None; 3], high: [None; 3] };
 
     /// Whether a point is inside.
-    pub fn contains(&self, point: Vec3) -> bool {
+    pub(super) fn contains(&self, point: Vec3) -> bool {
         (0..3).all(|a| {
             self.low[a].is_none_or(|low| point[a] >= low) && self.high[a].is_none_or(|high| point[a] < high)
         })
     }
 
     /// Whether the box around a triangle reaches into this one.
-    pub fn touches(&self, corners: &[Vec3; 3]) -> bool {
+    pub(super) fn touches(&self, corners: &[Vec3; 3]) -> bool {
         let (low, high) =
             (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
         (0..3).all(|a| {

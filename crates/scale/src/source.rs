@@ -1,8 +1,8 @@
 //! Soups of a plan: their names end with the XXH3 hash of their bytes, so that they replace nothing, and a changed one is not
 //! taken for what it was.
 
-use super::manifest::Source;
-use serde::Serialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use trisplat_formats::{self as formats, ReadOptions, ply};
@@ -16,6 +16,18 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
 /// Bytes read at a time.
 const BUFFER: usize = 1 << 20;
+
+/// A file of the plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its name in the folder of the plan.
+    pub file: String,
+    /// The hash of its bytes (XXH3).
+    pub hash: String,
+    /// Triangles in it.
+    pub triangles: u64,
+}
 
 /// The hash of a file's bytes.
 ///

@@ -119,7 +119,7 @@ impl Task {
     /// What it starts from; `None` for a plain run.
     ///
     /// Errors: a file that is not as it was planned.
-    pub fn start(&self) -> Result<Option<ImportedScene>> {
+    fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
         let mut loaded = source::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
         if let Scene::Soup(soup) = &mut loaded.scene {

@@ -43,7 +43,12 @@ impl Model {
     /// Uploads the faces of `asset`.
     ///
     /// Errors: the layout does not fit the mesh, or the card has no room.
-    pub(crate) fn upload(gpu: &Gpu, groups: &ModelGroups, asset: &Asset, layout: VertexLayout) -> Result<Self> {
+    pub(crate) fn upload(
+        gpu: &Gpu,
+        groups: &ModelGroups,
+        asset: &Asset,
+        layout: VertexLayout,
+    ) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
         if !layout.fits(mesh) {

@@ -1,11 +1,11 @@
 //! Adam (Kingma and Ba 2015) as 3DGS runs it: eps 1e-15, one rate per group, betas 0.9 and 0.999.
 
 /// Decay of the first moment.
-pub const BETA1: f32 = 0.9;
+pub(super) const BETA1: f32 = 0.9;
 /// Decay of the second moment.
-pub const BETA2: f32 = 0.999;
+pub(super) const BETA2: f32 = 0.999;
 /// Added to the root of the second moment.
-pub const EPS: f32 = 1e-15;
+pub(super) const EPS: f32 = 1e-15;
 
 /// One group's rate at one step, with the bias corrections folded in.
 #[derive(Debug, Clone, Copy, PartialEq)]

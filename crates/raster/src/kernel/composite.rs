@@ -34,7 +34,7 @@ pub fn blend_grad<R: Real>(
 
 /// Whether a layer takes the transmittance from 1/2 or more to less: it holds the median depth.
 #[inline(always)]
-pub fn is_median<R: Real>(before: R, after: R) -> R::Mask {
+pub(crate) fn is_median<R: Real>(before: R, after: R) -> R::Mask {
     let half = R::of(0.5);
     half.le(before).and(after.lt(half))
 }

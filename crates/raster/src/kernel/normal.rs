@@ -11,7 +11,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{math::real::Real, math::vec::V3};
 
 /// The least coverage A of a pixel with a depth.
-pub const MIN_COVERAGE: f64 = 0.1;
+pub(super) const MIN_COVERAGE: f64 = 0.1;
 
 /// The input maps of this loss, rows from the top. // each [H * W]
 #[derive(Debug, Clone, Copy)]

@@ -9,9 +9,9 @@ pub const MAX_COEFFICIENTS: usize = 16;
 /// Factor of degree 0: 1 / (2 sqrt(pi)).
 pub const SH_C0: f64 = 0.282_094_791_773_878_14;
 /// Degree 1: sqrt(3 / (4 pi)).
-pub const SH_C1: f64 = 0.488_602_511_902_919_9;
+pub(super) const SH_C1: f64 = 0.488_602_511_902_919_9;
 /// Degree 2: xy, yz, 3z²-1, xz, x²-y².
-pub const SH_C2: [f64; 5] = [
+pub(super) const SH_C2: [f64; 5] = [
     1.092_548_430_592_079_2,
     -1.092_548_430_592_079_2,
     0.315_391_565_252_520_05,
@@ -19,7 +19,7 @@ pub const SH_C2: [f64; 5] = [
     0.546_274_215_296_039_6,
 ];
 /// Degree 3: y(3x²-y²), xyz, y(5z²-1), z(5z²-3), x(5z²-1), z(x²-y²), x(x²-3y²).
-pub const SH_C3: [f64; 7] = [
+pub(super) const SH_C3: [f64; 7] = [
     -0.590_043_589_926_643_5,
     2.890_611_442_640_554,
     -0.457_045_799_464_465_74,

@@ -12,7 +12,7 @@ use trisplat_scene::math::vec::V2;
 
 /// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this fraction of its inradius;
 /// in exchange no logarithm or quotient of a ratio can overflow.
-pub const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
+pub(super) const RATIO_FLOOR: f64 = 1.0 / 1_048_576.0;
 
 /// Three ratios, the smallest being φ(p) / φ(s); `offset` is p - origin.
 #[inline(always)]

@@ -13,7 +13,7 @@ use std::slice;
 use trisplat_scene::{Error, Result, image::RgbImage, math::color::linear_from_srgb, mesh::Mesh, parallel};
 
 /// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
-pub const MAX_SAMPLES: u32 = 1 << 15;
+const MAX_SAMPLES: u32 = 1 << 15;
 
 /// How to draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
