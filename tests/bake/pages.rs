@@ -1,7 +1,7 @@
 //! Textures of several pages, and the parts of a texture that tiles, levels and crops have.
 
 use super::texture::{DRAWING, ON, baked, cameras, grey, painted, photos, psnr, read, textured};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions, BakePreset, TextureOptions, UpChoice, merge};
 use trisplat_formats::{
@@ -24,34 +24,28 @@ fn mesh_of(loaded: ImportedScene) -> Mesh {
     }
 }
 
-#[test]
-fn what_one_page_cannot_hold_is_on_several() {
-    {
-        let wall = grey(16);
-        let [mut one, mut few] = [wall.clone(), wall];
-        let small = TextureOptions { texture_size: 128, ..ON };
-        let (_, on_one) = textured(&mut one, &TextureOptions { texture_pages: 1, ..small.clone() });
-        let (_, on_few) = textured(&mut few, &small);
-        few.validate().unwrap();
-        assert_eq!((pages(&one), on_one.pages), (1, None));
-        assert!((2..=4).contains(&pages(&few)) && on_few.pages == Some(pages(&few) as u32), "{on_few:?}");
-        assert_eq!(on_few.size.unwrap()[0], 128);
-        assert!(on_few.texels_per_pixel > on_one.texels_per_pixel, "{on_one:?} {on_few:?}");
-        assert!(psnr(&few) > psnr(&one) + 1.0, "{} {}", psnr(&one), psnr(&few));
-        let uvs = &few.texture.as_ref().unwrap().uvs;
-        let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
-        assert!(uvs.as_flattened().iter().all(within));
+/// A wall whose quarters are on one page and another in turn, as merged scenes may be.
+fn on_two_pages() -> Mesh {
+    let [first, second] = [(); 2].map(|()| {
+        let mut wall = grey(16);
+        textured(&mut wall, &TextureOptions { texture_size: 128, ..ON }).0.unwrap();
+        wall
+    });
+    let mut all = Mesh::default();
+    let quarter = first.face_count() as u32 / 4;
+    for (i, wall) in (0..).zip([&first, &second, &first, &second]) {
+        all.append(wall.part(&(i * quarter..(i + 1) * quarter).collect::<Vec<_>>())).unwrap();
     }
+    all
 }
 
 #[test]
 fn pages_are_primitives_in_files_and_come_back() {
-    let mut mesh = grey(16);
-    textured(&mut mesh, &TextureOptions { texture_size: 128, ..ON }).0.unwrap();
+    let mesh = on_two_pages();
     let wants = psnr(&mesh);
     let options = GltfOptions { texture: TextureFormat::Png, ..GltfOptions::default() };
     let back = mesh_of(read(&to_glb_bytes(&Asset::from(mesh.clone()), &options).unwrap()));
-    assert_eq!((pages(&mesh) > 1, pages(&back)), (true, pages(&mesh)));
+    assert_eq!((pages(&mesh), pages(&back)), (2, 2));
     assert_eq!(back.face_count(), mesh.face_count());
     assert!((psnr(&back) - wants).abs() < 0.1, "{} {wants}", psnr(&back));
     // A bake cuts chunks by page.
@@ -187,11 +181,10 @@ fn a_textured_scene_and_a_coloured_one_keep_both() {
 
 #[test]
 fn a_backdrop_on_several_pages_has_nodes_of_different_names() {
-    let mut mesh = grey(16);
-    textured(&mut mesh, &TextureOptions { texture_size: 128, ..ON }).0.unwrap();
+    let mesh = on_two_pages();
     let faces = mesh.face_count();
     let mut asset = Asset::from(mesh);
-    // The last half is the backdrop: slices along an axis, and so on several pages.
+    // The last half is the backdrop, on both pages.
     let half = Chunk { first: 0, count: faces as u32 / 2 };
     asset.chunks = vec![half, Chunk { first: half.count, ..half }];
     asset.provenance.backdrop = half.count;

@@ -198,12 +198,11 @@ fn the_texture_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn a_texture_is_as_small_as_it_is_asked_to_be() {
-    let one_page = TextureOptions { texture_pages: 1, ..ON };
-    let (outcome, _) = textured(&mut grey(50), &TextureOptions { texture_size: 64, ..one_page.clone() });
+    let (outcome, _) = textured(&mut grey(50), &TextureOptions { texture_size: 64, ..ON });
     assert!(outcome.unwrap_err().to_string().contains("5000 triangles"));
     for most in [64, 128, 4096] {
         let mut mesh = grey(16);
-        let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..one_page.clone() });
+        let (_, details) = textured(&mut mesh, &TextureOptions { texture_size: most, ..ON });
         let [width, height] = details.size.unwrap();
         assert!(width <= most && height <= most && width.is_power_of_two() && height.is_power_of_two());
         assert!((most >= 4096) == (details.texels_per_pixel == Some(0.7)), "{details:?}");

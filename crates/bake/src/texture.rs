@@ -27,7 +27,6 @@ use atlas::Atlas;
 use best::Candidates;
 use charts::Charts;
 use footprint::footprints;
-use glam::{UVec2, Vec2};
 use layout::Layout;
 use std::sync::Arc;
 use texels::{Adding, Texels};
@@ -46,12 +45,9 @@ const SHARP_FLATNESS: f32 = 0.2;
 /// What the texture is; empty when there is none.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 pub struct TextureDetails {
-    /// Width and height of a page, texels.
+    /// Width and height, texels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<[u32; 2]>,
-    /// Pages, when one does not suffice.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pages: Option<u32>,
     /// Texels that triangles show.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels: Option<u64>,
@@ -61,7 +57,7 @@ pub struct TextureDetails {
     /// Photos that show some face best, whose detail it has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub best_photos: Option<u64>,
-    /// Texels per pixel that the size permits.
+    /// Texels per pixel, fewer than asked for where the texture would be too large.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texels_per_pixel: Option<f64>,
     /// Mean PSNR of colours on held-out photos, dB. `refit` has not seen them; the colours of a connected mesh may have.
@@ -161,14 +157,13 @@ fn paint(
     details: &mut TextureDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
-    details.size = Some((layout.size() / UVec2::new(1, layout.pages())).to_array());
-    details.pages = Some(layout.pages()).filter(|pages| *pages > 1);
+    details.size = Some(layout.size().to_array());
     let mut texels = Texels::new(mesh, layout);
     details.texels = Some(texels.shown());
     let (held_out, others) = views.held_out();
     // λ for this number of photos.
     let flatness = |photos: usize| options.texture_flatness as f32 * USUAL_PHOTOS / photos.max(1) as f32;
-    let painted = |texels: &Texels, flatness: f32| Some(pages(layout, texels.picture(flatness)));
+    let painted = |texels: &Texels, flatness: f32| Some(textured(layout, texels.picture(flatness)));
     let mut candidates = Candidates::new(mesh.face_count());
     texels.add(mesh, views, layout, &others, Adding::All(&mut candidates), progress.part(0.1, 0.5))?;
     if !held_out.is_empty() {
@@ -199,20 +194,7 @@ fn paint(
     Ok(Outcome::Changed(()))
 }
 
-/// The texture of faces, with the pages of a picture that has them one below the other.
-fn pages(layout: &impl Layout, picture: RgbImage) -> FaceTexture {
-    let (uvs, count) = (layout.uvs(), layout.pages() as usize);
-    if count == 1 {
-        return FaceTexture::new(uvs, Arc::new(Texture::new(picture)));
-    }
-    let size = picture.size / UVec2::new(1, count as u32);
-    let page = |rgb: &[[u8; 3]]| Arc::new(Texture::new(RgbImage { size, rgb: rgb.to_vec(), alpha: None }));
-    let pages = picture.rgb.chunks_exact(size.element_product() as usize).map(page).collect();
-    let middle = |uvs: &[Vec2; 3]| (uvs[0].y + uvs[1].y + uvs[2].y) / 3.0;
-    let page_of: Vec<u16> =
-        uvs.iter().map(|uvs| (middle(uvs) * count as f32).clamp(0.0, count as f32 - 1.0) as u16).collect();
-    let within = |(uvs, page): (&[Vec2; 3], &u16)| {
-        uvs.map(|uv| Vec2::new(uv.x, uv.y * count as f32 - f32::from(*page)))
-    };
-    FaceTexture { uvs: uvs.iter().zip(&page_of).map(within).collect(), pages, page_of }
+/// The texture of faces that a layout has placed.
+fn textured(layout: &impl Layout, picture: RgbImage) -> FaceTexture {
+    FaceTexture::new(layout.uvs(), Arc::new(Texture::new(picture)))
 }

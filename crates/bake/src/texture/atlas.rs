@@ -15,7 +15,7 @@
 
 use super::layout::Layout;
 use super::options::TextureOptions;
-use glam::{DVec3, UVec2, Vec2};
+use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result, math::srgb8::srgb8_from_linear, mesh::Mesh};
@@ -25,8 +25,6 @@ const MOST: u32 = 1024;
 /// Free texels around every triangle with more than one, so that the next mip level does not bleed either; an even number keeps its
 /// texels whole.
 const GUTTER: u32 = 2;
-/// The height of pages is a multiple of this, so that mip levels are means of whole texels.
-const ROWS: u32 = 32;
 /// Fewer texels per pixel are tried where all do not fit, each time this many times as many.
 const FEWER: f64 = 0.9;
 
@@ -74,7 +72,7 @@ impl Patch {
         if self.size == UVec2::ONE { 0 } else { GUTTER }
     }
 
-    /// Width and height of two, with what is free between them.
+    /// Width and height of two, with the gutter between them.
     fn pair(&self) -> UVec2 {
         match self.size.y {
             1 => UVec2::new(self.size.x, 2 + 2 * self.gutter()),
@@ -82,7 +80,7 @@ impl Patch {
         }
     }
 
-    /// The same with what is free around them.
+    /// The same with the gutter around them.
     fn rectangle(&self) -> UVec2 {
         match self.gutter() {
             0 => self.pair(),
@@ -134,10 +132,8 @@ fn sizes_up(texels: u32) -> u32 {
 /// All patches, and the texture that holds them.
 #[derive(Debug, PartialEq)]
 pub(super) struct Atlas {
-    /// Width and height of the texture, all pages one below the other; those of a single page are powers of two.
+    /// Width and height of the texture, powers of two.
     pub(super) size: UVec2,
-    /// Pages of equal height.
-    pages: u32,
     /// `[F]`
     pub(super) patches: Vec<Patch>,
     /// What was asked for, or less where the texture would be too large.
@@ -153,10 +149,8 @@ impl Atlas {
         let mut texels_per_pixel = options.texels_per_pixel;
         loop {
             let patches = edges.iter().map(|edges| Patch::new(*edges, texels_per_pixel)).collect();
-            let mut atlas = Self { size: UVec2::ZERO, pages: 1, patches, texels_per_pixel };
-            if atlas.pack(&colors, options.texture_size)
-                || (2..=options.texture_pages).any(|pages| atlas.pack_pages(mesh, &colors, options, pages))
-            {
+            let mut atlas = Self { size: UVec2::ZERO, patches, texels_per_pixel };
+            if atlas.pack(&colors, options.texture_size) {
                 return Ok(atlas);
             }
             if atlas.patches.iter().all(|patch| patch.size == UVec2::ONE) {
@@ -167,53 +161,13 @@ impl Atlas {
         }
     }
 
-    /// Sorts faces as they stand on shelves.
-    fn sort(&self, faces: &mut [u32], colors: &[u32]) {
+    /// Finds a place for every patch on the smallest texture that holds them; false when none of at most `most` by `most` does.
+    fn pack(&mut self, colors: &[u32], most: u32) -> bool {
+        let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
         faces.par_sort_unstable_by_key(|face| {
             let size = self.patches[*face as usize].size;
             (u32::MAX - size.y, u32::MAX - size.x, colors[*face as usize], *face)
         });
-    }
-
-    /// Finds a place for every patch on `pages` pages, each for a slice of the mesh, so that chunks are on few of them; false when
-    /// there is none.
-    fn pack_pages(&mut self, mesh: &Mesh, colors: &[u32], options: &TextureOptions, pages: u32) -> bool {
-        let width = options.texture_size;
-        let texels = |face: u32| u64::from(self.patches[face as usize].rectangle().element_product());
-        let all: u64 = (0..self.patches.len() as u32).map(texels).sum();
-        let mut left = all / 2;
-        // Two of them share a rectangle.
-        if left > u64::from(pages) * u64::from(width) * u64::from(width) {
-            return false;
-        }
-        let mut slices = vec![Vec::new(); pages as usize];
-        let (mut slice, mut filled) = (0, 0);
-        for face in along_the_longest_axis(mesh) {
-            slices[slice].push(face);
-            filled += texels(face) / 2;
-            if filled >= left / (pages as u64 - slice as u64) && slice + 1 < slices.len() {
-                (left, filled, slice) = (left - filled, 0, slice + 1);
-            }
-        }
-        let mut height = 1;
-        for faces in &mut slices {
-            self.sort(faces, colors);
-            match self.place(faces, width, width) {
-                Some(rows) => height = height.max(rows.next_multiple_of(ROWS)),
-                None => return false,
-            }
-        }
-        for (page, faces) in slices.iter().enumerate() {
-            faces.iter().for_each(|face| self.patches[*face as usize].corner.y += page as u32 * height);
-        }
-        (self.size, self.pages) = (UVec2::new(width, height * pages), pages);
-        true
-    }
-
-    /// Finds a place for every patch on the smallest texture that holds them; false when none of at most `most` by `most` does.
-    fn pack(&mut self, colors: &[u32], most: u32) -> bool {
-        let mut faces: Vec<u32> = (0..self.patches.len() as u32).collect();
-        self.sort(&mut faces, colors);
         let texels: u64 = self.patches.iter().map(|p| u64::from(p.size.element_product()) / 2).sum();
         let mut side = 64.max((texels as f64).sqrt() as u32 / 2).next_power_of_two();
         while side <= most {
@@ -265,10 +219,6 @@ impl Layout for Atlas {
         self.size
     }
 
-    fn pages(&self) -> u32 {
-        self.pages
-    }
-
     fn face_count(&self) -> usize {
         self.patches.len()
     }
@@ -287,19 +237,6 @@ impl Layout for Atlas {
     fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3])) {
         self.patches[face].texels().for_each(|(at, weights)| visit(at, weights));
     }
-}
-
-/// All faces, sorted by their middles along the axis on which these reach farthest. `[F]`
-fn along_the_longest_axis(mesh: &Mesh) -> Vec<u32> {
-    let middles = parallel::collect(mesh.face_count(), GRAIN, |face| mesh.centroid(face));
-    // A backdrop reaches farther than the scene: deviations count, not extremes.
-    let mean = middles.iter().map(|m| m.as_dvec3()).sum::<DVec3>() / middles.len().max(1) as f64;
-    let spread: DVec3 = middles.iter().map(|m| (m.as_dvec3() - mean).abs()).sum();
-    let axis = spread.max_position();
-    let mut faces: Vec<u32> = (0..middles.len() as u32).collect();
-    let place = |face: u32| middles[face as usize].to_array()[axis];
-    faces.par_sort_unstable_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b)));
-    faces
 }
 
 /// Faces of like colours have like keys: the bits of their channels, highest first.

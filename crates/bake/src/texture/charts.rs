@@ -25,9 +25,7 @@ const ROWS_ABOVE: usize = 100_000;
 /// Charts and the texture that holds them.
 #[derive(Debug)]
 pub(super) struct Charts {
-    /// All pages, one below the other.
     size: UVec2,
-    pages: u32,
     /// Corners of faces, in texels from the middle of the first one. `[F]`
     corners: Vec<[Vec2; 3]>,
     /// The face that a texel belongs to, or [`NOBODY`]. `[H * W]`
@@ -71,49 +69,20 @@ impl Charts {
         let most = options.texture_size;
         let packed = match uvunwrap::generate(&inputs, &fixed) {
             Ok(packed) if packed.width.max(packed.height) <= most => packed,
-            packed if options.texture_pages == 1 || packed.is_err() => {
+            _ => {
                 let fitting = Options { density: Density::Auto { page_size: most }, ..how };
                 uvunwrap::generate(&inputs, &fitting).map_err(refused)?
             }
-            packed => {
-                let texels = packed.map_or(0.0, |one| one.width as f32 * one.height as f32);
-                on_pages(&inputs, how, wanted, texels, options).map_err(refused)?
-            }
         };
-        if packed.page_count > options.texture_pages {
+        if packed.page_count > 1 {
             let wants = format!("a texture on which {} charts have room", charts.len());
             return Err(Error::invalid("texture_size", most, wants));
         }
         let used = UVec2::new(packed.width, packed.height);
-        let page = used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(most)).max(used);
-        let corners = split(mesh, &charts, &packed.meshes, used.as_vec2(), page.y);
-        let size = UVec2::new(page.x, page.y * packed.page_count);
-        let texels_per_pixel = f64::from(packed.texels_per_unit);
-        let (count, pages) = (u64::from(packed.chart_count), packed.page_count);
-        Ok(Self { owner: owners(&corners, size), size, pages, corners, texels_per_pixel, count })
-    }
-}
-
-/// Charts on several pages, as dense as was asked for or as fits; together they have about `texels`.
-fn on_pages(
-    inputs: &[MeshInput<'_>],
-    how: Options,
-    wanted: f32,
-    texels: f32,
-    options: &TextureOptions,
-) -> std::result::Result<uvunwrap::Atlas, uvunwrap::Error> {
-    let (side, pages) = (options.texture_size, options.texture_pages);
-    let room = pages as f32 * (side * side) as f32 / texels.max(1.0);
-    let mut density = wanted * room.sqrt().min(1.0);
-    // A chart larger than a page gets fewer texels than the others.
-    let how = Options { max_chart_size: side - 2 * PADDING - 2, ..how };
-    loop {
-        let density_of_all = Density::Fixed { texels_per_unit: density, page_size: Some(side) };
-        let packed = uvunwrap::generate(inputs, &Options { density: density_of_all, ..how })?;
-        if packed.page_count <= pages || density < wanted * LEAST_DENSITY {
-            return Ok(packed);
-        }
-        density *= SPARSER;
+        let size = used.map(|side| side.next_multiple_of(STEP)).min(UVec2::splat(most)).max(used);
+        let corners = split(mesh, &charts, &packed.meshes, used.as_vec2());
+        let (texels_per_pixel, count) = (f64::from(packed.texels_per_unit), packed.chart_count.into());
+        Ok(Self { owner: owners(&corners, size), size, corners, texels_per_pixel, count })
     }
 }
 
@@ -126,11 +95,6 @@ impl Chart {
         }
     }
 }
-
-/// Where charts do not fit on the pages, they are tried with this many times the texels per pixel, ...
-const SPARSER: f32 = 0.93;
-/// ... but not with less than this many times what was asked for.
-const LEAST_DENSITY: f32 = 0.01;
 
 /// The charts of an unwrapped mesh, each with the mean number of pixels per unit of its faces.
 fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> Vec<Chart> {
@@ -171,19 +135,10 @@ fn apart(mesh: &Mesh, unwrapped: &uvunwrap::OutputMesh, edges: &[[f32; 3]]) -> V
     charts
 }
 
-/// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels from the middle of the first one: on
-/// pages of the size `page`, each beginning `height` texels below the previous one. `[F]`
-fn split(
-    mesh: &mut Mesh,
-    charts: &[Chart],
-    packed: &[uvunwrap::OutputMesh],
-    page: Vec2,
-    height: u32,
-) -> Vec<[Vec2; 3]> {
-    let place = |vertex: &uvunwrap::OutputVertex| {
-        let above = (vertex.page.unwrap_or(0) * height) as f32;
-        Vec2::from(vertex.uv) * page - 0.5 + Vec2::new(0.0, above)
-    };
+/// Gives `mesh` the vertices of its charts. Returns where the corners of its faces are, in texels from the middle of the first one, on a
+/// texture of this size. `[F]`
+fn split(mesh: &mut Mesh, charts: &[Chart], packed: &[uvunwrap::OutputMesh], size: Vec2) -> Vec<[Vec2; 3]> {
+    let place = |vertex: &uvunwrap::OutputVertex| Vec2::from(vertex.uv) * size - 0.5;
     // Old vertices of the new ones, and where these are.
     let (mut from, mut at): (Vec<u32>, Vec<Vec2>) = (Vec::new(), Vec::new());
     let mut indices = vec![0u32; mesh.indices.len()];
@@ -262,10 +217,6 @@ fn weights(corners: &[Vec2; 3], point: Vec2) -> [f32; 3] {
 impl Layout for Charts {
     fn size(&self) -> UVec2 {
         self.size
-    }
-
-    fn pages(&self) -> u32 {
-        self.pages
     }
 
     fn face_count(&self) -> usize {

@@ -4,11 +4,8 @@ use glam::{UVec2, Vec2};
 
 /// Places of the faces of a mesh on a texture.
 pub(super) trait Layout: Sync {
-    /// Width and height of the texture: of all pages, one below the other.
+    /// Width and height of the texture.
     fn size(&self) -> UVec2;
-
-    /// How many pages of equal height it has.
-    fn pages(&self) -> u32;
 
     /// Number of faces.
     fn face_count(&self) -> usize;

@@ -2,8 +2,8 @@
 
 use super::atlas::Atlas;
 use super::options::TextureOptions;
-use super::pages;
 use super::texels::Texels;
+use super::textured;
 use trisplat_scene::{ImportedScene, Result, Scene, math::color::srgb_from_linear, mesh::Mesh};
 
 /// Corners whose sRGB-encoded colours differ by less look alike.
@@ -42,7 +42,6 @@ fn with_texture(mesh: Mesh) -> Result<Mesh> {
     let edges: Vec<[f32; 3]> = (0..mesh.face_count()).map(|face| [length(face); 3]).collect();
     let options = TextureOptions { texels_per_pixel: 1.0, ..TextureOptions::DEFAULT };
     let atlas = Atlas::new(&mesh, &edges, &options)?;
-    let texture = pages(&atlas, Texels::new(&mesh, &atlas).picture(0.0));
-    mesh.texture = Some(texture);
+    mesh.texture = Some(textured(&atlas, Texels::new(&mesh, &atlas).picture(0.0)));
     Ok(mesh)
 }

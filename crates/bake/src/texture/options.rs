@@ -52,14 +52,10 @@ pub struct TextureOptions {
           require_equals = true, default_missing_value = "on", value_name = "WHEN"))]
     #[serde(deserialize_with = "when")]
     pub texture: TextureWhen,
-    /// Largest width and height of a page of the texture, texels
+    /// Largest width and height of the texture, texels; where they do not suffice, all triangles have fewer
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
     #[schemars(range(min = 64, max = 8192))]
     pub texture_size: u32,
-    /// Most pages of the texture; where they do not suffice, all triangles have fewer texels. Each page needs up to 0.9 GB of memory
-    #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_pages))]
-    #[schemars(range(min = 1, max = 16))]
-    pub texture_pages: u32,
     /// Texels for each pixel along an edge, in the photos that see it
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texels_per_pixel))]
     #[schemars(range(min = 0.05, max = 4.0))]
@@ -78,7 +74,6 @@ impl TextureOptions {
     pub const DEFAULT: Self = Self {
         texture: TextureWhen::Off,
         texture_size: 4096,
-        texture_pages: 4,
         texels_per_pixel: 0.7,
         texture_flatness: 1.0,
         texture_detail: TextureDetail::Auto,
