@@ -1,7 +1,7 @@
 //! `trisplat train --view`: a window that shows the scene while it trains.
 //!
 //! ```text
-//! thread that trains ── news: photos, scenes, the end ──► thread that follows ──► window
+//! thread that trains ── messages: photos, scenes, the end ──► thread that follows ──► window
 //!         ▲                                                       │
 //!         └───────────────── a scene is wanted ───────────────────┘
 //! ```
@@ -41,8 +41,8 @@ const SIZE: UVec2 = UVec2::new(1280, 720);
 /// Samples per pixel at edges.
 const MSAA: u32 = 4;
 
-/// What the training tells.
-enum News {
+/// A message of the training.
+enum WatchMessage {
     /// It is on these photos.
     Photos(PosedPhotos),
     /// The present scene, its metadata, and the duration of the copy.
@@ -60,10 +60,10 @@ pub(super) fn run(
     global: &Global,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
-    let (news, received) = mpsc::channel();
+    let (sender, received) = mpsc::channel();
     let (start, started) = mpsc::channel();
     let wanted = Arc::new(AtomicBool::new(true));
-    let watcher = Box::new(SceneWatcher { wanted: wanted.clone(), news, asked: Instant::now() });
+    let watcher = Box::new(SceneWatcher { wanted: wanted.clone(), sender, asked: Instant::now() });
     let follower = Follower::new(args, received, wanted);
     std::thread::scope(|scope| {
         let training = scope.spawn(move || {
@@ -126,15 +126,15 @@ fn loader(args: &TrainArgs, follower: Follower, start: Sender<()>) -> SceneLoade
 /// Passes scenes to the window during training.
 struct SceneWatcher {
     wanted: Arc<AtomicBool>,
-    news: Sender<News>,
+    sender: Sender<WatchMessage>,
     /// Time of the last request for a copy.
     asked: Instant,
 }
 
 impl SceneWatcher {
-    fn tell(&self, news: News) {
+    fn send(&self, message: WatchMessage) {
         // The receiver no longer exists after the window is closed.
-        let _ = self.news.send(news);
+        let _ = self.sender.send(message);
     }
 }
 
@@ -147,25 +147,25 @@ impl Watcher for SceneWatcher {
     fn scene(&mut self, sample: &TrainSample, scene: Box<ImportedScene>) {
         let TrainSample { step, psnr, .. } = sample;
         let status = format!("step {step}, {psnr:.2} dB on the photos");
-        self.tell(News::Scene(scene, status, self.asked.elapsed()));
+        self.send(WatchMessage::Scene(scene, status, self.asked.elapsed()));
     }
 
     fn begun(&mut self, dataset: &Dataset) {
         let (views, origin) = (dataset.views.clone(), dataset.origin);
-        self.tell(News::Photos(PosedPhotos { views, origin }));
+        self.send(WatchMessage::Photos(PosedPhotos { views, origin }));
     }
 
     fn ended(&mut self, what: &str, scene: ImportedScene) {
         // A user who ended the program has closed the window too.
         if signals::exit_code().is_none() {
-            self.tell(News::Ended(Box::new(scene), what.to_owned()));
+            self.send(WatchMessage::Ended(Box::new(scene), what.to_owned()));
         }
     }
 }
 
 /// Turns messages of the training into content of the window.
 struct Follower {
-    news: Receiver<News>,
+    receiver: Receiver<WatchMessage>,
     wanted: Arc<AtomicBool>,
     photos: PosedPhotos,
     how: DatasetOptions,
@@ -178,9 +178,9 @@ struct Follower {
 }
 
 impl Follower {
-    fn new(args: &TrainArgs, news: Receiver<News>, wanted: Arc<AtomicBool>) -> Self {
+    fn new(args: &TrainArgs, receiver: Receiver<WatchMessage>, wanted: Arc<AtomicBool>) -> Self {
         Self {
-            news,
+            receiver,
             wanted,
             photos: PosedPhotos::default(),
             how: args.dataset_options.clone(),
@@ -193,7 +193,7 @@ impl Follower {
 
     /// The first scene. An error when the training ends without any.
     fn first(&mut self) -> Result<WindowScene> {
-        match self.told()? {
+        match self.receive()? {
             SceneChange::Changed(scene) => Ok(*scene),
             SceneChange::Final(_) | SceneChange::Gone => {
                 Err(Error::Incomplete("the training ended before there was anything to show".into()))
@@ -207,33 +207,33 @@ impl Follower {
             return Ok(SceneChange::Final(what));
         }
         let (there, copied) = self.last;
-        match self.news.recv_timeout((there.elapsed() + copied).mul_f64(REST).max(SHORTEST)) {
+        match self.receiver.recv_timeout((there.elapsed() + copied).mul_f64(REST).max(SHORTEST)) {
             // The last scene comes without a request.
-            Ok(news) => self.shown(news),
+            Ok(message) => self.shown(message),
             Err(RecvTimeoutError::Disconnected) => Ok(SceneChange::Gone),
             Err(RecvTimeoutError::Timeout) => {
                 self.wanted.store(true, Ordering::Relaxed);
-                self.told()
+                self.receive()
             }
         }
     }
 
     /// Waits for a message of the training.
-    fn told(&mut self) -> Result<SceneChange> {
-        self.news.recv().map_or(Ok(SceneChange::Gone), |news| self.shown(news))
+    fn receive(&mut self) -> Result<SceneChange> {
+        self.receiver.recv().map_or(Ok(SceneChange::Gone), |message| self.shown(message))
     }
 
-    fn shown(&mut self, news: News) -> Result<SceneChange> {
-        let (scene, status) = match news {
-            News::Photos(photos) => {
+    fn shown(&mut self, message: WatchMessage) -> Result<SceneChange> {
+        let (scene, status) = match message {
+            WatchMessage::Photos(photos) => {
                 self.photos = photos;
-                return self.told();
+                return self.receive();
             }
-            News::Scene(scene, status, copied) => {
+            WatchMessage::Scene(scene, status, copied) => {
                 self.last = (Instant::now(), copied);
                 (scene, status)
             }
-            News::Ended(scene, what) => {
+            WatchMessage::Ended(scene, what) => {
                 self.ended = Some(what.clone());
                 (scene, what)
             }

@@ -25,7 +25,7 @@ fn check(soup: &Soup, recipe: &str, file: &str) {
 
 #[test]
 fn studio_is_current() {
-    check(&scenes::studio(8000, 1), &scenes::studio_recipe(8000, 1, 0), "studio.ply");
+    check(&scenes::studio(8000, 1), &scenes::studio_recipe(8000, 1), "studio.ply");
 }
 
 #[test]

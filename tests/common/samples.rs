@@ -8,7 +8,7 @@ use trisplat_synthetic::SyntheticOptions;
 pub(crate) fn studio(path: impl AsRef<Path>, triangles: usize) {
     let soup = trisplat_bench::scenes::studio(triangles, 1);
     let mut bytes = Vec::new();
-    let recipe = trisplat_bench::scenes::studio_recipe(triangles, 1, 0);
+    let recipe = trisplat_bench::scenes::studio_recipe(triangles, 1);
     ply::write_soup(&mut bytes, &soup, &trisplat_bench::scenes::provenance(&recipe), &[]).unwrap();
     std::fs::write(path, bytes).unwrap();
 }

@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::metric,
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{Canvas, DisplayMode, FrameParams, HeadlessOptions, VertexLayout};
+use trisplat_view::{DisplayMode, HeadlessOptions, VertexLayout};
 
 const ACROSS: u32 = 6;
 
@@ -81,11 +81,11 @@ fn textures_are_drawn_as_render_draws_them() {
         .sum();
     assert_eq!(model.bytes, (60 * wall.face_count() + 4 * texels) as u64);
     // Close, as photos are, and far away, where levels are mixed.
-    for (distance, samples) in [(0.6, 1), (1.0, 4), (3.0, 4), (8.0, 2)] {
+    for distance in [0.6, 1.0, 3.0, 8.0] {
         let camera = camera(distance);
-        let options = HeadlessOptions { samples, near: 0.01, ..HeadlessOptions::default() };
+        let options = HeadlessOptions { near: 0.01, ..HeadlessOptions::default() };
         let (got, _) = card.render(&model, &camera, &options).unwrap();
-        let cpu = SolidRasterOptions { samples, near: 0.01, ..SolidRasterOptions::default() };
+        let cpu = SolidRasterOptions { samples: 1, near: 0.01, ..SolidRasterOptions::default() };
         let wants = SolidRasterizer::new().render(&wall, &camera, &cpu);
         let psnr = metric::psnr(&got.rgb, &wants.rgb, None);
         assert!(psnr > 50.0, "{distance}: {psnr} dB");

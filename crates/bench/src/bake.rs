@@ -12,7 +12,7 @@ use std::ffi::OsString;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use trisplat_formats::ply;
-use trisplat_scene::{Error, Provenance, Result, Soup, ranges};
+use trisplat_scene::{Error, Provenance, Result, ranges};
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
@@ -41,29 +41,24 @@ pub(crate) struct BakeBenchArgs {
 /// One case at one size.
 #[derive(Debug, Serialize)]
 struct BakeRow {
-    /// What ran: "fast", "default", "default+bvh", "floor", "trimesh".
-    case: String,
+    /// What ran: "fast", "default", "small", "mesh-ply", "floor", "trimesh".
+    case: &'static str,
     /// Triangles of the input.
     triangles: usize,
-    /// Bytes read.
-    input_bytes: u64,
     /// Bytes written.
     output_bytes: u64,
     /// Medians over the runs.
     #[serde(flatten)]
     usage: Usage,
-    /// CPU time over that of the floor of the same input.
+    /// CPU time over that of the floor.
     cpu_over_floor: f64,
 }
 
 /// A command line to measure.
 struct BakeCase {
-    name: String,
+    name: &'static str,
     command: Vec<OsString>,
-    input: PathBuf,
     output: PathBuf,
-    /// The floor that it is compared with.
-    floor: &'static str,
 }
 
 /// Measures every size and prints rows in order of size, then case.
@@ -74,21 +69,18 @@ pub(crate) fn run(args: &BakeBenchArgs) -> Result<()> {
     for &triangles in &args.triangles {
         let cases = cases(args, folder.path(), triangles)?;
         let measured = measure_in_turn(&cases, args.runs)?;
-        let cpu_of = |name: &str| {
-            cases.iter().zip(&measured).find(|(c, _)| c.name == name).map_or(f64::NAN, |(_, u)| u.cpu_seconds)
-        };
+        let floor = cases.iter().zip(&measured).find(|(case, _)| case.name == "floor");
+        let floor = floor.map_or(f64::NAN, |(_, usage)| usage.cpu_seconds);
         for (case, usage) in cases.iter().zip(&measured) {
             let row = BakeRow {
-                case: case.name.clone(),
+                case: case.name,
                 triangles,
-                input_bytes: bytes(&case.input),
                 output_bytes: bytes(&case.output),
                 usage: *usage,
-                cpu_over_floor: usage.cpu_seconds / cpu_of(case.floor),
+                cpu_over_floor: usage.cpu_seconds / floor,
             };
             eprintln!(
-                "{:>9}   {:<15}{:>8.3}{:>10.3}{:>10.1}{:>9.1}{:>10.2}",
-                row.triangles,
+                "{triangles:>9}   {:<15}{:>8.3}{:>10.3}{:>10.1}{:>9.1}{:>10.2}",
                 row.case,
                 usage.cpu_seconds,
                 usage.wall_seconds,
@@ -102,105 +94,61 @@ pub(crate) fn run(args: &BakeBenchArgs) -> Result<()> {
     if args.json { print_json(&rows) } else { Ok(()) }
 }
 
-/// The program that is measured.
-fn trisplat(args: &BakeBenchArgs, this: &Path) -> Result<PathBuf> {
-    let name = format!("trisplat{}", std::env::consts::EXE_SUFFIX);
-    let program = args.trisplat.clone().unwrap_or_else(|| this.with_file_name(name));
-    if !program.is_file() {
-        return Err(Error::invalid(
-            "--trisplat",
-            program.display(),
-            "the program; `cargo build --release` makes it",
-        ));
-    }
-    Ok(program)
-}
-
-/// Writes the inputs of one size and lists the command lines.
+/// Writes the input of one size and lists the command lines: ours, the floor, and other tools on our outputs.
 fn cases(args: &BakeBenchArgs, folder: &Path, triangles: usize) -> Result<Vec<BakeCase>> {
     let this = std::env::current_exe().map_err(|e| Error::io("trisplat-bench", e))?;
-    let program = trisplat(args, &this)?;
-    let at = |name: &str| folder.join(name);
-    let (sh0, sh3) = (at("sh0.ply"), at("sh3.ply"));
-    write_inputs(&sh0, &sh3, triangles)?;
-
-    let bake = |name: &str, input: &Path, output: &str, floor, flags: &[&str]| {
-        let output = at(output);
-        let mut command: Vec<OsString> =
-            vec![program.clone().into(), "bake".into(), "-q".into(), "--force".into()];
-        command.extend([input.into(), "-o".into(), output.clone().into()]);
-        command.extend(flags.iter().map(OsString::from));
-        BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor }
-    };
-    let floor = |name: &'static str, input: &Path, like: &str| {
-        let output = at("floor.bin");
-        let words = [this.as_os_str(), "floor".as_ref(), input.as_ref()];
-        let files = [at(like).into_os_string(), output.clone().into_os_string()];
-        let command = words.into_iter().map(OsString::from).chain(files).collect();
-        BakeCase { name: name.to_owned(), command, input: input.to_owned(), output, floor: name }
-    };
-    // Other tools convert: pictures of the soft scene would be work that they do not do. Preset fast draws none.
-    let convert = ["--teacher", "off"];
-    let mut cases = vec![
-        bake("fast", &sh0, "fast.glb", "floor", &["--preset", "fast"]),
-        floor("floor", &sh0, "fast.glb"),
-        bake("default", &sh0, "default.glb", "floor", &convert),
-        bake("default+bvh", &sh0, "bvh.glb", "floor", &[&convert[..], &["--set", "bvh=true"]].concat()),
-        bake(
-            "small",
-            &sh0,
-            "small.glb",
-            "floor",
-            &[&convert[..], &["--preset", "small", "--target", "web"]].concat(),
-        ),
-        bake("fast-sh3", &sh3, "sh3.glb", "floor-sh3", &["--preset", "fast"]),
-        floor("floor-sh3", &sh3, "sh3.glb"),
-        bake("mesh-ply", &sh0, "mesh.ply", "floor", &["--preset", "fast"]),
-    ];
-    cases.extend(other_tools(args, folder));
-    Ok(cases)
-}
-
-/// The same work by other tools, on the outputs of our own cases.
-fn other_tools(args: &BakeBenchArgs, folder: &Path) -> Vec<BakeCase> {
+    let beside = this.with_file_name(format!("trisplat{}", std::env::consts::EXE_SUFFIX));
+    let trisplat = args.trisplat.clone().unwrap_or(beside);
+    if !trisplat.is_file() {
+        let wants = "the program; `cargo build --release` makes it";
+        return Err(Error::invalid("--trisplat", trisplat.display(), wants));
+    }
+    write_input(&folder.join("soup.ply"), triangles)?;
     let mut cases = Vec::new();
-    let mut case = |name: &str, input: &str, program: PathBuf, words: &[&str]| {
-        let (input, output) = (folder.join(input), folder.join(name).with_extension("glb"));
-        let mut command = vec![program.into_os_string()];
+    let mut case = |name, program: &Path, input: &str, output: &str, words: &[&str]| {
+        let (input, output) = (folder.join(input), folder.join(output));
+        let mut command = vec![program.as_os_str().to_owned()];
         command.extend(words.iter().map(|word| match *word {
             "IN" => input.clone().into_os_string(),
             "OUT" => output.clone().into_os_string(),
+            "LIKE" => folder.join("fast.glb").into_os_string(),
             word => word.into(),
         }));
-        cases.push(BakeCase { name: name.to_owned(), command, input, output, floor: "floor" });
+        cases.push(BakeCase { name, command, output });
     };
+    // Other tools convert: pictures of the soft scene would be work that they do not do. Preset fast draws none.
+    for (name, output, flags) in [
+        ("fast", "fast.glb", &["--preset", "fast"][..]),
+        ("default", "default.glb", &["--teacher", "off"]),
+        ("small", "small.glb", &["--teacher", "off", "--preset", "small", "--target", "web"]),
+        ("mesh-ply", "mesh.ply", &["--preset", "fast"]),
+    ] {
+        let bake = ["bake", "-q", "--force", "IN", "-o", "OUT"];
+        case(name, &trisplat, "soup.ply", output, &[&bake[..], flags].concat());
+    }
+    case("floor", &this, "soup.ply", "floor.bin", &["floor", "IN", "LIKE", "OUT"]);
     if let Some(python) = &args.python {
         let script = "import sys,trimesh; trimesh.load(sys.argv[1],process=False).export(sys.argv[2])";
-        case("trimesh", "mesh.ply", python.clone(), &["-c", script, "IN", "OUT"]);
+        case("trimesh", python, "mesh.ply", "trimesh.glb", &["-c", script, "IN", "OUT"]);
     }
     if let Some(bin) = &args.node_bin {
-        case("gltfpack", "fast.glb", bin.join("gltfpack"), &["-noq", "-i", "IN", "-o", "OUT"]);
-        case("gltf-transform", "fast.glb", bin.join("gltf-transform"), &["copy", "IN", "OUT"]);
+        let gltfpack = ["-noq", "-i", "IN", "-o", "OUT"];
+        case("gltfpack", &bin.join("gltfpack"), "fast.glb", "gltfpack.glb", &gltfpack);
+        let transform = bin.join("gltf-transform");
+        case("gltf-transform", &transform, "fast.glb", "transform.glb", &["copy", "IN", "OUT"]);
     }
-    cases
+    Ok(cases)
 }
 
-/// The same scene as SH degree 0 and as degree 3 (45 coefficients that the bake does not use).
-fn write_inputs(sh0: &Path, sh3: &Path, triangles: usize) -> Result<()> {
-    let mut soup = scenes::studio(triangles, 1);
-    let provenance = Provenance::default();
-    let write = |path: &Path, soup: &Soup| {
-        let mut bytes = Vec::new();
-        let written = ply::write_soup(&mut bytes, soup, &provenance, &[]);
-        written.and_then(|()| std::fs::write(path, bytes)).map_err(|e| Error::io(path, e))
-    };
-    write(sh0, &soup)?;
-    scenes::raise_sh(&mut soup, 3, 1);
-    write(sh3, &soup)
+/// Writes the sample scene.
+fn write_input(path: &Path, triangles: usize) -> Result<()> {
+    let mut bytes = Vec::new();
+    let written = ply::write_soup(&mut bytes, &scenes::studio(triangles, 1), &Provenance::default(), &[]);
+    written.and_then(|()| std::fs::write(path, bytes)).map_err(|e| Error::io(path, e))
 }
 
 /// Run 1 of every case, then run 2 of every case, …; medians. One warm-up round is not counted: it
-/// also makes the outputs that floors and other tools need.
+/// also makes the outputs that the floor and other tools need.
 fn measure_in_turn(cases: &[BakeCase], runs: usize) -> Result<Vec<Usage>> {
     let mut all = vec![Vec::new(); cases.len()];
     for round in 0..=runs {

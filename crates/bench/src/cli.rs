@@ -1,7 +1,7 @@
 //! The command line of the program.
 
 use crate::{bake, cost, machine, scenes, stress};
-use clap::{Args, Parser, Subcommand, value_parser};
+use clap::{Args, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -60,9 +60,6 @@ enum Sample {
         /// Number of triangles.
         #[arg(long, default_value_t = 8000, value_name = "N", value_parser = ranges::count)]
         triangles: usize,
-        /// Highest degree of the spherical harmonics.
-        #[arg(long, default_value_t = 0, value_name = "DEGREE", value_parser = value_parser!(u8).range(0..=3))]
-        sh_degree: u8,
         /// Seed of the random numbers; the same seed gives the same bytes.
         #[arg(long, default_value_t = 1, value_name = "N")]
         seed: u64,
@@ -121,11 +118,9 @@ fn run(command: &Command) -> Result<()> {
 /// Writes a sample.
 fn make(sample: &Sample) -> Result<()> {
     match sample {
-        Sample::Studio { triangles, sh_degree, seed, to } => {
-            let mut soup = scenes::studio(*triangles, *seed);
-            scenes::raise_sh(&mut soup, *sh_degree, *seed);
-            let provenance = scenes::provenance(&scenes::studio_recipe(*triangles, *seed, *sh_degree));
-            write_soup(to, &soup, &provenance)
+        Sample::Studio { triangles, seed, to } => {
+            let provenance = scenes::provenance(&scenes::studio_recipe(*triangles, *seed));
+            write_soup(to, &scenes::studio(*triangles, *seed), &provenance)
         }
         Sample::Degenerate(to) => {
             write_soup(to, &scenes::degenerate(), &scenes::provenance(scenes::DEGENERATE_RECIPE))

@@ -14,9 +14,10 @@ use trisplat_gpu::{AdapterOptions, Timer};
 use trisplat_job::BakedScene;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, mesh::Mesh, process,
+    Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh,
+    process,
 };
-use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, Model, orbit};
+use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, HeadlessOptions, Model, orbit};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
@@ -174,7 +175,9 @@ fn measure(
 ) -> Result<FpsRow> {
     let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
     let first = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
-    let psnr = check(&picture(card, model, first)?, &flythrough.asset.mesh, first)?;
+    let options = HeadlessOptions { background: BACKGROUND, near: NEAR, ..HeadlessOptions::default() };
+    let (picture, _) = card.render(model, first, &options)?;
+    let psnr = check(&picture, &flythrough.asset.mesh, first)?;
     let cost = time(args, card, model, &path)?;
     Ok(FpsRow {
         scene: flythrough.name.clone(),
@@ -237,16 +240,7 @@ fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> 
 
 fn params(camera: &Camera) -> FrameParams {
     let (display, background) = (DisplayMode::Color, BACKGROUND);
-    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false, level_bias: 0.0 }
-}
-
-/// One frame, drawn and read back.
-fn picture(card: &mut Headless, model: &Model, camera: &Camera) -> Result<RgbImage> {
-    let canvas = Canvas::new(&card.gpu, camera.size, 1)?;
-    let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
-    card.draw(&mut encoder, &canvas, model, &params(camera), None)?;
-    card.gpu.queue.submit([encoder.finish()]);
-    canvas.pixels(&card.gpu)
+    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false }
 }
 
 /// Compares a frame with what the solid rasteriser on the CPU draws, dB.
@@ -256,7 +250,8 @@ fn picture(card: &mut Headless, model: &Model, camera: &Camera) -> Result<RgbIma
 fn check(frame: &RgbImage, mesh: &Mesh, camera: &Camera) -> Result<f64> {
     let options = SolidRasterOptions { background: BACKGROUND, samples: 1, near: NEAR };
     options.validate(camera.size)?;
-    let psnr = psnr(frame, &SolidRasterizer::new().render(mesh, camera, &options));
+    let wants = SolidRasterizer::new().render(mesh, camera, &options);
+    let psnr = metric::psnr(&frame.rgb, &wants.rgb, None);
     if !(psnr >= LEAST_PSNR) {
         return Err(Error::Gpu(format!(
             "another picture than on the CPU at {}x{}: {psnr:.1} dB; update the driver or try another `graphics_api`",
@@ -264,14 +259,6 @@ fn check(frame: &RgbImage, mesh: &Mesh, camera: &Camera) -> Result<f64> {
         )));
     }
     Ok(psnr)
-}
-
-/// Peak signal-to-noise ratio of two pictures, dB; 99 for equal ones.
-fn psnr(a: &RgbImage, b: &RgbImage) -> f64 {
-    let codes = a.rgb.as_flattened().iter().zip(b.rgb.as_flattened());
-    let squares: u64 = codes.map(|(p, q)| u64::from(p.abs_diff(*q)).pow(2)).sum();
-    let mean = squares as f64 / (3 * a.rgb.len().max(1)) as f64;
-    if mean > 0.0 { (10.0 * (255.0f64.powi(2) / mean).log10()).min(99.0) } else { 99.0 }
 }
 
 /// The value below which `share` of them lie; sorts them.
@@ -292,15 +279,6 @@ fn fitted(camera: &Camera, size: UVec2) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_empty_screen_does_not_agree() {
-        let size = UVec2::new(4, 2);
-        let full = RgbImage { size, rgb: (0..8).map(|i| [30 * i, 9, 200 - i]).collect(), alpha: None };
-        let empty = RgbImage { size, rgb: vec![[255, 0, 255]; 8], alpha: None };
-        assert!(psnr(&empty, &full) < 15.0);
-        assert_eq!(psnr(&full, &full), 99.0);
-    }
 
     #[test]
     fn quantiles_are_values_that_occurred() {

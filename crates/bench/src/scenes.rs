@@ -25,38 +25,14 @@ const RANDOM_NUMBERS: u64 = 32;
 /// What made [`degenerate()`].
 pub const DEGENERATE_RECIPE: &str = "trisplat sample degenerate";
 
-/// What made [`studio()`], by its arguments and the degree of its spherical harmonics.
-pub fn studio_recipe(triangles: usize, seed: u64, sh_degree: u8) -> String {
-    let degree = if sh_degree > 0 { format!(" --sh-degree {sh_degree}") } else { String::new() };
-    format!("trisplat sample studio --triangles {triangles} --seed {seed}{degree}")
+/// What made [`studio()`].
+pub fn studio_recipe(triangles: usize, seed: u64) -> String {
+    format!("trisplat sample studio --triangles {triangles} --seed {seed}")
 }
 
 /// The provenance of a sample: its recipe and the up axis.
 pub fn provenance(recipe: &str) -> Provenance {
     Provenance { trainer: Some(recipe.to_owned()), up: Some(UpAxis::NegY), ..Provenance::default() }
-}
-
-/// Adds view-dependent colour up to `degree` (at most 3) in small random coefficients.
-pub fn raise_sh(soup: &mut Soup, degree: u8, seed: u64) {
-    let rng = Rng::new(seed, "sample sh", u64::from(degree));
-    let (old, degree) = (soup.sh_count(), degree.min(3));
-    let new = (usize::from(degree) + 1).pow(2);
-    if new <= old {
-        return;
-    }
-    let mut sh = vec![[0.0; 3]; soup.len() * new];
-    let parts = sh.chunks_mut(new * GRAIN).zip(soup.sh.chunks(old * GRAIN));
-    parallel::for_each(parts, |part, (to, from)| {
-        let rows = to.chunks_mut(new).zip(from.chunks(old)).zip(part * GRAIN..);
-        rows.for_each(|((to, from), i)| {
-            to[..old].copy_from_slice(from);
-            for (k, coefficient) in to.iter_mut().enumerate().skip(old) {
-                let at = 3 * (i * new + k) as u64;
-                *coefficient = [0, 1, 2].map(|c| 0.06 / (k as f32).sqrt() * rng.normal(at + c));
-            }
-        });
-    });
-    (soup.sh, soup.sh_degree) = (sh, degree);
 }
 
 /// One triangle with its attributes; rgb is sRGB-encoded.
@@ -375,18 +351,5 @@ mod tests {
         let edges: Vec<f32> = made.vertices.iter().map(longest).collect();
         let spread = quantile(edges.clone(), 0.99) / quantile(edges, 0.01);
         assert!(spread > 50.0, "edges spread over {spread}");
-    }
-
-    #[test]
-    fn higher_sh_leaves_the_base_color() {
-        let mut made = studio(50, 1);
-        let before: Vec<_> = (0..50).map(|i| made.rgb(i)).collect();
-        raise_sh(&mut made, 3, 1);
-        made.validate().unwrap();
-        assert_eq!(before, (0..50).map(|i| made.rgb(i)).collect::<Vec<_>>());
-        assert!(made.sh.iter().all(|c| c[0] != 0.0));
-        let same = made.clone();
-        raise_sh(&mut made, 1, 2);
-        assert_eq!(made, same);
     }
 }

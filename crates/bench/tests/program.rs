@@ -119,7 +119,7 @@ fn bakes_are_measured_beside_the_floor() {
     let output = bench(&bake, folder.path());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let rows: Vec<Value> = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(rows.len(), 8);
+    assert_eq!(rows.len(), 5);
     assert!(
         rows.iter().all(|row| row["output_bytes"] == 1000 && number(row, "wall_seconds") > 0.0),
         "{rows:?}"

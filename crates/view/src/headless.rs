@@ -16,8 +16,6 @@ pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 pub struct HeadlessOptions {
     /// sRGB-encoded background colour.
     pub background: [f32; 3],
-    /// Samples per pixel along each axis, averaged in linear light: 4 = 16 per pixel.
-    pub samples: u32,
     /// The card's multisampling: 1 or 4 samples per pixel at edges.
     pub msaa: u32,
     /// Least depth that is drawn, world units.
@@ -28,7 +26,7 @@ pub struct HeadlessOptions {
 
 impl Default for HeadlessOptions {
     fn default() -> Self {
-        Self { background: [0.0; 3], samples: 1, msaa: 1, near: 0.01, display: DisplayMode::Color }
+        Self { background: [0.0; 3], msaa: 1, near: 0.01, display: DisplayMode::Color }
     }
 }
 
@@ -63,31 +61,21 @@ impl Headless {
         options: &HeadlessOptions,
     ) -> Result<(RgbImage, DrawStats)> {
         camera.validate(&trisplat_scene::Limits::DEFAULT)?;
-        if !(1..=16).contains(&options.samples) {
-            return Err(Error::invalid("samples", options.samples, "1 to 16 per axis"));
-        }
         if ![1, 4].contains(&options.msaa) {
             return Err(Error::invalid("msaa", options.msaa, "1 or 4"));
         }
-        let fine = camera.resized(camera.size * options.samples);
-        let canvas = Canvas::new(&self.gpu, fine.size, options.msaa)?;
+        let canvas = Canvas::new(&self.gpu, camera.size, options.msaa)?;
         let params = FrameParams {
-            camera: fine,
+            camera: *camera,
             near: options.near,
             background: options.background,
             display: options.display,
             wireframe: false,
-            level_bias: (options.samples as f32).log2(),
         };
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
         let stats = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &params, None)?;
-        let picture = if options.samples > 1 {
-            averaged(&self.gpu, &mut encoder, &canvas, camera.size, options.samples)
-        } else {
-            canvas.picture
-        };
         self.gpu.queue.submit([encoder.finish()]);
-        Ok((pixels(&self.gpu, &picture)?, stats))
+        Ok((canvas.pixels(&self.gpu)?, stats))
     }
 
     /// Records one frame into `canvas`.
@@ -115,8 +103,7 @@ impl Canvas {
     /// Of `size` pixels, with `msaa` samples each.
     pub fn new(gpu: &Gpu, size: UVec2, msaa: u32) -> Result<Self> {
         let attachments = Attachments::new(gpu, size, FORMAT, msaa)?;
-        let usage =
-            TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING;
+        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
         let picture = texture(gpu, "picture", size, FORMAT, 1, usage);
         gpu.check()?;
         let view = picture.create_view(&TextureViewDescriptor::default());
@@ -138,71 +125,9 @@ impl Canvas {
     }
 
     /// The last drawn picture.
-    pub fn pixels(&self, gpu: &Gpu) -> Result<RgbImage> {
-        pixels(gpu, &self.picture)
+    pub(crate) fn pixels(&self, gpu: &Gpu) -> Result<RgbImage> {
+        let Extent3d { width, height, .. } = self.picture.size();
+        let rgb = readback::texels(gpu, &self.picture)?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        Ok(RgbImage { size: UVec2::new(width, height), rgb, alpha: None })
     }
-}
-
-fn pixels(gpu: &Gpu, picture: &Texture) -> Result<RgbImage> {
-    let Extent3d { width, height, .. } = picture.size();
-    let rgb = readback::texels(gpu, picture)?.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
-    Ok(RgbImage { size: UVec2::new(width, height), rgb, alpha: None })
-}
-
-/// Records the averaging of `samples` x `samples` texels per pixel.
-fn averaged(gpu: &Gpu, encoder: &mut CommandEncoder, canvas: &Canvas, size: UVec2, samples: u32) -> Texture {
-    let pipeline = average_pipeline(gpu, samples);
-    let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC;
-    let picture = texture(gpu, "averaged", size, FORMAT, 1, usage);
-    let view = picture.create_view(&TextureViewDescriptor::default());
-    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
-        label: Some("samples"),
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[BindGroupEntry { binding: 0, resource: BindingResource::TextureView(&canvas.view) }],
-    });
-    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-        label: Some("average"),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: &view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: Operations { load: LoadOp::Clear(Color::BLACK), store: StoreOp::Store },
-        })],
-        ..RenderPassDescriptor::default()
-    });
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.draw(0..3, 0..1);
-    drop(pass);
-    picture
-}
-
-fn average_pipeline(gpu: &Gpu, samples: u32) -> RenderPipeline {
-    let source = ShaderSource::Wgsl(include_str!("pass_average.wgsl").into());
-    let shader =
-        gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_average"), source });
-    let constants = [("PER_AXIS", f64::from(samples))];
-    let compilation_options =
-        PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
-    gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
-        label: Some("average"),
-        layout: None,
-        vertex: VertexState {
-            module: &shader,
-            entry_point: Some("whole_screen"),
-            compilation_options: compilation_options.clone(),
-            buffers: &[],
-        },
-        primitive: PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: MultisampleState::default(),
-        fragment: Some(FragmentState {
-            module: &shader,
-            entry_point: Some("average"),
-            compilation_options,
-            targets: &[Some(FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }

@@ -6,7 +6,6 @@
 struct Frame {
     clip: mat4x4<f32>, // world to clip space: x right, y up, w = depth, z = near
     view: mat4x4<f32>, // world to camera: x right, y down, z forward
-    levels: vec4<f32>, // x is added to the mip level
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -128,7 +127,7 @@ fn display_light(seen: Displayed) -> @location(0) vec4<f32> {
 
 @fragment
 fn texture_light(seen: Textured) -> @location(0) vec4<f32> {
-    return written(textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb);
+    return written(textureSample(page, trilinear, seen.uv).rgb);
 }
 
 @fragment
@@ -136,5 +135,5 @@ fn texture_display_light(seen: TexturedDisplay) -> @location(0) vec4<f32> {
     if DISPLAY == NORMALS {
         return written(normal_light(seen.view));
     }
-    return written(textureSampleBias(page, trilinear, seen.uv, frame.levels.x).rgb);
+    return written(textureSample(page, trilinear, seen.uv).rgb);
 }

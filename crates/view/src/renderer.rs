@@ -5,7 +5,7 @@
 use super::layout::{CornerVertex, TextureVertex, VertexLayout};
 use super::model::{Model, ModelGroups, page_layout};
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat4, DVec4, Mat4, Vec4};
+use glam::{DMat4, DVec4, Mat4};
 use std::collections::HashMap;
 use trisplat_gpu::Gpu;
 use trisplat_scene::{Asset, Error, Result, camera::Camera, math::color::linear_from_srgb};
@@ -24,8 +24,6 @@ pub struct FrameParams {
     pub display: DisplayMode,
     /// Edges only.
     pub wireframe: bool,
-    /// Added to the mip level of textures: for several samples per pixel along each axis, the logarithm of their number to base 2.
-    pub level_bias: f32,
 }
 
 /// What the triangles show.
@@ -115,8 +113,6 @@ pub(crate) fn texture(
 struct FrameUniform {
     clip: Mat4,
     view: Mat4,
-    /// `x` is added to the mip level.
-    levels: Vec4,
 }
 
 /// The key of a pipeline.
@@ -383,6 +379,5 @@ fn frame_uniform(params: &FrameParams) -> FrameUniform {
         z,
     );
     let view = DMat4::from_cols(x, y, z, DVec4::W);
-    let levels = Vec4::X * params.level_bias;
-    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4(), levels }
+    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4() }
 }

@@ -10,19 +10,18 @@ use advice::advice;
 use grid::{CostCell, CostRun, Grid, compare};
 use serde::Serialize;
 use std::ops::ControlFlow::Continue;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize};
 use trisplat_job::{TrainJob, watched};
 use trisplat_scene::{Error, Result, Seconds, process::cpu_secs};
-use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::TrainOptions;
 
 /// What to measure.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct CostArgs {
-    /// Posed photos; without them a synthetic scene is made, whose photos are exact.
+    /// Posed photos.
     #[arg(value_name = "DATASET")]
-    dataset: Option<PathBuf>,
+    dataset: PathBuf,
     /// CPU time that the dearest training may take, as in 90s or 10m. All trainings together take about 20 times as long.
     #[arg(long, value_name = "TIME", default_value = "30s")]
     budget: Seconds,
@@ -48,8 +47,7 @@ pub(crate) struct CostArgs {
 struct CostReport {
     #[serde(flatten)]
     machine: Machine,
-    /// The data set as given, or "synthetic".
-    dataset: String,
+    dataset: PathBuf,
     /// The size that the photos were shrunk to, "320x213"; absent where they were not.
     photo_size: Option<ShrunkSize>,
     /// Photos that were trained on.
@@ -70,8 +68,7 @@ struct CostReport {
 /// Lists that do not ascend; photos that cannot be read, or too few to leave some out.
 pub(crate) fn run(args: &CostArgs) -> Result<()> {
     let grid = Grid::new(&args.steps, &args.max_triangles, args.budget.0)?;
-    let folder = tempfile::tempdir().map_err(|e| Error::io("temporary folder", e))?;
-    let (photos, dataset) = photos(args, folder.path())?;
+    let photos = watched::left_out(&Dataset::load(&args.dataset, &args.dataset_options)?)?;
     eprintln!("   steps  triangles     CPU s  PSNR dB    SSIM   of each seed");
     let cell = |steps, max_triangles| {
         let run = |seed| {
@@ -87,7 +84,7 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
     let advice = advice(&cells, watched.len());
     let report = CostReport {
         machine: Machine::here(),
-        dataset,
+        dataset: args.dataset.clone(),
         photo_size: ShrunkSize::of(photos.views.iter()),
         photos: photos.train().count(),
         watched,
@@ -97,25 +94,6 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
     };
     summary(&report).iter().for_each(|line| eprintln!("{line}"));
     if args.json { print_json(&report) } else { Ok(()) }
-}
-
-/// Width of the synthetic photos, px: half of their height is above what the warm-up of training leaves as it is.
-const WIDTH: u32 = 192;
-
-/// The training photos, some of them watched, and the name of the data set.
-fn photos(args: &CostArgs, folder: &Path) -> Result<(Dataset, String)> {
-    let (path, name) = match &args.dataset {
-        Some(path) => (path.clone(), path.display().to_string()),
-        None => {
-            let photos = folder.join("photos");
-            trisplat_synthetic::write(
-                &photos,
-                &SyntheticOptions { width: WIDTH, ..SyntheticOptions::default() },
-            )?;
-            (photos, "synthetic".to_owned())
-        }
-    };
-    Ok((watched::left_out(&Dataset::load(&path, &args.dataset_options)?)?, name))
 }
 
 /// Trains once, as the command `train` would.

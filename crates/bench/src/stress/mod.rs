@@ -11,8 +11,6 @@ mod draw;
 mod kept;
 mod promises;
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use crate::cli::print_json;
 use crate::machine::Machine;
@@ -308,3 +306,6 @@ fn print(report: &StressReport) {
         report.cases, report.wall_seconds
     );
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,6 +1,6 @@
 //! Events in, pictures out.
 
-use super::background::{self, Letter, LoadedScene, Message, Outbox, Screenshot};
+use super::background::{self, LoadedScene, Message, MessageSender, SceneMessage, Screenshot};
 use super::scene::{SceneFiles, SceneLoader, WindowOptions};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
@@ -30,7 +30,7 @@ pub fn open(options: WindowOptions, files: SceneFiles, loader: SceneLoader) -> R
     let no_window = |e: &EventLoopError| {
         Error::Gpu(format!("no window can be opened: {}; {remedy}", without_place(&e.to_string())))
     };
-    let events = EventLoop::<Letter>::with_user_event().build().map_err(|e| no_window(&e))?;
+    let events = EventLoop::<SceneMessage>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
     let mut app = App { options, files, loader, proxy, window: None, failure: None, mouse: Mouse::default() };
     events.run_app(&mut app).map_err(|e| no_window(&e))?;
@@ -49,7 +49,7 @@ struct App {
     /// What is shown first.
     files: SceneFiles,
     loader: SceneLoader,
-    proxy: EventLoopProxy<Letter>,
+    proxy: EventLoopProxy<SceneMessage>,
     window: Option<(Screen, Session)>,
     failure: Option<Error>,
     mouse: Mouse,
@@ -62,7 +62,7 @@ struct Mouse {
     down: Option<(MouseButton, Vec2, bool)>,
 }
 
-impl ApplicationHandler<Letter> for App {
+impl ApplicationHandler<SceneMessage> for App {
     /// A wait that timed out must draw again, to remove a note.
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if let (StartCause::ResumeTimeReached { .. }, Some((screen, _))) = (cause, &self.window) {
@@ -76,8 +76,8 @@ impl ApplicationHandler<Letter> for App {
         }
         match Screen::open(events, &self.options, self.files.title()) {
             Ok(screen) => {
-                let outbox = Outbox { proxy: self.proxy.clone(), scene: 0 };
-                outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), self.files.clone());
+                let sender = MessageSender { proxy: self.proxy.clone(), scene: 0 };
+                sender.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), self.files.clone());
                 let session = Session::new(screen.gpu.describe(), self.files.clone());
                 screen.window.request_redraw();
                 self.window = Some((screen, session));
@@ -123,7 +123,7 @@ impl ApplicationHandler<Letter> for App {
         }
     }
 
-    fn user_event(&mut self, events: &ActiveEventLoop, Letter { scene, message }: Letter) {
+    fn user_event(&mut self, events: &ActiveEventLoop, SceneMessage { scene, message }: SceneMessage) {
         let Some((screen, session)) = &mut self.window else { return };
         screen.window.request_redraw();
         let context = screen.input.egui_ctx().clone();
@@ -188,9 +188,9 @@ impl App {
                 screen.window.set_title(&loaded.files.title());
                 session.show(*loaded);
                 if scene == 0 {
-                    let outbox = Outbox { proxy: self.proxy.clone(), scene };
+                    let sender = MessageSender { proxy: self.proxy.clone(), scene };
                     let files = self.files.clone();
-                    outbox.follow(screen.gpu.clone(), screen.groups(), &self.loader, files);
+                    sender.follow(screen.gpu.clone(), screen.groups(), &self.loader, files);
                 }
             }
             Err(error) if session.shown.is_some() => session.notify(error.to_string()),
@@ -218,15 +218,15 @@ impl App {
         let scene = session.next_number();
         session.loading = Some(scene);
         session.notify("loading".into());
-        let outbox = Outbox { proxy: self.proxy.clone(), scene };
+        let sender = MessageSender { proxy: self.proxy.clone(), scene };
         let files = session.files.with_dropped(path);
-        outbox.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), files);
+        sender.load(screen.gpu.clone(), screen.groups(), self.loader.clone(), files);
     }
 
     /// The channel for messages about the shown scene.
-    fn outbox(&self) -> Outbox {
+    fn sender(&self) -> MessageSender {
         let scene = self.window.as_ref().map_or(0, |(_, session)| session.scene);
-        Outbox { proxy: self.proxy.clone(), scene }
+        MessageSender { proxy: self.proxy.clone(), scene }
     }
 
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
@@ -252,7 +252,7 @@ impl App {
 
     /// Starts the background work for the picture.
     fn start_work(&mut self) {
-        let outbox = self.outbox();
+        let sender = self.sender();
         let Some((screen, session)) = &mut self.window else { return };
         let region = session.region();
         let Some(shown) = &mut session.shown else { return };
@@ -264,7 +264,7 @@ impl App {
         {
             session.decoding = Some(index);
             let load = photo.load.clone();
-            outbox.spawn(move || Message::Photo(index, load()));
+            sender.spawn(move || Message::Photo(index, load()));
         }
         if session.settings.soft
             && let Some(camera) = session.camera
@@ -279,8 +279,8 @@ impl App {
             if (!is_drawn || session.soft_is_old)
                 && let Some(mut renderer) = shown.soft_renderer.take()
             {
-                let (messages, rest) = (outbox.clone(), shown.soft_rest);
-                outbox.spawn(move || {
+                let (messages, rest) = (sender.clone(), shown.soft_rest);
+                sender.spawn(move || {
                     let clock = Instant::now();
                     messages.send(Message::Soft(wanted, renderer(&wanted)));
                     std::thread::sleep(clock.elapsed().mul_f64(rest));
@@ -296,13 +296,13 @@ impl App {
             let (asset, placement) = (shown.asset.clone(), shown.placement);
             (session.cropped_to, session.cropping) = (region, true);
             let part = move || background::cropped(&gpu, &groups, &asset, &placement, &wanted);
-            outbox.spawn(move || Message::Cropped(part().map(Box::new)));
+            sender.spawn(move || Message::Cropped(part().map(Box::new)));
         }
         if std::mem::take(&mut session.saving_crop)
             && let Some(region) = shown.crop.region()
         {
             let save = shown.save_crop.clone();
-            outbox.spawn(move || Message::SavedCrop(save(&region)));
+            sender.spawn(move || Message::SavedCrop(save(&region)));
         }
     }
 
@@ -398,7 +398,7 @@ impl App {
 
     /// Saves a picture without the panel.
     fn screenshot(&mut self) {
-        let outbox = self.outbox();
+        let sender = self.sender();
         let Some((screen, session)) = &self.window else { return };
         let Some(model) = session.model().cloned() else { return };
         // The current camera: the last picture may still show the one before.
@@ -407,7 +407,7 @@ impl App {
         let folder = self.options.screenshots.clone();
         if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
             let picture = soft.clone();
-            outbox.spawn(move || Message::Saved(background::save(&folder, &picture)));
+            sender.spawn(move || Message::Saved(background::save(&folder, &picture)));
             return;
         }
         let screenshot = Screenshot {
@@ -420,7 +420,7 @@ impl App {
             msaa: self.options.msaa,
         };
         let gpu = screen.gpu.clone();
-        outbox.spawn(move || {
+        sender.spawn(move || {
             Message::Saved(
                 background::draw_screenshot(&gpu, &screenshot).and_then(|p| background::save(&folder, &p)),
             )

@@ -51,37 +51,37 @@ pub(super) struct LoadedScene {
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
 }
 
-/// The channel for messages of other threads.
+/// Sends messages of other threads to the window.
 #[derive(Clone)]
-pub(super) struct Outbox {
-    pub(super) proxy: EventLoopProxy<Letter>,
+pub(super) struct MessageSender {
+    pub(super) proxy: EventLoopProxy<SceneMessage>,
     /// The scene it works on.
     pub(super) scene: u32,
 }
 
 /// A message and the number of its scene; messages about an earlier scene are ignored.
-pub(super) struct Letter {
+pub(super) struct SceneMessage {
     pub(super) scene: u32,
     pub(super) message: Message,
 }
 
-impl Outbox {
+impl MessageSender {
     /// Runs `work` on another thread and sends its message.
     pub(super) fn spawn(&self, work: impl FnOnce() -> Message + Send + 'static) {
-        let outbox = self.clone();
-        std::thread::spawn(move || outbox.send(work()));
+        let sender = self.clone();
+        std::thread::spawn(move || sender.send(work()));
     }
 
     pub(super) fn send(&self, message: Message) {
         // The receiver no longer exists if the window was closed meanwhile.
-        let _ = self.proxy.send_event(Letter { scene: self.scene, message });
+        let _ = self.proxy.send_event(SceneMessage { scene: self.scene, message });
     }
 
     /// Loads the scene and uploads it to GPU memory.
     pub(super) fn load(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: SceneLoader, files: SceneFiles) {
-        let outbox = self.clone();
+        let sender = self.clone();
         self.spawn(move || {
-            let progress = |what: &str| outbox.send(Message::Progress(what.to_owned()));
+            let progress = |what: &str| sender.send(Message::Progress(what.to_owned()));
             let load = || {
                 let scene = (loader.load)(&files, &progress)?;
                 progress("uploading to the graphics card");
@@ -93,7 +93,7 @@ impl Outbox {
 
     /// Shows changes of the scene of `files`, until it has ended.
     pub(super) fn follow(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: &SceneLoader, files: SceneFiles) {
-        let outbox = self.clone();
+        let sender = self.clone();
         let Some(follow) = loader.follow.clone() else { return };
         self.spawn(move || {
             loop {
@@ -103,7 +103,7 @@ impl Outbox {
                     Ok(SceneChange::Gone) => return Message::Final(None),
                     Err(error) => Err(error),
                 };
-                outbox.send(Message::Changed(changed));
+                sender.send(Message::Changed(changed));
             }
         });
     }
@@ -177,7 +177,6 @@ pub(super) fn draw_screenshot(gpu: &Gpu, of: &Screenshot) -> Result<RgbImage> {
         background: of.background,
         display: of.display,
         wireframe: of.wireframe,
-        level_bias: 0.0,
     };
     canvas.draw(gpu, &mut renderer, &mut encoder, &of.model, &params, None)?;
     gpu.queue.submit([encoder.finish()]);

@@ -208,7 +208,6 @@ impl Screen {
             background: self.background,
             display: session.settings.display,
             wireframe: session.settings.wireframe,
-            level_bias: 0.0,
         };
         let Some(model) = session.model() else {
             clear(encoder, view, attachments, self.background);

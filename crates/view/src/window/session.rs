@@ -58,7 +58,7 @@ pub(super) enum PhotoPlacement {
 }
 
 /// The scene that is shown.
-pub(super) struct Shown {
+pub(super) struct ShownScene {
     pub(super) model: Arc<Model>,
     pub(super) bounds: Aabb,
     /// The first viewpoint, and the distance from its target at which the scene is closed.
@@ -76,7 +76,7 @@ pub(super) struct Shown {
     pub(super) save_crop: CropSaver,
 }
 
-impl Shown {
+impl ShownScene {
     /// `scene`, whose triangles are in `model`.
     fn new(
         scene: WindowScene,
@@ -115,7 +115,7 @@ pub(super) struct Session {
     pub(super) settings: Settings,
     pub(super) controls: CameraControls,
     pub(super) keys: Keys,
-    pub(super) shown: Option<Shown>,
+    pub(super) shown: Option<ShownScene>,
     /// The files shown, or loaded first.
     pub(super) files: SceneFiles,
     /// The number of the shown scene or state: 0 for the first.
@@ -205,9 +205,9 @@ impl Session {
         let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
         self.controls = CameraControls::new(&bounds, scene.up);
         viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
-        self.shown = Some(Shown::new(scene, model, bounds, viewpoint, crop));
+        self.shown = Some(ShownScene::new(scene, model, bounds, viewpoint, crop));
         (self.note, self.status) = (None, status);
-        if let Some(nearest) = self.shown.as_ref().and_then(Shown::first_photo) {
+        if let Some(nearest) = self.shown.as_ref().and_then(ShownScene::first_photo) {
             self.jump(nearest);
         } else if let Some((viewpoint, _)) = viewpoint {
             self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
@@ -225,7 +225,7 @@ impl Session {
         (self.decoding, self.soft_is_old, self.status) = (None, true, scene.status.take());
         self.controls.change_frame(&before.placement, &scene.placement);
         viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
-        self.shown = Some(Shown::new(scene, model, bounds, viewpoint, before.crop));
+        self.shown = Some(ShownScene::new(scene, model, bounds, viewpoint, before.crop));
     }
 
     /// The number of the next scene or state.
