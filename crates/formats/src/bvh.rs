@@ -14,12 +14,12 @@
 //! then per child `u8 min_x[8], max_x[8], min_y[8], max_y[8], min_z[8], max_z[8]`. The box of child i spans
 //! `p + 2^(e - 127) * min[i]` to `p + 2^(e - 127) * max[i]`. `Bvh::cast` reads it.
 
+use crate::Source;
 use obvhs::cwbvh::node::CwBvhNode;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Write};
 use std::path::Path;
-use trisplat_exchange::Source;
 use trisplat_scene::{Asset, Chunk, Error, Placement, Result, bvh::Bvh, mesh::Mesh, report::generator};
 use xxhash_rust::xxh3::Xxh3Default;
 

@@ -6,18 +6,18 @@
 mod tile_tree;
 mod triangles;
 
-pub use trisplat_exchange::findings::{Finding, Severity};
+pub use crate::findings::{Finding, Severity};
 
 use super::read::{detect, read_as};
 use super::{bvh, html};
+use crate::findings::{Findings, Positions};
+use crate::gltf::{self as gltf, document_json};
+use crate::{Format, ReadOptions, Source, foreign};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tile_tree::CheckedTile;
-use trisplat_exchange::findings::{Findings, Positions};
-use trisplat_exchange::{Format, ReadOptions, Source, foreign};
-use trisplat_gltf::{self as gltf, document_json};
 use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, mesh::Mesh};
 
 /// Everything found in one file.

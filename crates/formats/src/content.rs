@@ -1,9 +1,9 @@
 //! Reads a file of any format, triangles or Gaussians.
 
 use super::read::{detect, read_as};
+use crate::gltf;
+use crate::{Format, ReadOptions, Source, splats};
 use std::path::Path;
-use trisplat_exchange::{Format, ReadOptions, Source, splats};
-use trisplat_gltf as gltf;
 use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// What a file holds.

@@ -10,13 +10,13 @@
 //!
 //! The blocks are the GLB in order. A browser, like our reader, decodes each while it reads the next.
 
+use crate::gltf::{self as gltf, GltfOptions, Written};
+use crate::{Format, Source};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
-use trisplat_exchange::{Format, Source};
-use trisplat_gltf::{self as gltf, GltfOptions, Written};
 use trisplat_scene::{Asset, Error, Result};
 
 /// The page without a scene, built from `page/src`.

@@ -3,14 +3,14 @@
 use super::content::{Content, format_of_splats, read_splats};
 use super::html;
 use super::read::{detect, read_as};
+use crate::Format;
+use crate::ReadOptions;
+use crate::Source;
+use crate::gltf::{GltfInfo, gltf_info};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_exchange::Format;
-use trisplat_exchange::ReadOptions;
-use trisplat_exchange::Source;
-use trisplat_gltf::{GltfInfo, gltf_info};
 use trisplat_scene::{
     FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
     math::color::srgb_from_linear,

@@ -2,11 +2,11 @@
 //! pictures, cameras beside Gaussians.
 
 use super::content::holds_splats;
+use crate::Format;
+use crate::gltf;
+use crate::source::{Source, is_packed};
+use crate::{obj, splats};
 use std::path::{Path, PathBuf};
-use trisplat_exchange::Format;
-use trisplat_exchange::{Source, is_packed};
-use trisplat_exchange::{obj, splats};
-use trisplat_gltf as gltf;
 use trisplat_scene::Limits;
 
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its

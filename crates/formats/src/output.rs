@@ -9,11 +9,11 @@ use super::bvh;
 use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
+use crate::gltf::{GltfOptions, TextureFormat};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_gltf::{GltfOptions, TextureFormat};
 use trisplat_scene::{
     Asset, Error, Provenance, Result,
     atomic::{AtomicFile, publish},

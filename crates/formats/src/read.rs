@@ -1,9 +1,9 @@
 //! Reads a file of any format.
 
 use super::html;
+use crate::gltf;
+use crate::{Format, ReadOptions, Source, gaussians, obj, off, ply, pt};
 use std::path::Path;
-use trisplat_exchange::{Format, ReadOptions, Source, gaussians, obj, off, ply, pt};
-use trisplat_gltf as gltf;
 use trisplat_scene::{Error, ImportedScene, Result, guard::guarded};
 
 /// The accepted formats, for messages.

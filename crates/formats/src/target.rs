@@ -3,9 +3,9 @@
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
 use super::levels::EngineLevels;
+use crate::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_gltf::{ColorEncoding, GltfOptions, PositionEncoding};
 
 /// The engine or program that will read a GLB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -35,7 +35,7 @@ pub enum OutputTarget {
 /// How to write the file for a target, and notes for the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TargetEncoding {
-    /// For [`trisplat_gltf`].
+    /// For [`crate::gltf`].
     pub options: GltfOptions,
     /// One sentence each, starting with the target's name.
     pub notes: Vec<String>,

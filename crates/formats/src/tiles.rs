@@ -5,10 +5,10 @@
 //! is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
 
 use super::tileset::{self, TilesetTile};
+use crate::gltf::{GltfOptions, to_glb_bytes, uri};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_gltf::{GltfOptions, to_glb_bytes, uri};
 use trisplat_scene::{
     Asset, Error, Provenance, Result, Tile,
     atomic::{AtomicFile, MadeFolders, sweep_folder},

@@ -1,12 +1,12 @@
 //! The content of a tileset (3D Tiles): tiles, levels, files and their sizes. Tiles themselves are not read.
 
 use super::tileset_json::{Tile, Tileset, is_json};
+use crate::foreign;
+use crate::gltf::uri;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use trisplat_exchange::foreign;
-use trisplat_gltf::uri;
 use trisplat_scene::{Error, Limits, Result, input};
 
 /// The content of a tileset, including external tilesets.

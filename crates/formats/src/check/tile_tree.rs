@@ -1,11 +1,11 @@
 //! Checks a tileset (3D Tiles 1.1): its tree and every file that it names, including other tilesets.
 
+use crate::findings::{Finding, Findings, Severity};
+use crate::gltf::uri;
 use crate::tileset_json::{Content, Tile, Tileset, is_json};
 use glam::{DMat4, DVec3, Vec3};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use trisplat_exchange::findings::{Finding, Findings, Severity};
-use trisplat_gltf::uri;
 use trisplat_scene::{Error, Limits, Result, input};
 
 /// Tolerance of boxes, as a share of their size, because writers round and positions may have 16 bits.

@@ -1,7 +1,7 @@
 //! Triangles that an engine draws badly or not at all, in any format.
 
+use crate::findings::{Findings, Severity};
 use glam::Vec3;
-use trisplat_exchange::findings::{Findings, Severity};
 use trisplat_scene::parallel;
 use trisplat_scene::{
     Soup,

@@ -1,10 +1,10 @@
 //! Encodes an asset in its format.
 
 use super::{Output, OutputFormat, OutputOptions, WriteDetails};
+use crate::gltf::{self as gltf, GltfOptions};
 use crate::html;
+use crate::{obj, ply, usdz};
 use std::path::PathBuf;
-use trisplat_exchange::{obj, ply, usdz};
-use trisplat_gltf::{self as gltf, GltfOptions};
 use trisplat_scene::{Asset, Error, Result, atomic::AtomicFile};
 
 /// The note for a file that does not hold its scene's texture.
@@ -59,9 +59,8 @@ impl Output {
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
                 let format = options.texture_format;
-                let encoded = |sky| {
-                    Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? })
-                };
+                let encoded =
+                    |sky| Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? });
                 let sky = asset.sky.as_ref().map(encoded).transpose()?;
                 html::write(main, path, &title.to_string_lossy(), asset, sky.as_ref(), &encoding)?
             }

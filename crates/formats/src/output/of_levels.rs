@@ -1,10 +1,10 @@
 //! Files that name all levels of detail.
 
 use super::Output;
+use crate::gltf::{backdrop_nodes, scene_nodes, uri};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::tileset::{self, TilesetTile};
 use std::path::Path;
-use trisplat_gltf::{backdrop_nodes, scene_nodes, uri};
 use trisplat_scene::{Asset, Result, Tile};
 
 impl Output {

@@ -1,19 +1,19 @@
 //! Rules of glTF 2.0 that reading a file does not check: container lengths and padding, alignment, bounds
 //! that equal the data, ranges, declared extensions; and sizes that engines handle well.
 
-use crate::accessor::Accessors;
-use crate::buffers::Buffers;
-use crate::container::{ContainerFile, GlbChunk};
-use crate::document::{self, Document, Primitive};
-use crate::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
-use crate::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
-use crate::textures;
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::container::{ContainerFile, GlbChunk};
+use super::document::{self, Document, Primitive};
+use super::extensions::{MESHOPT, MESHOPT_KHR, QUANTIZATION};
+use super::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use super::textures;
+use crate::findings::{Findings, Positions, Severity};
+use crate::{ReadOptions, Source};
 use gltf_json::accessor::ComponentType;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io::{Read, Seek, SeekFrom};
-use trisplat_exchange::findings::{Findings, Positions, Severity};
-use trisplat_exchange::{ReadOptions, Source};
 use trisplat_scene::{Error, Result};
 
 /// Adds the faults of a glTF file; `for_engines` is false for a scene that only its own page reads.

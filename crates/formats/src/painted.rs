@@ -14,7 +14,7 @@ use trisplat_scene::{
 const MOST_PAGES: usize = 256;
 
 /// The textured faces of a part of a mesh, and the places of their corners on the texture.
-pub struct PaintedFaces {
+pub(crate) struct PaintedFaces {
     /// Number of the picture.
     pub image: usize,
     /// Consecutive faces of the mesh.
@@ -27,7 +27,7 @@ pub struct PaintedFaces {
 
 /// Paints the faces of a mesh, in its order, with those `textures` that could be read. Returns notes for the
 /// user.
-pub fn paint(
+pub(crate) fn paint(
     mesh: &mut Mesh,
     painted: Vec<PaintedFaces>,
     textures: &BTreeMap<usize, Option<Arc<Texture>>>,

@@ -1,9 +1,9 @@
 //! The node tree, with the place of every mesh.
 
 use super::document::{Document, Node};
+use crate::far::is_far;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use std::path::Path;
-use trisplat_exchange::far::is_far;
 use trisplat_scene::{Error, Limits, Result};
 
 /// A mesh shown by a node.

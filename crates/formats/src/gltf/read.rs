@@ -12,9 +12,9 @@ use super::extras;
 use super::merge::MergedMesh;
 use super::nodes::{self, MeshInstance};
 use super::part;
+use crate::far::note_origin;
+use crate::{ReadOptions, Source, finish, foreign, gaussians};
 use std::path::Path;
-use trisplat_exchange::far::note_origin;
-use trisplat_exchange::{ReadOptions, Source, finish, foreign, gaussians};
 use trisplat_scene::{Error, ImportedScene, Provenance, Result, Scene};
 
 /// The triangles of the default scene as one mesh: all nodes placed, all primitives merged, colours

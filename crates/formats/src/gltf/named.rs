@@ -3,9 +3,9 @@
 use super::container::ContainerFile;
 use super::document::{Image, parse};
 use super::uri;
+use crate::Source;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_exchange::Source;
 use trisplat_scene::{Limits, Result};
 
 /// What of a document may name files. Buffers do so as pictures do.

@@ -3,12 +3,12 @@
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
+use crate::painted::{self, PaintedFaces};
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use trisplat_exchange::painted::{self, PaintedFaces};
 use trisplat_scene::{Error, Limits, Result, Texture, mesh::Mesh};
 
 /// The places of primitives on textures, in the order of their faces.

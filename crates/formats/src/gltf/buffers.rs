@@ -5,12 +5,12 @@
 use super::container::{ContainerFile, GlbChunk};
 use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
 use super::uri;
+use crate::{ReadOptions, Source};
 use gltf_json::Buffer;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_exchange::{ReadOptions, Source};
 use trisplat_scene::{Error, Result, input};
 
 /// Every buffer of a document, opened on first use.

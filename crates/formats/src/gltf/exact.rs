@@ -1,12 +1,12 @@
 //! JSON in which numbers far from 0 have all their digits. The shortest text of an f32 is up to half of its last place off, and readers
 //! of scenes far from the origin, ours too, take it in double precision.
 
+use crate::far::is_far;
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::Result;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter, Serializer};
 use std::io::{self, Write};
-use trisplat_exchange::far::is_far;
 
 /// The text of `value`, on one line or indented.
 pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> Result<Vec<u8>> {

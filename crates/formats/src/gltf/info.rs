@@ -2,9 +2,9 @@
 
 use super::container::ContainerFile;
 use super::document::{self, Document};
+use crate::Source;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_exchange::Source;
 use trisplat_scene::{Limits, Result};
 
 /// What a glTF document holds.

@@ -1,9 +1,9 @@
 //! The containers, written and read: a GLB's header and chunks, or a bare JSON file.
 
 use super::limits::{GLB_BYTES, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES};
+use crate::Source;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
-use trisplat_exchange::Source;
 use trisplat_scene::{Error, Limits, Result};
 
 const MAGIC: &[u8; 4] = b"glTF";

@@ -7,7 +7,7 @@ use std::path::Path;
 use trisplat_scene::Error;
 
 /// The extension of glTF that holds them.
-pub const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
+pub(crate) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// The names of formats that have readers.
 pub(crate) const SPZ: &str = "SPZ";
@@ -15,7 +15,7 @@ pub(crate) const SPLAT: &str = ".splat";
 
 /// The refusal of a file of Gaussians where triangles are wanted, or in a format without a reader; `kind` is the usual name of
 /// the format.
-pub fn refusal(path: &Path, kind: &str) -> Error {
+pub(crate) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
         "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat bake` turns them into triangles, and `trisplat info` and \
          `trisplat render` read them too: as PLY, .splat, SPZ (versions 2 to 4), SOG (version 2) and glTF"
@@ -27,7 +27,7 @@ pub fn refusal(path: &Path, kind: &str) -> Error {
 ///
 /// `.splat` and `.ksplat` have no signature: their name decides, unless the first bytes are those of another
 /// format.
-pub fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
+pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     // A record of numbers may begin like a bare pickle; nothing else is taken for one.
     let other = !head.starts_with(&[0x80]) && Format::detect(head, path).is_some();

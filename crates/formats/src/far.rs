@@ -19,13 +19,13 @@ const NEARLY_ALL: f64 = 0.9;
 const SAMPLE: usize = 1 << 12;
 
 /// Indices of the sampled positions among `count`.
-pub fn sampled(count: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn sampled(count: usize) -> impl Iterator<Item = usize> {
     (0..count).step_by(count.div_ceil(SAMPLE).max(1))
 }
 
 /// The origin of a file, from a sample of its positions: whole numbers, and zero where f32 suffices.
 /// Positions that are not finite are ignored here and removed later.
-pub fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
+pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
     sample.retain(|position| position.is_finite());
     let along = |axis: usize| median(sample.iter().map(|p| p[axis]).collect(), f64::total_cmp);
     let middle = DVec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)));
@@ -93,7 +93,7 @@ impl FarPositions {
 }
 
 /// Records the origin subtracted from a scene's positions.
-pub fn note_origin(loaded: &mut ImportedScene, origin: DVec3) {
+pub(crate) fn note_origin(loaded: &mut ImportedScene, origin: DVec3) {
     note_in(&mut loaded.provenance, &mut loaded.warnings, origin);
 }
 

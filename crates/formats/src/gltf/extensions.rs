@@ -1,7 +1,7 @@
 //! The glTF extensions read and written: their names, and the objects without types in `gltf-json`.
 
+use crate::gaussians;
 use serde::{Deserialize, Serialize};
-use trisplat_exchange::gaussians;
 
 /// The material shows its colour without lights.
 pub(crate) const UNLIT: &str = "KHR_materials_unlit";

@@ -5,12 +5,12 @@ use super::document::{Document, Material, Primitive};
 use super::extensions::DRACO;
 use super::nodes::MeshInstance;
 use super::textures::PaintedPrimitives;
+use crate::far::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use gltf_json::validation::Checked;
-use trisplat_exchange::far::{is_far, origin_of, sampled};
 use trisplat_scene::parallel;
 use trisplat_scene::{
     Error, Limits, Result,

@@ -66,7 +66,7 @@ impl Source {
 }
 
 /// Whether the name has the ending of gzip. (Some formats are compressed inside.)
-pub fn is_packed(path: &Path) -> bool {
+pub(crate) fn is_packed(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gz"))
 }
 
