@@ -162,30 +162,30 @@ pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reproj
 
 /// The photos of a model, and the points of each.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tracks {
+pub(crate) struct Tracks {
     /// In order of name.
-    pub photos: Vec<TrackedPhoto>,
+    pub(crate) photos: Vec<TrackedPhoto>,
     /// Number of points.
-    pub points: usize,
+    pub(crate) points: usize,
     /// Mean reprojection error, px.
-    pub error_px: Option<f64>,
+    pub(crate) error_px: Option<f64>,
 }
 
 /// A photo and its points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrackedPhoto {
+pub(crate) struct TrackedPhoto {
     /// Its path below the folder of photos.
-    pub name: String,
+    pub(crate) name: String,
     /// Width and height of its camera, px.
-    pub size: UVec2,
+    pub(crate) size: UVec2,
     /// Indices of points, and their image positions, px.
-    pub seen: Vec<(u32, Vec2)>,
+    pub(crate) seen: Vec<(u32, Vec2)>,
 }
 
 /// The tracks of the COLMAP model in `folder`, or in the usual places of a data set.
 ///
 /// Errors: no model; a broken model.
-pub fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> {
+pub(crate) fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> {
     let Some(files) = locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));
     };

@@ -1,4 +1,4 @@
-//! Figures of a data set, for `trisplat info`.
+//! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
 use super::colmap::with_photos;
 use super::posed::DatasetKind;

@@ -1,4 +1,4 @@
-//! The content of a data set's files, in f64, before any photo is opened.
+//! The content of a data set's files, in f64, before any photo is opened. Files that it names must be in its folder.
 
 use super::lens::{Distortion, Lens};
 use super::points::PointFile;

@@ -1,4 +1,4 @@
-//! The lens of a real camera: a pinhole with radial and tangential distortion.
+//! The lens of a real camera, a pinhole with radial and tangential distortion, and how its photos are undistorted.
 
 use glam::{DMat2, DVec2, UVec2};
 use trisplat_scene::image::RgbImage;
@@ -56,7 +56,7 @@ impl Distortion {
     }
 
     /// The distorted position of `p`.
-    pub fn distort(&self, p: DVec2) -> DVec2 {
+    fn distort(&self, p: DVec2) -> DVec2 {
         let [p1, p2] = self.tangential;
         let r2 = p.length_squared();
         let twice = 2.0 * p.x * p.y;
@@ -67,7 +67,7 @@ impl Distortion {
 
     /// The `p` with the distorted position `q`, by Newton's method; `None` without one, or where the model
     /// has folded over.
-    pub fn undistort(&self, q: DVec2) -> Option<DVec2> {
+    fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let mut p = q;
         for _ in 0..64 {
             let slope = self.distort_slope(p);

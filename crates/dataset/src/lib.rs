@@ -21,7 +21,6 @@ mod points;
 mod posed;
 mod transforms;
 
-pub use colmap::{TrackedPhoto, Tracks, tracks};
 pub use describe::{Description, describe};
 pub use lens::{Distortion, Lens};
 pub use options::{Background, DatasetOptions, Masks};

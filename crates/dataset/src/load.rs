@@ -355,8 +355,7 @@ const LEAST_SIGHTS: u64 = 3;
 /// Smaller masks say nothing: share of the pixels.
 const LEAST_AREA: f64 = 0.02;
 /// Points that three quarters of the photos keep are masked this many times less often than pixels are: 0.006 times in dtu_scan24,
-/// 0.001 to 0.08 where masks are those of balls in the sample and three captures, 0.3 to 1.2 for discs at random places
-/// (commit 8e3c23ce).
+/// 0.001 to 0.08 where masks are those of balls in the sample and three captures, 0.3 to 1.2 for discs at random places.
 const MOST_MASKED: f64 = 0.16;
 /// Silhouettes differ between photos by this share of the masked area, even of a ball in the middle of every photo. What belongs
 /// to the lens is always the same.

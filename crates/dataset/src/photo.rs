@@ -1,4 +1,4 @@
-//! One photo: on disk with its processing steps, or drawn and in memory.
+//! One photo: on disk with its processing steps, or drawn, in memory or in a temporary file.
 
 use super::exif;
 use super::lens::Undistort;
@@ -119,7 +119,7 @@ impl Photo {
     }
 
     /// True for a photo that `max_size` shrinks.
-    pub fn is_shrunk(&self) -> bool {
+    pub(super) fn is_shrunk(&self) -> bool {
         let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
         self.crop.map_or(self.size, |crop| crop.whole) != full
     }
@@ -184,7 +184,7 @@ impl Photo {
             let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
             let size = self.crop.map_or(self.size, |crop| crop.whole);
             let ratio = size.as_dvec2() / whole.as_dvec2();
-            // Averages of at least two by two pixels are those of the whole photo: 41 dB from them at worst, mostly 50
+            // Averages of at least two by two pixels are those of the whole photo, closely
             // (docs/benchmarks/capture.md).
             let least = (2.0 * self.stored.as_dvec2() * ratio).ceil().as_uvec2();
             return RgbImage::load_reduced(&self.path, least, &self.limits);

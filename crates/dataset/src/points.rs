@@ -1,4 +1,4 @@
-//! The point cloud beside a `transforms.json`: a PLY file of coloured points.
+//! Sparse clouds: from the files of COLMAP, from a PLY file beside a `transforms.json`, or at random in the cameras' views.
 
 use super::colmap_model::FoundPoint;
 use super::posed::{Point, View};

@@ -1,4 +1,4 @@
-//! A data set in memory: posed photos of one scene and the sparse cloud of its points.
+//! A data set in memory: posed photos of one scene, those held out, and the sparse cloud of its points.
 
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;

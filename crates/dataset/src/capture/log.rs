@@ -213,7 +213,8 @@ fn shown(command: &Command) -> String {
     words.map(|word| short(word.to_string_lossy())).collect::<Vec<_>>().join(" ")
 }
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
     use std::ops::ControlFlow::Continue;

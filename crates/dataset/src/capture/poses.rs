@@ -163,8 +163,11 @@ impl<'a> Poses<'a> {
         }
         let places = Places { database: work.join(UNFINISHED[0]), ..self.places.clone() };
         self.on_card_or_cpu(observer, |program| program.features(&places, &cameras))?;
-        let (from, to) = (&places.database, &self.places.database);
-        std::fs::rename(from, to).map_err(|e| Error::io(from, e))?;
+        // The database last: it tells that all are found.
+        for name in UNFINISHED.iter().rev().filter(|name| work.join(name).exists()) {
+            let (from, to) = (work.join(name), work.join(name.replace("features", "database")));
+            std::fs::rename(&from, to).map_err(|e| Error::io(from, e))?;
+        }
         Ok(true)
     }
 
@@ -251,14 +254,16 @@ impl<'a> Poses<'a> {
 
     /// Copies a model to the place where data sets have it.
     fn publish(&self, from: &Path) -> Result<()> {
-        let made = AtomicFolder::create(&self.folder.join("sparse").join("0"))?;
+        let made = AtomicFolder::create(self.folder)?;
+        let model = made.path().join("sparse").join("0");
+        std::fs::create_dir_all(&model).map_err(|e| Error::io(&model, e))?;
         for name in MODEL_FILES.iter().flat_map(|name| ["bin", "txt"].map(|e| format!("{name}.{e}"))) {
             let from = from.join(&name);
             if from.is_file() {
-                input::copy(&from, &made.path().join(name))?;
+                input::copy(&from, &model.join(name))?;
             }
         }
-        made.publish("images")
+        made.publish("sparse")
     }
 
     /// The best model of one mapper; otherwise none, and the error if there was one.

@@ -1,4 +1,4 @@
-//! Pose programs: finds an installed one and builds its commands.
+//! Options of a capture. Pose programs: finds an installed one and builds its commands.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -5,7 +5,7 @@ use super::log::tell;
 use super::poses::ModelDetails;
 use super::video::{Grey, sharpness};
 use crate::colmap::{TrackedPhoto, Tracks};
-use crate::exposure::points::{Observation, solve};
+use crate::exposure::{Observation, solve_points};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -152,7 +152,7 @@ pub(super) fn judge(
     let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
     let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();
     let observations = looked.into_iter().flat_map(|looked| looked.observations).collect::<Vec<_>>();
-    let stops = solve(&observations, tracks.photos.len(), tracks.points);
+    let stops = solve_points(&observations, tracks.photos.len(), tracks.points);
     let noted: Vec<f64> = stored.photos.iter().filter_map(|photo| photo.exposure_stops).collect();
     let seen: usize = tracks.photos.iter().map(|photo| photo.seen.len()).sum();
     let weak = tracks.photos.iter().filter(|photo| photo.seen.len() <= FEW_POINTS);

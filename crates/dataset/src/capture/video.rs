@@ -1,4 +1,4 @@
-//! Extracts photos from videos with an installed ffmpeg.
+//! Extracts photos from videos with an installed ffmpeg, by camera motion and sharpness.
 //!
 //! It decodes a video twice: small and grey to choose frames, then the chosen ones at full size.
 

@@ -101,7 +101,8 @@ fn kill(id: u32) {
 #[cfg(not(any(unix, windows)))]
 fn kill(_: u32) {}
 
-#[cfg(all(test, unix))]
+#[cfg(test)]
+#[cfg(unix)]
 mod tests {
     use super::*;
     use std::io::Read;
