@@ -1,14 +1,11 @@
 //! `trisplat info FILE`: the content of a file of any format, or of a data set.
 
 use super::counts::{many, thousands};
-use super::{files, info_dataset, info_tileset, messages};
+use super::{files, info_dataset, messages};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_dataset::DatasetOptions;
-use trisplat_formats::{
-    info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo},
-    tileset_info,
-};
+use trisplat_formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo};
 use trisplat_job::describe;
 use trisplat_scene::{Error, Result};
 
@@ -16,7 +13,7 @@ use trisplat_scene::{Error, Result};
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
     /// Soup, mesh or Gaussian splats to describe: .ply, .pt, .off, .obj, .glb, .gltf, .splat, .spz or .sog; "-" is standard input.
-    /// Or a data set: a folder of posed photos, or a transforms.json. Or a .tileset.json, and the tilesets that it names.
+    /// Or a data set: a folder of posed photos, or a transforms.json.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema info` describes it).
@@ -29,23 +26,12 @@ pub struct InfoArgs {
 
 /// Describes the file on `out`.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
-    let how = &args.dataset_options;
-    if args.input.is_file()
-        && has_ending(&args.input, "json")
-        && let Some(info) = tileset_info(&args.input, &how.limits, how.allow_outside)?
-    {
-        return info_tileset::run(&info, args.json, out);
-    }
     if info_dataset::is_dataset(&args.input) {
         return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
     }
     let info = describe(&args.input, &args.dataset_options.read_options(3))?;
     let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
     printed.map_err(|e| Error::io("-", e))
-}
-
-fn has_ending(path: &Path, ending: &str) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending))
 }
 
 fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {

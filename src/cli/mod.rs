@@ -18,7 +18,6 @@ pub mod global;
 mod harden;
 pub mod info;
 pub mod info_dataset;
-mod info_tileset;
 pub mod inputs;
 pub mod layers;
 pub mod make;

@@ -12,7 +12,7 @@ use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
-use trisplat_formats::{TilesetInfo, bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
+use trisplat_formats::{bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
 use trisplat_scale::{BlockFigures, Manifest, MergeReport};
@@ -44,8 +44,6 @@ pub enum SchemaName {
     Info,
     /// The output of `trisplat info --json` for a data set.
     Dataset,
-    /// The output of `trisplat info --json` for a tileset.
-    Tileset,
     /// The file `manifest.json` written by `trisplat plan`.
     Plan,
     /// The file written by `trisplat train --block` beside a block.
@@ -69,7 +67,6 @@ impl SchemaName {
             SchemaName::Report => report_schema(),
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
-            SchemaName::Tileset => schemars::schema_for!(TilesetInfo),
             SchemaName::Plan => schemars::schema_for!(Manifest),
             SchemaName::Block => schemars::schema_for!(BlockFigures),
             SchemaName::Merge => schemars::schema_for!(MergeReport),

@@ -1,4 +1,4 @@
-//! `trisplat validate FILE`: the faults of a file, with their places.
+//! `trisplat validate FILE`: what stops a file from being read, and what engines reject.
 
 use super::{files, messages};
 use std::io::{self, Write};
@@ -12,7 +12,7 @@ use trisplat_scene::{Error, Result, report::counted};
 /// What to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
-    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf, and the .bvh beside it; a .tileset.json, and all its tiles; "-" is standard input.
+    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema validation` describes it).

@@ -152,32 +152,6 @@ fn uris(tile: &serde_json::Value, out: &mut Vec<String>) {
 }
 
 #[test]
-fn a_tileset_of_tilesets_is_described_with_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("scene.tileset.json");
-    let flags: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"bake", &sample("studio.ply"), &"-o", &out, &"--preset"];
-    // A backdrop would be a tile more.
-    let tiles: [&dyn AsRef<std::ffi::OsStr>; 7] =
-        [&"fast", &"--set", &"tile_triangles=1000", &"--set", &"tileset_tiles=5", &"--backdrop", &"off"];
-    let output = trisplat(&[&flags[..], &tiles[..]].concat());
-    assert!(output.status.success(), "{}", stderr(&output));
-    let output = trisplat(&[&"info", &out, &"--json"]);
-    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let counts = ["tilesets", "tiles", "levels", "files", "missing"].map(|key| info[key].as_u64().unwrap());
-    assert_eq!(counts, [5, 21, 3, 21, 0], "{info}");
-    let tiles = folder.path().join("scene.tiles");
-    let files = names_in(&tiles).into_iter().map(|name| tiles.join(name)).chain([out.clone()]);
-    let bytes: u64 = files.map(|path| std::fs::metadata(path).unwrap().len()).sum();
-    assert_eq!(info["bytes"], bytes);
-    let said = String::from_utf8(trisplat(&[&"info", &out]).stdout).unwrap();
-    assert!(said.contains("21 of 3 levels, in 5 tilesets"), "{said}");
-    // The last by name is a tileset of five tiles.
-    std::fs::remove_file(tiles.join(names_in(&tiles).pop().unwrap())).unwrap();
-    let said = String::from_utf8(trisplat(&[&"info", &out]).stdout).unwrap();
-    assert!(said.contains("1 file is missing"), "{said}");
-}
-
-#[test]
 fn a_tileset_names_the_tiles_there_are_and_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("scene.tileset.json");

@@ -1,6 +1,6 @@
 //! Findings of `validate` and figures of `info`.
 
-use super::files::{Builder, FLOAT, UNSIGNED_SHORT, glb};
+use super::files::Builder;
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -85,11 +85,6 @@ fn what_we_write_is_valid() {
 #[test]
 fn faults_of_the_document_are_found_with_their_place() {
     let cases: Vec<(&str, Value, &str)> = vec![
-        ("/accessors/0/min", json!([0, 0, 0.1]), "Error accessor 0: has min [0,0,0.1], but its data have"),
-        ("/accessors/0/max", json!([1, 1, 1]), "Error accessor 0: has max"),
-        ("/accessors/0/max", json!([1, 1]), "Error accessor 0: has max"),
-        ("/accessors/0/max", json!(null), "Error accessor 0: has positions without max"),
-        ("/extensionsRequired", json!(["KHR_mesh_quantization"]), "Error extensionsRequired: names KHR_mesh"),
         ("/bufferViews/0/byteStride", json!(13), "Error accessor 0: promises 3 elements"),
         ("/accessors/1/bufferView", json!(9), "Error bufferView 9: does not exist"),
         ("/scenes/0/nodes", json!([4]), "Error node 4: does not exist"),
@@ -106,78 +101,17 @@ fn faults_of_the_document_are_found_with_their_place() {
 }
 
 #[test]
-fn faults_of_the_data_are_found_with_their_place() {
-    let mut b = valid();
-    let bright = b.floats("VEC3", &[1., 2., 0., 0., 0., 0., 0., 0., f32::NAN]);
-    b.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = bright.into();
-    let found = lines(&check_bytes("a.glb", &b.glb()));
-    assert!(
-        found.iter().any(|l| l.contains("Error accessor 2: has 2 colours outside 0 to 1, the first at 0")),
-        "{found:#?}"
-    );
-
-    let mut b = valid();
-    let infinite = b.floats("VEC3", &[0., 0., 0., f32::INFINITY, 0., 0., 0., 1., 0.]);
-    b.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = infinite.into();
-    let found = lines(&check_bytes("a.glb", &b.glb()));
-    assert!(
-        found.iter().any(|l| l.contains("1 positions that are not finite, the first at 1")),
-        "{found:#?}"
-    );
-
-    // Restart values in 65,536 vertices.
+fn meshes_that_engines_cull_only_as_a_whole_are_named() {
     let mut b = Builder::new();
     let position = b.floats("VEC3", &(0..3 * 65_536).map(|i| (i % 1000) as f32).collect::<Vec<_>>());
-    let indices = b.shorts("SCALAR", 3, &[0, 1, 65_535]);
+    let indices = b.shorts("SCALAR", 3, &[0, 1, 2]);
     b.mesh(json!({ "attributes": { "POSITION": position }, "indices": indices }));
     b.node(json!({ "mesh": 0 }));
     let found = lines(&check_bytes("a.glb", &b.glb()));
-    assert!(found.iter().any(|l| l.contains("holds 65535 at 2, which means restart")), "{found:#?}");
     assert!(
         found.iter().any(|l| l.starts_with("Warning mesh 0 primitive 0: has 65536 vertices")),
         "{found:#?}"
     );
-
-    // Shorts at an odd byte; floats two bytes off.
-    for (component, offset, wants) in [(UNSIGNED_SHORT, 1, "multiples of 2"), (FLOAT, 2, "multiples of 4")] {
-        let mut b = valid();
-        b.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
-        let view = b.view(&[0; 40]);
-        b.json["bufferViews"][view]["byteStride"] = 12.into();
-        b.json["accessors"][0]["bufferView"] = view.into();
-        b.json["accessors"][0]["componentType"] = component.into();
-        b.json["accessors"][0]["byteOffset"] = offset.into();
-        let found = lines(&check_bytes("a.glb", &b.glb()));
-        assert!(found.iter().any(|l| l.contains("Error accessor 0") && l.contains(wants)), "{found:#?}");
-    }
-}
-
-#[test]
-fn faults_of_the_container_are_found() {
-    let valid = valid();
-    let json = valid.json.to_string();
-    let json_length = json.len().next_multiple_of(4);
-    let file = valid.glb();
-    let edit = |change: &dyn Fn(&mut Vec<u8>)| {
-        let mut bad = file.clone();
-        change(&mut bad);
-        lines(&check_bytes("a.glb", &bad))
-    };
-    let has = |found: Vec<String>, wants: &str| {
-        assert!(found.iter().any(|line| line.contains(wants)), "{wants}: {found:#?}");
-    };
-    has(edit(&|f| f.extend([1, 2, 3, 4])), "Error header: gives the length");
-    has(edit(&|f| f.truncate(f.len() - 4)), "truncated");
-    has(edit(&|f| f[4] = 1), "binary glTF 1");
-    has(edit(&|f| f[20 + json_length + 4] = b'X'), "Warning chunk 1: is of a kind");
-    let zeros = format!("{json}\0\0\0\0");
-    has(lines(&check_bytes("a.glb", &glb(zeros.as_bytes(), &valid.bin))), "Error chunk 0: is JSON padded");
-    let mut odd = Builder { json: valid.json.clone(), bin: valid.bin.clone() };
-    odd.bin.extend([0, 7]);
-    odd.json["buffers"][0]["byteLength"] = (odd.bin.len() - 1).into();
-    has(lines(&check_bytes("a.glb", &odd.glb())), "Error chunk 1: is padded with something other");
-    odd.bin.extend([0; 8]);
-    has(lines(&check_bytes("a.glb", &odd.glb())), "Warning chunk 1: has 11 bytes more");
 }
 
 #[test]

@@ -259,9 +259,6 @@ fn blocks_become_one_scene_and_one_tileset() {
     for index in 0..3 {
         assert!(uris.iter().any(|uri| uri.contains(&format!("/b{index}r-"))), "{uris:?}");
     }
-    let checked = run(folder.path(), &["validate", "city.tileset.json"]);
-    let said = String::from_utf8_lossy(&checked.stdout).into_owned();
-    assert!(checked.status.success() && said.contains("3D Tiles, ") && said.contains("0 errors"), "{said}");
     fail(folder.path(), &["bake", "city", "-o", "city.glb"], &[".tileset.json", "merge"]);
     assert_eq!(blocks(&city).len(), 3);
 }

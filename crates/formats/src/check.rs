@@ -1,23 +1,17 @@
-//! Checks a file for violations of its format, and for features that engines reject.
+//! Checks a file for faults that readers find, for what engines reject, and for our own promises.
 //!
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
 //! finding, with their number and the first few places.
 
-mod tile_tree;
-mod triangles;
-
 pub use crate::findings::{Finding, Severity};
 
 use super::read::{detect, read_as};
-use super::{bvh, html};
+use super::{bvh, check_triangles, html};
 use crate::findings::{Findings, Positions};
-use crate::gltf::{self as gltf, document_json};
-use crate::{Format, ReadOptions, Source, foreign};
-use glam::Vec3;
+use crate::{Format, ReadOptions, Source, gltf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use tile_tree::CheckedTile;
 use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, mesh::Mesh};
 
 /// Everything found in one file.
@@ -41,48 +35,13 @@ impl Checked {
     }
 }
 
-/// Checks the file at `path`, read with `options`, and the hierarchy beside it; for a tileset, every file
-/// that it names.
+/// Checks the file at `path`, read with `options`, and the hierarchy beside it.
 ///
 /// # Errors
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
 pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
-    let shown = path.display().to_string();
-    match tileset_json(format, &mut source, &options.limits) {
-        None => {
-            let CheckedTile { triangles, findings, .. } = check_file(path, format, source, options)?;
-            Ok(Checked { path: shown, format, triangles, findings })
-        }
-        Some(json) => {
-            let mut findings = Findings::default();
-            let mut check_file = |tile: &Path| {
-                let mut source = Source::open(tile, &options.limits)?;
-                let format = detect(&mut source)?;
-                check_file(tile, format, source, options)
-            };
-            let triangles = tile_tree::check(
-                path,
-                &json,
-                (&options.limits, options.allow_outside),
-                &mut check_file,
-                &mut findings,
-            )?;
-            Ok(Checked { path: shown, format: Format::Tileset, triangles, findings: findings.list })
-        }
-    }
-}
-
-/// The text of a file when it is a tileset.
-fn tileset_json(format: Format, source: &mut Source, limits: &Limits) -> Option<Vec<u8>> {
-    let mut again = (format == Format::Gltf).then(|| source.again().ok())??;
-    let json = document_json(&mut again, limits).ok()?;
-    foreign::is_tileset_json(&json).then_some(json)
-}
-
-/// Checks one file that is not a tileset.
-fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOptions) -> Result<CheckedTile> {
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
     let mut findings = Findings::default();
@@ -90,25 +49,18 @@ fn check_file(path: &Path, format: Format, mut source: Source, options: &ReadOpt
     if matches!(inner, Format::Glb | Format::Gltf) {
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }
-    let (mut triangles, mut around) = (None, None);
+    let mut triangles = None;
     // Everything is read, so that everything is checked, whatever `options` select.
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
-            around = bounds(&loaded);
             check_loaded(path, inner, &loaded, &options.limits, &mut findings)?;
         }
         // The checks of glTF files may have found the same fault.
         Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
         Err(error) => findings.take(error)?,
     }
-    Ok(CheckedTile { triangles, findings: findings.list, bounds: around })
-}
-
-/// Lowest and highest corner of a scene without its backdrop.
-fn bounds(loaded: &ImportedScene) -> Option<[Vec3; 2]> {
-    let count = loaded.scene.triangle_count().saturating_sub(loaded.provenance.backdrop as usize);
-    loaded.scene.bounds(count)
+    Ok(Checked { path: path.display().to_string(), format, triangles, findings: findings.list })
 }
 
 fn check_loaded(
@@ -122,9 +74,9 @@ fn check_loaded(
         findings.warning("file", warning);
     }
     match &loaded.scene {
-        Scene::Soup(soup) => triangles::check_soup(soup, findings),
+        Scene::Soup(soup) => check_triangles::check_soup(soup, findings),
         Scene::Mesh(mesh) => {
-            triangles::check_mesh(mesh, findings);
+            check_triangles::check_mesh(mesh, findings);
             if matches!(format, Format::Glb | Format::Gltf) {
                 let mut scene = loaded.clone();
                 scene.take_backdrop();

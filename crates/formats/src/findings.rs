@@ -29,16 +29,16 @@ pub struct Finding {
 
 /// Collects findings.
 #[derive(Debug, Default)]
-pub struct Findings {
+pub(crate) struct Findings {
     /// In the order of the file.
-    pub list: Vec<Finding>,
+    pub(crate) list: Vec<Finding>,
     /// How the file stores positions.
-    pub positions: Positions,
+    pub(crate) positions: Positions,
 }
 
 /// Whether the positions of a file are bitwise those of the bake, in the same order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Positions {
+pub(crate) enum Positions {
     /// As floats, unchanged.
     #[default]
     AsBaked,
@@ -48,27 +48,27 @@ pub enum Positions {
 
 impl Findings {
     /// Adds one thing found at `place`.
-    pub fn add(&mut self, severity: Severity, place: impl Into<String>, what: impl Into<String>) {
+    pub(crate) fn add(&mut self, severity: Severity, place: impl Into<String>, what: impl Into<String>) {
         self.list.push(Finding { severity, place: place.into(), what: what.into() });
     }
 
     /// Adds a fault.
-    pub fn error(&mut self, place: impl Into<String>, what: impl Into<String>) {
+    pub(crate) fn error(&mut self, place: impl Into<String>, what: impl Into<String>) {
         self.add(Severity::Error, place, what);
     }
 
     /// Adds a warning.
-    pub fn warning(&mut self, place: impl Into<String>, what: impl Into<String>) {
+    pub(crate) fn warning(&mut self, place: impl Into<String>, what: impl Into<String>) {
         self.add(Severity::Warning, place, what);
     }
 
     /// True when this place has a finding already.
-    pub fn has_place(&self, place: &str) -> bool {
+    pub(crate) fn has_place(&self, place: &str) -> bool {
         self.list.iter().any(|finding| finding.place == place)
     }
 
     /// Turns the error of a broken file into a finding; errors of the system stay errors.
-    pub fn take(&mut self, error: Error) -> Result<()> {
+    pub(crate) fn take(&mut self, error: Error) -> Result<()> {
         match error {
             Error::Io { .. } => return Err(error),
             Error::Malformed { at, reason, .. } => self.error(at, reason),

@@ -16,7 +16,7 @@ struct TilesetKeys {
 }
 
 /// Whether a JSON text is a tileset (3D Tiles).
-pub fn is_tileset_json(json: &[u8]) -> bool {
+fn is_tileset_json(json: &[u8]) -> bool {
     serde_json::from_slice::<TilesetKeys>(json).is_ok()
 }
 
@@ -26,8 +26,7 @@ pub fn refusal(path: &Path, json: &[u8]) -> Option<Error> {
         return Some(gaussians::refusal(path, "SOG"));
     }
     is_tileset_json(json).then(|| {
-        let reason = "is a tileset (3D Tiles), a list of files with tiles: `trisplat info` counts them, `trisplat validate` checks it and all of them; to read a scene \
-                      give one of the files it names, or what it was baked from";
+        let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
         Error::unsupported(path, reason)
     })
 }

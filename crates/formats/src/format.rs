@@ -29,8 +29,6 @@ pub enum Format {
     Sog,
     /// A page of this program, with a GLB in it.
     Html,
-    /// 3D Tiles: JSON that names files with tiles. It is checked, and not read as a scene.
-    Tileset,
 }
 
 impl Format {
@@ -98,7 +96,6 @@ impl Format {
             Format::Spz => "SPZ",
             Format::Sog => "SOG",
             Format::Html => "page with a scene",
-            Format::Tileset => "3D Tiles",
         }
     }
 }

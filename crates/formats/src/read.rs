@@ -70,7 +70,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Off => off::read(source, options),
         Format::Splat | Format::Spz | Format::Sog => Err(gaussians::refusal(&path, format.name())),
         Format::Obj => obj::read(source, options),
-        Format::Glb | Format::Gltf | Format::Html | Format::Tileset => gltf::read(source, options),
+        Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     })
 }
 

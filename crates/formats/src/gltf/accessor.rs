@@ -202,29 +202,9 @@ impl<'a> Accessors<'a> {
         &mut self,
         index: usize,
         fill: f64,
-        each: impl FnMut(usize, [f64; N]),
-    ) -> Result<()> {
-        let layout = self.layout(index)?;
-        self.visit(index, &layout, fill, each)
-    }
-
-    /// As [`Self::for_each`], with normalised integers as they are stored.
-    pub(crate) fn for_each_stored<const N: usize>(
-        &mut self,
-        index: usize,
-        each: impl FnMut(usize, [f64; N]),
-    ) -> Result<()> {
-        let layout = ElementLayout { normalized: false, ..self.layout(index)? };
-        self.visit(index, &layout, 0.0, each)
-    }
-
-    fn visit<const N: usize>(
-        &mut self,
-        index: usize,
-        layout: &ElementLayout,
-        fill: f64,
         mut each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
+        let layout = &self.layout(index)?;
         if layout.view.is_some() {
             let mut at = 0;
             self.for_each_block(layout, |block, stride| {

@@ -115,8 +115,6 @@ pub(crate) struct ContainerFile {
     pub(crate) json: Vec<u8>,
     /// The chunks of a GLB in order; empty for a bare JSON file.
     pub(crate) chunks: Vec<GlbChunk>,
-    /// The length in a GLB's header, or that of the file for bare JSON.
-    pub(crate) length: u64,
 }
 
 /// The place of a chunk of a GLB.
@@ -135,11 +133,6 @@ impl GlbChunk {
     pub(crate) fn is_bin(&self) -> bool {
         self.kind == BIN_CHUNK
     }
-
-    /// True when its length is a multiple of 4.
-    pub(crate) fn is_aligned(&self) -> bool {
-        self.length.is_multiple_of(ALIGNMENT)
-    }
 }
 
 impl ContainerFile {
@@ -147,7 +140,7 @@ impl ContainerFile {
     pub(crate) fn read(source: &mut Source, limits: &Limits) -> Result<Self> {
         let path = source.path.clone();
         let is_glb = source.head()?.starts_with(MAGIC);
-        let (chunks, length) = if is_glb { chunks(source)? } else { (Vec::new(), source.len) };
+        let chunks = if is_glb { chunks(source)? } else { Vec::new() };
         let (start, bytes) = match chunks.first() {
             Some(chunk) => (chunk.start, chunk.length),
             None => (0, source.len),
@@ -156,7 +149,7 @@ impl ContainerFile {
         limits.document(format_args!("{}: JSON", path.display()), bytes)?;
         let mut json = limits.zeroed(path.display(), bytes as usize)?;
         read_at(source, start, &mut json)?;
-        Ok(Self { json, chunks, length })
+        Ok(Self { json, chunks })
     }
 
     /// The binary chunk of a GLB.
@@ -165,8 +158,8 @@ impl ContainerFile {
     }
 }
 
-/// The chunks of a GLB, and the length in its header.
-fn chunks(source: &mut Source) -> Result<(Vec<GlbChunk>, u64)> {
+/// The chunks of a GLB.
+fn chunks(source: &mut Source) -> Result<Vec<GlbChunk>> {
     let path = source.path.clone();
     let header: [u8; HEADER_BYTES as usize] = read_array(source, 0, "header")?;
     let [_, version, length] = words(&header);
@@ -200,7 +193,7 @@ fn chunks(source: &mut Source) -> Result<(Vec<GlbChunk>, u64)> {
     if chunks.is_empty() {
         return Err(Error::malformed(path, "chunk 0", "is missing; expected JSON"));
     }
-    Ok((chunks, length))
+    Ok(chunks)
 }
 
 fn truncated(path: &Path, place: &str, wants: u64, has: u64) -> Error {

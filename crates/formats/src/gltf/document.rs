@@ -170,8 +170,6 @@ pub(crate) struct Accessor {
     pub(crate) count: u64,
     #[serde(rename = "type")]
     pub(crate) shape: String,
-    pub(crate) min: Option<Value>,
-    pub(crate) max: Option<Value>,
     pub(crate) sparse: Option<Sparse>,
 }
 

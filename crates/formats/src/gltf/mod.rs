@@ -43,7 +43,7 @@ mod textures;
 pub mod uri;
 mod write;
 
-pub use check::check;
+pub(crate) use check::check;
 pub use container::{Container, check_size, document_json, glb_size, stream_offsets};
 pub use info::{GltfInfo, gltf_info};
 pub use named::named_files;
