@@ -23,6 +23,6 @@ for blocks in ${BLOCKS:-1 2 4 8}; do
     block=$((block + 1))
   done
   "$trisplat" plan --status "$city"
-  "$trisplat" merge "$city" -o "$city.ply" --report "$city.json" --force
+  "$trisplat" merge "$city" -o "$city.ply" --force
   "$trisplat" eval "$city.ply" "$photos" --as soft --no-coverage -q
 done

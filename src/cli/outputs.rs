@@ -185,15 +185,6 @@ impl<'a> Outputs<'a> {
         self.confirm()
     }
 
-    /// Plans and starts files that belong together; the one that names the others comes last.
-    pub(super) fn claim_set(&mut self, files: &[(&'static str, &PathBuf)]) -> Result<Vec<AtomicFile>> {
-        files.iter().try_for_each(|(option, path)| self.plan(option, path))?;
-        let paths: Vec<&Path> = files.iter().map(|(_, path)| path.as_path()).collect();
-        let set = AtomicFile::create_all(&paths)?;
-        self.confirm()?;
-        Ok(set)
-    }
-
     /// Plans to write `path` repeatedly; fails if it cannot be written.
     pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;

@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::bake_bytes::ByteSize;
-use super::counts::{many, thousands};
+use super::counts::many;
 use super::inputs::Inputs;
 use super::layers;
 use super::messages;
@@ -227,26 +227,16 @@ fn summary(manifest: &Manifest, city: &Path) -> String {
 
 /// One row per block, and how many are done.
 fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()> {
-    let limits = &args.dataset_options.limits;
-    let (manifest, folder) = Manifest::read(city, limits)?;
-    let rows = status(&manifest, &folder, limits)?;
-    let mut text = String::from("block  state    photos  steps  expected CPU s  CPU s  peak MB  triangles\n");
-    for (i, ((state, figures), block)) in rows.iter().zip(&manifest.blocks).enumerate() {
-        let took = figures.as_ref().map_or(String::new(), |f| {
-            format!(
-                "  {:>5.0}  {:>7.0}  {:>9}",
-                f.cpu_secs,
-                f.peak_bytes as f64 / 1e6,
-                thousands(f.triangles)
-            )
-        });
-        let steps = block.steps - block.first_step;
-        let (photos, expected) = (block.photos.len(), block.expected.cpu_secs);
-        text += &format!("{i:>5}  {state:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}{took}\n");
+    let (manifest, folder) = Manifest::read(city, &args.dataset_options.limits)?;
+    let (mut done, all) = (0, many(manifest.blocks.len() as u64, "block"));
+    let mut text = String::from("block  state    photos  steps  expected CPU s\n");
+    for (i, block) in manifest.blocks.iter().enumerate() {
+        let state = status(&folder, block, i);
+        done += usize::from(state == "done");
+        let (photos, steps) = (block.photos.len(), block.steps - block.first_step);
+        let expected = block.expected.cpu_secs;
+        text += &format!("{i:>5}  {state:<7}  {photos:>6}  {steps:>5}  {expected:>14.0}\n");
     }
-    let done = rows.iter().filter(|(state, _)| *state == "done").count();
-    let spent =
-        rows.iter().filter_map(|(_, figures)| Some(figures.as_ref()?.cpu_secs)).fold(0.0, |a, b| a + b);
-    text += &format!("{done} of {} done, {spent:.0} CPU s\n", many(rows.len() as u64, "block"));
+    text += &format!("{done} of {all} done\n");
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
 }

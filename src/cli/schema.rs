@@ -15,7 +15,7 @@ use trisplat_dataset::capture::{
 use trisplat_formats::{bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
-use trisplat_scale::{BlockFigures, Manifest, MergeReport};
+use trisplat_scale::Manifest;
 use trisplat_scene::{
     Error, Result,
     report::{Report, stage_schema},
@@ -46,10 +46,6 @@ pub enum SchemaName {
     Dataset,
     /// The file `manifest.json` written by `trisplat plan`.
     Plan,
-    /// The file written by `trisplat train --block` beside a block.
-    Block,
-    /// The file written by `trisplat merge --report`.
-    Merge,
     /// The file written by `trisplat eval --report`.
     Eval,
     /// What `trisplat validate --json` prints.
@@ -68,8 +64,6 @@ impl SchemaName {
             SchemaName::Info => schemars::schema_for!(Info),
             SchemaName::Dataset => schemars::schema_for!(Description),
             SchemaName::Plan => schemars::schema_for!(Manifest),
-            SchemaName::Block => schemars::schema_for!(BlockFigures),
-            SchemaName::Merge => schemars::schema_for!(MergeReport),
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
             SchemaName::Bvh => schemars::schema_for!(BvhHeader),

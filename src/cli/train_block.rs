@@ -2,7 +2,6 @@
 
 use super::Global;
 use super::counts::many;
-use super::files;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::signals;
@@ -11,11 +10,7 @@ use super::train_progress::Bar;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
-use trisplat_scene::{
-    Error, Result,
-    atomic::{self, AtomicFile},
-    report::counted,
-};
+use trisplat_scene::{Error, Result, atomic::AtomicFile, report::counted};
 use trisplat_train::{OpenRun, PREVIEW, Preview, Trained};
 
 /// Trains the block, unless its result exists.
@@ -44,7 +39,7 @@ pub(super) fn run(
     }
     let mut guard = guard(args, block, &task, inputs)?;
     // Tried before any work, because another process may train this block.
-    let mut set = AtomicFile::create_all(&[&task.figures(), &done])?;
+    let mut file = AtomicFile::create(&done)?;
     let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
     guard.spare_photos(&dataset)?;
     let preview = args
@@ -62,24 +57,20 @@ pub(super) fn run(
     let trained = run.finish(&mut |event| bar.tell(event))?;
     let lost = bar.done();
     if trained.stopped {
-        drop(set);
+        drop(file);
         return stopped(&trained, &bar, lost);
     }
-    let figures = task.figures_of(&trained);
     let trained = task.finished(trained, cameras);
-    if let [told, scene] = &mut set[..] {
-        files::print_json(&figures, told).map_err(|e| Error::io(task.figures(), e))?;
-        trained.write_to(scene)?;
-    }
-    atomic::publish(set)?;
+    trained.write_to(&mut file)?;
+    file.commit()?;
     // The result exists, so the checkpoint is useless.
     let _ = std::fs::remove_file(task.checkpoint());
     bar.line(&format!(
         "wrote {}: {}, {}, {:.1} CPU s, {:.1} s",
         done.display(),
-        many(figures.triangles, "triangle"),
-        counted(figures.steps, "step"),
-        figures.cpu_secs,
+        many(trained.soup.len() as u64, "triangle"),
+        counted(trained.steps.saturating_sub(task.block().first_step), "step"),
+        trained.cpu_secs,
         clock.elapsed().as_secs_f64()
     ));
     Ok(ExitCode::SUCCESS)

@@ -150,10 +150,8 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     owned("train", "log", "train --block begun:0 --log {} -f", block);
     let blocks = like(folder, "city", "block-", ".ply");
     let scenes = ["start-", "coarse-"].iter().flat_map(|begin| like(folder, "city", begin, ".ply"));
-    let scenes = scenes.chain(blocks.iter().cloned()).chain(["link.ply".to_owned()]).collect();
+    let scenes = scenes.chain(blocks).chain(["link.ply".to_owned()]).collect();
     owned("merge", "output", "merge city -o {} -f", scenes);
-    let report = of_plan("city").into_iter().chain(blocks).chain(photos()).collect();
-    owned("merge", "report", "merge city -o n.ply --report {} -f", report);
     all
 }
 

@@ -25,7 +25,7 @@ fn every(found: &mut Found<'_>) {
     (mesh.surface.resolution, mesh.surface.voxel, mesh.surface.max_triangles) =
         (Some(128), Some(0.5), Some(5));
     numbers(&mesh, MeshOptions::validate, Called::ByFlag, found);
-    let plan = PlanOptions { blocks: Some(5), block_triangles: Some(5), ..PlanOptions::default() };
+    let plan = PlanOptions { blocks: Some(5), ..PlanOptions::default() };
     numbers(&plan, PlanOptions::validate, Called::ByFlag, found);
     let photos = DatasetOptions { max_size: Some(5), ..DatasetOptions::default() };
     numbers(&photos, DatasetOptions::validate, Called::ByFlag, found);

@@ -263,8 +263,7 @@ pub(crate) fn block() -> Case {
 }
 
 pub(crate) fn merge() -> Case {
-    let arguments =
-        &["merge", "in/city", "-o", "out/a.ply", "--report", "out/report.json", "--evaluate", "--force"];
+    let arguments = &["merge", "in/city", "-o", "out/a.ply", "--force"];
     whole("merge", arguments, &["out/"], &city(&["in/city:0", "in/city:1"]))
 }
 

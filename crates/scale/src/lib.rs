@@ -24,8 +24,8 @@ mod task;
 mod tileset;
 
 pub use manifest::{Expected, Manifest, NAME};
-pub use merge::{Blocks, MergeReport};
+pub use merge::Blocks;
 pub use options::PlanOptions;
 pub use plan::{Planner, check, find_coarse, keep_coarse};
-pub use task::{BlockFigures, Task, status, unnamed};
+pub use task::{Task, status, unnamed};
 pub use tileset::bake_tiles;

@@ -237,7 +237,7 @@ impl Manifest {
     /// All files that belong to this plan in `folder`: what it names, and the results of its blocks, which may be missing.
     pub fn files(&self, folder: &Path) -> Vec<PathBuf> {
         let sources = self.sources().map(|source| source.file.clone());
-        let endings = ["ply", "json", "checkpoint"];
+        let endings = ["ply", "checkpoint"];
         let results = self.blocks.iter().enumerate();
         let results = results.flat_map(|(i, block)| endings.map(|ending| block.file(i, ending)));
         let names = std::iter::once(NAME.to_owned()).chain(sources).chain(results);

@@ -2,39 +2,12 @@
 
 use super::manifest::{Manifest, NAME};
 use super::region::middle;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use trisplat_formats::{self as formats, ReadOptions, ply::SoupWriter};
 use trisplat_scene::{
     Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, atomic::AtomicFile, camera::Camera,
 };
-
-/// What a merge measured at the borders of blocks.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(title = "trisplat report of a merge")]
-pub struct MergeReport {
-    /// Program and version.
-    pub generator: String,
-    /// Triangles of the scene.
-    pub triangles: u64,
-    /// Triangles of the shell, the first of these.
-    pub shell: u64,
-    /// One entry per block.
-    pub blocks: Vec<BlockSeams>,
-}
-
-/// What the merge kept and left out of a block.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct BlockSeams {
-    /// Triangles that it owns.
-    pub owned: u64,
-    /// Of these, triangles with a corner in another block.
-    pub crossing: u64,
-    /// Triangles left out because another block owns them.
-    pub left_out: u64,
-}
 
 /// The trained blocks of a plan.
 #[derive(Debug)]
@@ -81,8 +54,8 @@ impl Blocks {
         &self.folder
     }
 
-    /// What a block owns, and what of it is left out.
-    pub(super) fn read(&self, index: usize) -> Result<(OwnedBlock, BlockSeams)> {
+    /// What a block owns.
+    pub(super) fn read(&self, index: usize) -> Result<OwnedBlock> {
         let path = self.path(index);
         let options = ReadOptions { sh_degree: 3, limits: self.limits, ..ReadOptions::default() };
         let ImportedScene { scene, provenance, cameras, .. } = formats::read(&path, &options)?;
@@ -100,16 +73,8 @@ impl Blocks {
         let shell = soup.take_shell();
         let owned = |i: usize| block.core.contains(middle(&soup.vertices[i]));
         let keep: Vec<bool> = (0..soup.len()).map(owned).collect();
-        let crosses = |corners: &[glam::Vec3; 3]| !corners.iter().all(|corner| block.core.contains(*corner));
-        let kept = || (0..soup.len()).filter(|i| keep[*i]);
-        let seams = BlockSeams {
-            // Its part of the shell is its own, wherever that is.
-            owned: (shell.len() + kept().count()) as u64,
-            crossing: kept().filter(|i| crosses(&soup.vertices[*i])).count() as u64,
-            left_out: keep.iter().filter(|keep| !**keep).count() as u64,
-        };
         soup.retain(|i| keep[i]);
-        Ok((OwnedBlock { shell, rest: soup, provenance, cameras }, seams))
+        Ok(OwnedBlock { shell, rest: soup, provenance, cameras })
     }
 
     /// The cameras of all photos of all blocks, in order of the photos' names.
@@ -121,30 +86,26 @@ impl Blocks {
         all.into_values().collect()
     }
 
-    /// Writes the scene into a file that was started and has yet to be given its name; one block is in memory at a time.
+    /// Writes the scene into a file that was started and has yet to be given its name; one block is in memory at a time. Returns its
+    /// number of triangles.
     ///
     /// Errors: blocks that cannot be read; what the operating system refuses.
-    pub fn merge_into(&self, file: &mut AtomicFile) -> Result<MergeReport> {
-        let mut report =
-            MergeReport { generator: trisplat_scene::report::generator(), ..MergeReport::default() };
+    pub fn merge_into(&self, file: &mut AtomicFile) -> Result<u64> {
         let (mut shell, mut cameras, mut provenance) = (Soup::default(), Vec::new(), None);
-        let mut degree = u8::MAX;
+        let (mut degree, mut count) = (u8::MAX, 0);
         for index in 0..self.count() {
-            let (block, seams) = self.read(index)?;
+            let block = self.read(index)?;
             degree = degree.min(block.rest.sh_degree);
-            report.triangles += seams.owned;
-            report.blocks.push(seams);
+            count += block.rest.len() + block.shell.len();
             cameras.push(block.cameras);
             provenance.get_or_insert(block.provenance);
             shell.append(block.shell);
         }
-        report.shell = shell.len() as u64;
         shell.truncate_sh(degree);
         let cameras = self.cameras(&cameras);
         let provenance = Provenance { viewpoint: None, ..provenance.unwrap_or_default() };
         let path = file.path().to_owned();
         let io = |e| Error::io(&path, e);
-        let count = usize::try_from(report.triangles).unwrap_or(usize::MAX);
         let mut out =
             SoupWriter::start(file, count, degree, &provenance, &cameras, !shell.is_empty()).map_err(io)?;
         out.vertices(&shell).map_err(io)?;
@@ -152,13 +113,13 @@ impl Blocks {
         out.faces(&shell).map_err(io)?;
         self.each(degree, |rest| out.faces(rest).map_err(io))?;
         out.end(&cameras).map_err(io)?;
-        Ok(report)
+        Ok(count as u64)
     }
 
     /// What each block owns, without the shell, one block after the other, with colours up to `degree`.
     fn each(&self, degree: u8, mut take: impl FnMut(&Soup) -> Result<()>) -> Result<()> {
         (0..self.count()).try_for_each(|index| {
-            let mut rest = self.read(index)?.0.rest;
+            let mut rest = self.read(index)?.rest;
             rest.truncate_sh(degree);
             take(&rest)
         })

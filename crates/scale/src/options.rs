@@ -14,13 +14,9 @@ use trisplat_scene::{
 #[cfg_attr(feature = "cli", command(next_help_heading = "Blocks"))]
 pub struct PlanOptions {
     /// Number of blocks; one is a plain run.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536), conflicts_with = "block_triangles"))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536)))]
     #[schemars(range(min = 1, max = 65_536))]
     pub blocks: Option<u32>,
-    /// Triangles per block, about; the number of blocks follows from --max-triangles.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..)))]
-    #[schemars(range(min = 1, max = 1_000_000_000))]
-    pub block_triangles: Option<u64>,
     /// Width of the margin around a block that is trained with it, as a share of the block's extent.
     #[cfg_attr(feature = "cli", arg(long, value_name = "SHARE", default_value_t = PlanOptions::DEFAULT.halo))]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -52,7 +48,6 @@ impl PlanOptions {
     /// No number of blocks set.
     pub const DEFAULT: Self = Self {
         blocks: None,
-        block_triangles: None,
         halo: 0.05,
         min_cover: 0.1,
         block_photos: 0,
@@ -66,22 +61,12 @@ impl PlanOptions {
         ranges::check(self, Called::ByFlag)
     }
 
-    /// Number of blocks for a scene of `max_triangles`.
+    /// Number of blocks.
     ///
-    /// Errors: neither option is set; more than 65,536.
-    pub fn count(&self, max_triangles: u64) -> Result<usize> {
-        let count = match (self.blocks, self.block_triangles) {
-            (Some(blocks), _) => u64::from(blocks),
-            (None, Some(triangles)) => max_triangles.div_ceil(triangles.max(1)),
-            (None, None) => {
-                let wants = "a number of blocks, or `block_triangles`";
-                return Err(Error::invalid("blocks", "not given", wants));
-            }
-        };
-        match (1..=65_536).contains(&count) {
-            true => Ok(count as usize),
-            false => Err(Error::invalid("block_triangles", count, "at most 65536 blocks")),
-        }
+    /// Errors: none is set.
+    pub(super) fn count(&self) -> Result<usize> {
+        let count = self.blocks.ok_or_else(|| Error::invalid("blocks", "not given", "a number of blocks"))?;
+        Ok(count as usize)
     }
 }
 

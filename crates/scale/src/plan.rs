@@ -56,7 +56,7 @@ pub struct Planner<'a> {
 pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>) -> Result<usize> {
     options.validate()?;
     whole.validate()?;
-    let count = options.count(whole.max_triangles)?;
+    let count = options.count()?;
     let triangles = whole.max_triangles.div_ceil(count as u64);
     let block = Block { max_triangles: triangles, ..Block::default() };
     let least = expected(&block, whole, 0);
@@ -65,15 +65,10 @@ pub fn check(options: &PlanOptions, whole: &TrainOptions, max_bytes: Option<u64>
 }
 
 impl Planner<'_> {
-    /// How many blocks there are.
-    fn count(&self) -> Result<usize> {
-        check(self.options, self.whole, None)
-    }
-
     /// How the coarse scene is trained, and after which step it ends: the first part of a plain run with fewer triangles; `None` when there is
     /// one block, which needs none.
     pub fn coarse_options(&self) -> Result<Option<(TrainOptions, u64)>> {
-        if self.count()? == 1 {
+        if self.options.count()? == 1 {
             return Ok(None);
         }
         let or_part = |given: u64, of: u64| if given > 0 { given } else { of };
@@ -269,7 +264,7 @@ impl<'a> Cutter<'a> {
     fn blocks(&self, file: &mut AtomicFile, max_bytes: Option<u64>) -> Result<Vec<Block>> {
         let positions: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
         let inner: Vec<Vec3> = self.inner().map(|i| self.middles[i]).collect();
-        let cores = cut(&inner, self.planner.count()?, &Surroundings::of(&positions));
+        let cores = cut(&inner, self.planner.options.count()?, &Surroundings::of(&positions));
         let owners = owners(&self.middles, &cores);
         let mut held = vec![Vec::new(); cores.len()];
         self.inner().for_each(|i| held[owners[i] as usize].push(self.middles[i]));

@@ -5,12 +5,10 @@ use super::manifest::{Block, Manifest, PlannedPhoto};
 use super::plan::planned_photos;
 use super::source;
 use glam::DVec3;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera, input};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera};
 use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 
 /// Default number of checkpoints that a task writes.
@@ -22,28 +20,6 @@ pub struct Task {
     manifest: Manifest,
     folder: PathBuf,
     index: usize,
-}
-
-/// What a task took, beside its result.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[schemars(title = "trisplat figures of a trained block")]
-pub struct BlockFigures {
-    /// Index of the block.
-    pub block: u64,
-    /// Photos it was trained on.
-    pub photos: u64,
-    /// Steps made.
-    pub steps: u64,
-    /// Triangles of its result, halo included.
-    pub triangles: u64,
-    /// Triangles that were only drawn.
-    pub frozen: u64,
-    /// PSNR on its photos as drawn last, dB.
-    pub psnr: Option<f64>,
-    /// CPU seconds of the training, all processes that had a part in it.
-    pub cpu_secs: f64,
-    /// Most memory that the last process held, bytes.
-    pub peak_bytes: u64,
 }
 
 impl Task {
@@ -71,11 +47,6 @@ impl Task {
     /// Where its soup goes; when it is there the task is done.
     pub fn output(&self) -> PathBuf {
         self.file("ply")
-    }
-
-    /// Where its figures go.
-    pub fn figures(&self) -> PathBuf {
-        self.file("json")
     }
 
     /// Where it stands when it was stopped.
@@ -176,20 +147,6 @@ impl Task {
     pub fn finished(&self, trained: Trained, cameras: Vec<Camera>) -> Trained {
         Trained { cameras, ..unnamed(trained) }
     }
-
-    /// The figures of what was trained.
-    pub fn figures_of(&self, trained: &Trained) -> BlockFigures {
-        BlockFigures {
-            block: self.index as u64,
-            photos: self.block().photos.len() as u64,
-            steps: trained.steps.saturating_sub(self.block().first_step),
-            triangles: trained.soup.len() as u64,
-            frozen: self.block().frozen,
-            psnr: trained.curve.last().map(|sample| sample.psnr),
-            cpu_secs: trained.cpu_secs,
-            peak_bytes: trisplat_scene::process::peak_bytes(),
-        }
-    }
 }
 
 /// What was trained, without the name of its data set: files of a plan are the same wherever the photos lie.
@@ -197,26 +154,12 @@ pub fn unnamed(trained: Trained) -> Trained {
     Trained { provenance: Provenance { source: None, ..trained.provenance }, ..trained }
 }
 
-/// The state of every block of a plan in `folder`: "done" when its result exists, "begun" when a checkpoint does, or "waiting"; and what it
-/// took.
-///
-/// Errors: figures that cannot be read.
-pub fn status(
-    manifest: &Manifest,
-    folder: &Path,
-    limits: &Limits,
-) -> Result<Vec<(&'static str, Option<BlockFigures>)>> {
-    let block = |(index, block): (usize, &Block)| {
-        let file = |ending: &str| folder.join(block.file(index, ending));
-        let state = match (file("ply").is_file(), file("checkpoint").is_file()) {
-            (true, _) => "done",
-            (false, true) => "begun",
-            (false, false) => "waiting",
-        };
-        let figures = file("json");
-        let text = figures.is_file().then(|| input::read_text(&figures, limits)).transpose()?;
-        // Figures are for people: broken ones are none.
-        Ok((state, text.and_then(|text| serde_json::from_str(&text).ok())))
-    };
-    manifest.blocks.iter().enumerate().map(block).collect()
+/// The state of a block of a plan in `folder`: "done" when its result exists, "begun" when a checkpoint does, or "waiting".
+pub fn status(folder: &Path, block: &Block, index: usize) -> &'static str {
+    let is_there = |ending: &str| folder.join(block.file(index, ending)).is_file();
+    match (is_there("ply"), is_there("checkpoint")) {
+        (true, _) => "done",
+        (false, true) => "begun",
+        (false, false) => "waiting",
+    }
 }

@@ -60,7 +60,7 @@ fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Place
     let mut scene = match &plan.coarse {
         Some(coarse) => source::read(blocks.folder(), coarse, &plan.dataset_options.limits)?,
         None => {
-            let OwnedBlock { rest, provenance, cameras, .. } = blocks.read(0)?.0;
+            let OwnedBlock { rest, provenance, cameras, .. } = blocks.read(0)?;
             ImportedScene { provenance, cameras, ..ImportedScene::from(rest) }
         }
     };
@@ -119,7 +119,7 @@ impl City<'_> {
 
     /// The tiles of one block.
     fn block(&mut self, index: usize) -> Result<Option<Node>> {
-        let (OwnedBlock { shell, rest, cameras, .. }, _) = self.blocks.read(index)?;
+        let OwnedBlock { shell, rest, cameras, .. } = self.blocks.read(index)?;
         self.shell.append(shell);
         if rest.is_empty() {
             (self.done)(index, 0);
