@@ -28,7 +28,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::parallel;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct SoftRasterizer {
     projection: Projection,
     tiles: Tiles,
@@ -36,22 +36,8 @@ pub struct SoftRasterizer {
     slots: GradSlots,
     weights: Vec<WeightSlot>,
     frame: Frame,
-    /// Most pairs of splats and tiles drawn at once; tests set fewer.
-    pairs_per_slab: u64,
-}
-
-impl Default for SoftRasterizer {
-    fn default() -> Self {
-        Self {
-            projection: Projection::default(),
-            tiles: Tiles::default(),
-            pixels: Vec::new(),
-            slots: GradSlots::default(),
-            weights: Vec::new(),
-            frame: Frame::default(),
-            pairs_per_slab: slabs::PAIRS_PER_SLAB,
-        }
-    }
+    /// Most pairs of splats and tiles drawn at once, where tests set fewer than usual.
+    pairs_per_slab: Option<u64>,
 }
 
 impl SoftRasterizer {
@@ -77,9 +63,10 @@ impl SoftRasterizer {
         self.projection.order();
         let Self { projection, tiles, pixels, weights, .. } = self;
         let (splats, size) = (&projection.splats, camera.size);
-        if slabs::are_needed(splats, size, options, self.pairs_per_slab) {
+        let pairs = self.pairs_per_slab.unwrap_or(slabs::PAIRS_PER_SLAB);
+        if slabs::are_needed(splats, size, options, pairs) {
             let mut target = SlabTarget { tiles, pixels, weights };
-            target.draw(splats, size, options, counted, self.pairs_per_slab);
+            target.draw(splats, size, options, counted, pairs);
         } else {
             tiles.bin(splats, size, options.window);
             forward::draw(splats, tiles, Slab::Whole, pixels, weights, options, counted);

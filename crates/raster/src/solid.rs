@@ -20,15 +20,13 @@
 mod bin;
 mod bins;
 mod fill;
-mod planes;
 mod projector;
 mod resolve;
 mod shade;
 mod visibility;
 
-pub use planes::{Nearest, PlaneTile};
 pub use resolve::SolidRasterOptions;
-pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
+pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Nearest, PlaneTile, Visibility};
 
 use bin::{Faces, PAIRS_PER_ROUND, rounds};
 use bins::Batch;
@@ -36,18 +34,12 @@ use projector::Projector;
 use trisplat_scene::{camera::Camera, image::RgbImage, mesh::Mesh};
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct SolidRasterizer {
     batches: Vec<Batch>,
     visibility: Visibility,
-    /// Most pairs of triangles and tiles in the bins at once; tests set fewer.
-    pairs_per_round: usize,
-}
-
-impl Default for SolidRasterizer {
-    fn default() -> Self {
-        Self { batches: Vec::new(), visibility: Visibility::default(), pairs_per_round: PAIRS_PER_ROUND }
-    }
+    /// Most pairs of triangles and tiles in the bins at once, where tests set fewer than usual.
+    pairs_per_round: Option<usize>,
 }
 
 impl SolidRasterizer {
@@ -56,19 +48,25 @@ impl SolidRasterizer {
         Self::default()
     }
 
+    fn pairs(&self) -> usize {
+        self.pairs_per_round.unwrap_or(PAIRS_PER_ROUND)
+    }
+
     /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> RgbImage {
         let projector = Projector::new(camera, options.samples, options.near);
-        let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
+        let pairs = self.pairs();
+        let faces = binned(&mut self.batches, mesh, &projector, pairs);
         resolve::picture(&faces, mesh, &projector, options)
     }
 
     /// The face and depth that every sample sees.
     pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> &Visibility {
         let projector = Projector::new(camera, options.samples, options.near);
-        let faces = binned(&mut self.batches, mesh, &projector, self.pairs_per_round);
+        let pairs = self.pairs();
+        let faces = binned(&mut self.batches, mesh, &projector, pairs);
         resolve::export(&faces, &projector, &mut self.visibility);
         &self.visibility
     }
@@ -84,8 +82,8 @@ impl SolidRasterizer {
         on_tile: impl Fn(&PlaneTile<'_>) + Sync,
     ) {
         let projector = Projector::new(camera, options.samples, options.near);
-        let pairs = self.pairs_per_round;
-        planes::planes(&mut self.batches, mesh, &projector, pairs, (planes, plane_of), on_tile);
+        let pairs = self.pairs();
+        visibility::planes(&mut self.batches, mesh, &projector, pairs, (planes, plane_of), on_tile);
     }
 }
 
@@ -133,12 +131,14 @@ mod tests {
         let (mesh, camera) = (deep(6000), camera());
         for samples in [1, 2] {
             let options = SolidRasterOptions { samples, ..SolidRasterOptions::default() };
-            let mut whole = SolidRasterizer { pairs_per_round: usize::MAX, ..SolidRasterizer::default() };
+            let mut whole =
+                SolidRasterizer { pairs_per_round: Some(usize::MAX), ..SolidRasterizer::default() };
             let picture = whole.render(&mesh, &camera, &options);
             whole.visibility(&mesh, &camera, &options);
-            for pairs_per_round in [1, 5000, 40_000] {
-                let mut rounds = SolidRasterizer { pairs_per_round, ..SolidRasterizer::default() };
-                assert!(rounds.render(&mesh, &camera, &options) == picture, "{pairs_per_round}");
+            for pairs in [1, 5000, 40_000] {
+                let mut rounds =
+                    SolidRasterizer { pairs_per_round: Some(pairs), ..SolidRasterizer::default() };
+                assert!(rounds.render(&mesh, &camera, &options) == picture, "{pairs}");
                 assert!(*rounds.visibility(&mesh, &camera, &options) == whole.visibility);
             }
         }
@@ -149,7 +149,7 @@ mod tests {
         let flat = |z: f32| [Vec3::new(-30.0, -30.0, z), Vec3::new(30.0, -30.0, z), Vec3::new(0.0, 60.0, z)];
         let positions = (0..20_000).flat_map(|i| flat(2.0 + 1e-4 * (i * 7919 % 20_000) as f32)).collect();
         let mesh = Mesh { positions, colors: Colors::Face(vec![[0.5; 3]; 20_000]), ..Mesh::default() };
-        let mut solid = SolidRasterizer { pairs_per_round: 2000, ..SolidRasterizer::default() };
+        let mut solid = SolidRasterizer { pairs_per_round: Some(2000), ..SolidRasterizer::default() };
         let seen = solid.visibility(&mesh, &camera(), &SolidRasterOptions::default());
         assert!(seen.face.iter().all(|face| *face == 0));
         let held: usize = solid.batches.iter().flat_map(|b| &b.bins).map(|bin| bin.large.capacity()).sum();

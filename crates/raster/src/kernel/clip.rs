@@ -13,7 +13,7 @@ use trisplat_scene::math::real::Real;
 use trisplat_scene::math::vec::V3;
 
 /// A corner of a piece: the point between two corners of the triangle, or the corner itself when both are the same.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PieceCorner {
     /// The corner in front of the plane.
     pub from: u8,

@@ -7,7 +7,7 @@ use super::layers::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelL
 use super::slots::WeightSlot;
 use super::splats::{PREFETCH_AHEAD, Splats};
 use super::tiles::{self, BLOCKS, TILE};
-use super::tiles::{BLANK, TileGeometry, TilePixels};
+use super::tiles::{TileChannel, TileGeometry, TilePixels};
 use super::tiles::{TileEntry, Tiles, split_by_tile};
 use crate::kernel::composite;
 use glam::UVec2;
@@ -116,10 +116,10 @@ impl DrawTile<'_> {
             self.pixels.counted[block] =
                 self.counted.map_or(u16::MAX, |counted| counted.block(self.corner, block));
         }
-        self.pixels.rgb = [BLANK; 3];
+        self.pixels.rgb = [TileChannel::default(); 3];
         if self.options.geometry {
-            let geometry = self.pixels.geometry.get_or_insert_with(|| Box::new(TileGeometry::blank()));
-            **geometry = TileGeometry::blank();
+            let geometry = self.pixels.geometry.get_or_insert_with(Box::default);
+            **geometry = TileGeometry::default();
         }
         alive
     }

@@ -134,6 +134,7 @@ fn raw_color(basis: &[f32; sh::MAX_COEFFICIENTS], coefficients: &[[f32; 3]]) -> 
 type Column = [f32; LANES];
 
 /// Up to sixteen pieces in front of the near plane, in camera space.
+#[derive(Default)]
 pub(super) struct PieceGroup {
     first: [Column; 3],
     edges: [[Column; 3]; 2],
@@ -142,21 +143,6 @@ pub(super) struct PieceGroup {
     triangle: [u32; LANES],
     piece: [Piece; LANES],
     len: usize,
-}
-
-impl Default for PieceGroup {
-    fn default() -> Self {
-        let zero = [0.0; LANES];
-        Self {
-            first: [zero; 3],
-            edges: [[zero; 3]; 2],
-            opacity: zero,
-            sigma: zero,
-            triangle: [0; LANES],
-            piece: [clip::WHOLE; LANES],
-            len: 0,
-        }
-    }
 }
 
 /// The splats of a group, number by number; arbitrary where not drawn.

@@ -118,7 +118,7 @@ mod tests {
     fn all(soup: &Soup, options: &SoftOptions, pairs: u64) -> (SoftRasterizer, SoupGrad, Importance) {
         let (camera, soup) = (camera(), SoupRef::from(soup));
         let (mut soft, mut grad) = (SoftRasterizer::new(), SoupGrad::default());
-        soft.pairs_per_slab = pairs;
+        soft.pairs_per_slab = Some(pairs);
         soft.render(&soup, &camera, options);
         let mut importance = Importance::new(soup.len());
         soft.accumulate_importance(&mut importance);

@@ -94,7 +94,7 @@ pub(super) struct TilePixels {
 }
 
 /// Depth, normal and distortion of a tile's pixels.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct TileGeometry {
     pub(super) depth: TileChannel,
     pub(super) median: TileChannel,
@@ -106,25 +106,10 @@ pub(super) struct TileGeometry {
     pub(super) sums: [TileChannel; 3],
 }
 
-/// A channel of zeros.
-pub(super) const BLANK: TileChannel = [[0.0; LANES]; BLOCKS];
-
 impl Default for TilePixels {
     fn default() -> Self {
-        Self { transmittance: BLANK, rgb: [BLANK; 3], alive: 0, counted: [u16::MAX; BLOCKS], geometry: None }
-    }
-}
-
-impl TileGeometry {
-    pub(super) fn blank() -> Self {
-        Self {
-            depth: BLANK,
-            median: BLANK,
-            normal: [BLANK; 3],
-            distortion: BLANK,
-            anchor: BLANK,
-            sums: [BLANK; 3],
-        }
+        let zero = TileChannel::default();
+        Self { transmittance: zero, rgb: [zero; 3], alive: 0, counted: [u16::MAX; BLOCKS], geometry: None }
     }
 }
 

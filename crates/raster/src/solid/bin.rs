@@ -67,7 +67,7 @@ impl Work for BinFaces<'_> {
     fn run<L: Lanes>(self) {
         let Self { mesh, projector, batch, across, hidden, pairs } = self;
         let mut out = BinWriter { batch, across, size: projector.size.as_ivec2().to_array(), hidden };
-        let mut group = FaceGroup::new();
+        let mut group = FaceGroup::default();
         while !out.batch.left.is_empty() && out.batch.pairs <= pairs {
             let start = out.batch.left.start;
             let count = GROUP.min(out.batch.left.len());
@@ -100,6 +100,7 @@ impl Action {
 type FaceValues = [f32; GROUP];
 
 /// Sixteen faces as a structure of arrays.
+#[derive(Default)]
 struct FaceGroup {
     /// Corner by corner, axis by axis.
     world: [[FaceValues; 3]; 3],
@@ -110,17 +111,6 @@ struct FaceGroup {
 }
 
 impl FaceGroup {
-    fn new() -> Self {
-        let zero = [0; GROUP];
-        Self {
-            world: [[[0.0; GROUP]; 3]; 3],
-            x: [zero; 3],
-            y: [zero; 3],
-            w: [[0.0; GROUP]; 3],
-            action: [Action::SKIP; GROUP],
-        }
-    }
-
     /// Loops instead of `map`, which is not inlined.
     #[inline(always)]
     fn load(&mut self, mesh: &Mesh, start: usize, count: usize) {
