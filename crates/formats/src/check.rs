@@ -3,16 +3,14 @@
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
 //! finding, with their number and the first few places.
 
-pub use crate::findings::{Finding, Severity};
-
-use super::read::{detect, read_as};
-use super::{bvh, check_triangles, html};
-use crate::findings::{Findings, Positions};
-use crate::{Format, ReadOptions, Source, gltf};
+use crate::read::{detect, read_as};
+use crate::{Format, ReadOptions, Source, bvh, gltf, html};
+use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, mesh::Mesh};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, Soup, parallel};
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -74,9 +72,9 @@ fn check_loaded(
         findings.warning("file", warning);
     }
     match &loaded.scene {
-        Scene::Soup(soup) => check_triangles::check_soup(soup, findings),
+        Scene::Soup(soup) => check_soup(soup, findings),
         Scene::Mesh(mesh) => {
-            check_triangles::check_mesh(mesh, findings);
+            check_mesh(mesh, findings);
             if matches!(format, Format::Glb | Format::Gltf) {
                 let mut scene = loaded.clone();
                 scene.take_backdrop();
@@ -121,4 +119,149 @@ fn check_hierarchy(path: &Path, mesh: &Mesh, limits: &Limits, findings: &mut Fin
         }
     }
     Ok(())
+}
+
+// ---- Triangles that an engine draws badly or not at all, in any format -------------------------------
+
+/// Largest side of a texture that today's phones draw, texels.
+const LARGEST_TEXTURE: u32 = 4096;
+/// Most places that a finding names.
+const NAMED: usize = 3;
+
+pub(super) fn check_soup(soup: &Soup, findings: &mut Findings) {
+    check_corners(soup.len(), |i| soup.vertices[i], findings);
+    let bright = list(soup.len(), |i| !soup.rgb(i).iter().all(|c| (0.0..=1.0).contains(c)));
+    report(&bright, findings, Severity::Note, "have a colour outside 0 to 1, which the bake clamps");
+}
+
+pub(super) fn check_mesh(mesh: &Mesh, findings: &mut Findings) {
+    check_corners(mesh.face_count(), |face| mesh.corners(face), findings);
+    let faint = list(mesh.opacity.len(), |face| mesh.opacity[face] < 1.0);
+    report(&faint, findings, Severity::Warning, "are translucent: engines sort and blend them per object");
+    if let Some(texture) = &mesh.texture {
+        let sizes = texture.pages.iter().map(|page| page.size());
+        if let Some(size) = sizes.max_by_key(|size| size.max_element())
+            && size.max_element() > LARGEST_TEXTURE
+        {
+            let what = format!("{}x{} texels: phones draw {LARGEST_TEXTURE} a side at most", size.x, size.y);
+            findings.warning("texture", what);
+        }
+    }
+    if let Colors::Vertex(_) = mesh.colors
+        && !mesh.indices.is_empty()
+    {
+        let mut used = vec![false; mesh.vertex_count()];
+        mesh.indices.iter().for_each(|&v| used[v as usize] = true);
+        let unused = used.iter().filter(|used| !**used).count();
+        if unused > 0 {
+            findings.warning("vertices", format!("{unused} of {} belong to no triangle", used.len()));
+        }
+    }
+}
+
+/// Degenerate triangles. glTF validators miss them: they look at equal indices, not at equal positions.
+fn check_corners(count: usize, corners: impl Fn(usize) -> [Vec3; 3] + Sync, findings: &mut Findings) {
+    let is_coincident = |[a, b, c]: [Vec3; 3]| a == b || b == c || a == c;
+    let coincident = list(count, |i| is_coincident(corners(i)));
+    report(&coincident, findings, Severity::Warning, "have two corners in one place and cannot be seen");
+    let flat = list(count, |i| {
+        let [a, b, c] = corners(i).map(Vec3::as_dvec3);
+        !is_coincident(corners(i)) && (b - a).cross(c - a) == glam::DVec3::ZERO
+    });
+    report(&flat, findings, Severity::Warning, "have their corners on a line and cannot be seen");
+}
+
+fn list(count: usize, is_bad: impl Fn(usize) -> bool + Sync) -> Vec<usize> {
+    parallel::filter_map(count, 1 << 14, |i| is_bad(i).then_some(i))
+}
+
+fn report(bad: &[usize], findings: &mut Findings, severity: Severity, what: &str) {
+    if !bad.is_empty() {
+        findings.add(severity, format!("triangles {}", places(bad)), format!("{} {what}", bad.len()));
+    }
+}
+
+/// "5, 17, 230 and 12 more".
+fn places(numbers: &[usize]) -> String {
+    let named: Vec<String> = numbers.iter().take(NAMED).map(usize::to_string).collect();
+    let more = numbers.len() - named.len();
+    let named = named.join(", ");
+    if more == 0 { named } else { format!("{named} and {more} more") }
+}
+
+// ---- Findings, and the list that collects them -------------------------------------------------------
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// A note that needs no action.
+    Note,
+    /// The file works, but less well than it could.
+    Warning,
+    /// The file breaks its format's rules or cannot be drawn.
+    Error,
+}
+
+/// One thing found.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// Where: "accessor 3", "triangles 5, 17, 230 and 12 more".
+    pub place: String,
+    /// The fault and the remedy.
+    pub what: String,
+}
+
+/// Collects findings.
+#[derive(Debug, Default)]
+pub(crate) struct Findings {
+    /// In the order of the file.
+    pub(crate) list: Vec<Finding>,
+    /// How the file stores positions.
+    pub(crate) positions: Positions,
+}
+
+/// Whether the positions of a file are bitwise those of the bake, in the same order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Positions {
+    /// As floats, unchanged.
+    #[default]
+    AsBaked,
+    /// Quantised or compressed.
+    Encoded,
+}
+
+impl Findings {
+    /// Adds one thing found at `place`.
+    pub(crate) fn add(&mut self, severity: Severity, place: impl Into<String>, what: impl Into<String>) {
+        self.list.push(Finding { severity, place: place.into(), what: what.into() });
+    }
+
+    /// Adds a fault.
+    pub(crate) fn error(&mut self, place: impl Into<String>, what: impl Into<String>) {
+        self.add(Severity::Error, place, what);
+    }
+
+    /// Adds a warning.
+    pub(crate) fn warning(&mut self, place: impl Into<String>, what: impl Into<String>) {
+        self.add(Severity::Warning, place, what);
+    }
+
+    /// True when this place has a finding already.
+    pub(crate) fn has_place(&self, place: &str) -> bool {
+        self.list.iter().any(|finding| finding.place == place)
+    }
+
+    /// Turns the error of a broken file into a finding; errors of the system stay errors.
+    pub(crate) fn take(&mut self, error: Error) -> Result<()> {
+        match error {
+            Error::Io { .. } => return Err(error),
+            Error::Malformed { at, reason, .. } => self.error(at, reason),
+            Error::Unsupported { reason, .. } => self.error("file", reason),
+            other => self.error("file", other.to_string()),
+        }
+        Ok(())
+    }
 }

@@ -1,10 +1,38 @@
-//! Reads a file of any format, triangles or Gaussians.
+//! What the caller will use of a file, and the limits that apply to it.
 
-use super::read::{detect, read_as};
-use crate::gltf;
-use crate::{Format, ReadOptions, Source, splats};
+use crate::output::{Beside, Output, OutputOptions};
+use crate::read::{detect, read_as};
+use crate::{Format, Source, gltf, output, splats};
+use std::ops::ControlFlow::Continue;
 use std::path::Path;
-use trisplat_scene::{ImportedScene, ImportedSplats, Limits, Result, Splats};
+use trisplat_scene::report::{OutputReport, Report};
+use trisplat_scene::{Asset, ImportedScene, ImportedSplats, Limits, Result, Splats};
+
+/// The parts of a file to load, and the limits for it. By default everything, within the default limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Highest degree of spherical harmonics to load, 0 to 3; the bake asks for 0. The rest is skipped on disk.
+    pub sh_degree: u8,
+    /// Limits on the file.
+    pub limits: Limits,
+    /// Whether a glTF document may name files outside its folder.
+    pub allow_outside: bool,
+}
+
+impl ReadOptions {
+    /// Spherical harmonics up to that degree, and the default limits.
+    pub const fn with_degree(sh_degree: u8) -> Self {
+        Self { sh_degree, limits: Limits::DEFAULT, allow_outside: false }
+    }
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        Self::with_degree(3)
+    }
+}
+
+// ---- Reads a file of any format, triangles or Gaussians ----------------------------------------------
 
 /// What a file holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +53,7 @@ impl Content {
     }
 }
 
-/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](super::read()) refuses Gaussians. These come with
+/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](crate::read()) refuses Gaussians. These come with
 /// all their spherical harmonics, because they are drawn.
 ///
 /// # Errors
@@ -68,4 +96,58 @@ pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions)
         Format::Glb | Format::Gltf => gltf::read_splats(source, options),
         _ => splats::read_as(format, source, options),
     }
+}
+
+// ---- The plain case of writing: an asset and a file name ---------------------------------------------
+
+/// What [`write()`] wrote.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WrittenFiles {
+    /// Every file and its size: the requested one first, then those beside it.
+    pub files: Vec<OutputReport>,
+    /// Notes for the user, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
+///
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
+/// texture, a BVH, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
+/// when all of them are complete. Existing files are replaced.
+///
+/// ```
+/// use trisplat_scene::Asset;
+/// use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+/// use trisplat_scene::mesh::{Colors, Mesh};
+///
+/// let mesh = Mesh {
+///     positions: vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y],
+///     colors: Colors::Face(vec![[1.0, 0.5, 0.0]]), // linear RGB
+///     ..Mesh::default()
+/// };
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("triangle.glb");
+/// let written = formats::write(&Asset::from(mesh), &path, &OutputOptions::default())?;
+/// assert_eq!(written.files.len(), 1);
+/// let back = formats::read(&path, &ReadOptions::default())?;
+/// assert_eq!(back.scene.triangle_count(), 1);
+/// # Ok::<(), trisplat_scene::Error>(())
+/// ```
+///
+/// # Errors
+/// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge` for a scene
+/// that exceeds the format; `Io`.
+pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
+    let beside = Beside {
+        bvh: asset.bvh.is_some(),
+        levels: asset.levels.len(),
+        backdrop: asset.backdrop_apart,
+        sky: asset.sky.is_some(),
+        collision: asset.collision.is_some(),
+        texture: asset.mesh.texture.is_some(),
+    };
+    let output = Output::of_scene(path, None, options, &beside)?;
+    let mut report = Report::new("write");
+    output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
+    Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
 }

@@ -4,7 +4,14 @@
 //! Polygons", Graphics Gems III) and its ears are clipped by the crate `earcut`, so that concave polygons of a plane keep their outline.
 
 use earcut::Earcut;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::parallel::GRAIN;
+use trisplat_scene::{Error, FaceTexture, Result, Texture, parallel};
 
 /// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
 pub const MAX_CORNERS: usize = 1 << 12;
@@ -15,7 +22,7 @@ pub(super) fn not_a_triangle(corners: i64) -> String {
 }
 
 /// The number of corners of a face if it is within the limit; otherwise the message.
-pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
+pub(super) fn check_corners(corners: i64) -> std::result::Result<usize, String> {
     match usize::try_from(corners) {
         Ok(count @ 3..=MAX_CORNERS) => Ok(count),
         Ok(count @ 3..) => Err(format!(
@@ -68,7 +75,7 @@ impl Faces {
     }
 
     /// Adds a face. Fails, with the reason, when it has too few or too many corners.
-    pub(super) fn push(&mut self, corners: &[u32]) -> Result<(), String> {
+    pub(super) fn push(&mut self, corners: &[u32]) -> std::result::Result<(), String> {
         let count = check_corners(i64::try_from(corners.len()).unwrap_or(i64::MAX))?;
         let first = self.indices.len() / 3;
         if count > 3 {
@@ -181,6 +188,128 @@ impl Cutter {
         let around: f64 = turns().map(|(a, b)| a.angle_to(*b)).sum();
         turns().all(|(a, b)| a.perp_dot(*b) > -1e-6) && around < 1.5 * std::f64::consts::TAU
     }
+}
+
+// ---- Colour channels from floats: sRGB-encoded, usually but not always in [0, 1] ---------------------
+
+/// A channel above this is not an overshoot but has another scale.
+const OVERSHOOT: f32 = 2.0;
+
+/// Counts clamped values.
+#[derive(Debug, Default)]
+pub(super) struct Clamped {
+    count: usize,
+    largest: f32,
+}
+
+impl Clamped {
+    /// The channel in [0, 1]; NaN when it is not finite, so that its triangle is dropped and counted.
+    #[inline]
+    pub(super) fn channel(&mut self, value: f32) -> f32 {
+        if (0.0..=1.0).contains(&value) {
+            return value;
+        }
+        if !value.is_finite() {
+            return f32::NAN;
+        }
+        self.count += 1;
+        self.largest = self.largest.max(value);
+        value.clamp(0.0, 1.0)
+    }
+
+    /// Adds what another thread counted.
+    pub(super) fn merge(&mut self, other: Clamped) {
+        self.count += other.count;
+        self.largest = self.largest.max(other.largest);
+    }
+
+    /// A warning when values were clamped, an error when they are on another scale altogether.
+    pub(super) fn report(&self, path: &Path, warnings: &mut Vec<String>) -> Result<()> {
+        if self.largest > OVERSHOOT {
+            let reason = format!(
+                "float colours reach {}; floats must lie in 0 to 1: divide by 255, or write integers \
+                 where the format has them",
+                self.largest
+            );
+            return Err(Error::malformed(path, "colours", reason));
+        }
+        if self.count > 0 {
+            warnings.push(format!("{} colour values outside 0 to 1 were clamped", self.count));
+        }
+        Ok(())
+    }
+}
+
+// ---- Textures of an input mesh: kept if pictures paint the whole mesh, else turned into a colour per face ----
+
+/// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
+const MOST_PAGES: usize = 256;
+
+/// The textured faces of a part of a mesh, and the places of their corners on the texture.
+pub(crate) struct PaintedFaces {
+    /// Number of the picture.
+    pub image: usize,
+    /// Consecutive faces of the mesh.
+    pub faces: Range<usize>,
+    /// Places of their corners on the picture, each from 0 to 1 and beyond.
+    pub uvs: Vec<[Vec2; 3]>,
+    /// Nothing else colours them.
+    pub plain: bool,
+}
+
+/// Paints the faces of a mesh, in its order, with those `textures` that could be read. Returns notes for the
+/// user.
+pub(crate) fn paint(
+    mesh: &mut Mesh,
+    painted: Vec<PaintedFaces>,
+    textures: &BTreeMap<usize, Option<Arc<Texture>>>,
+) -> Option<String> {
+    let covered: usize = painted.iter().map(|painted| painted.faces.len()).sum();
+    let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
+    let plain = painted.iter().all(|painted| painted.plain && painted.uvs.as_flattened().iter().all(within));
+    let readable: BTreeMap<usize, &Arc<Texture>> =
+        textures.iter().filter_map(|(number, texture)| Some((*number, texture.as_ref()?))).collect();
+    if readable.is_empty() {
+        return None;
+    }
+    let all_readable = painted.iter().all(|painted| readable.contains_key(&painted.image));
+    if plain && covered == mesh.face_count() && all_readable && readable.len() <= MOST_PAGES {
+        let texture = pages(painted, &readable);
+        mesh.colors = Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
+        mesh.texture = Some(texture);
+        return None;
+    }
+    let mean = |face: usize| {
+        let [a, b, c] = mesh.corner_colors(face);
+        [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
+    };
+    let mut colors: Vec<[f32; 3]> = parallel::collect(mesh.face_count(), GRAIN, mean);
+    for painted in painted {
+        let Some(Some(texture)) = textures.get(&painted.image) else { continue };
+        // Repeated pictures start again at every whole number.
+        let repeated = |uvs: &[Vec2; 3]| {
+            let first = ((uvs[0] + uvs[1] + uvs[2]) / 3.0).floor();
+            uvs.map(|uv| uv - first)
+        };
+        let texture = FaceTexture::new(painted.uvs.iter().map(repeated).collect(), texture.clone());
+        for (face, color) in colors[painted.faces].iter_mut().enumerate() {
+            let mean = texture.mean(face);
+            (0..3).for_each(|c| color[c] *= mean[c]);
+        }
+    }
+    mesh.colors = Colors::Face(colors);
+    Some("textures became one colour per triangle: only pictures that paint all of a scene, without repetition, are kept".to_owned())
+}
+
+/// The pictures of faces as pages.
+fn pages(painted: Vec<PaintedFaces>, readable: &BTreeMap<usize, &Arc<Texture>>) -> FaceTexture {
+    let number = |image: usize| readable.range(..image).count() as u16;
+    let page_of: Vec<u16> = match readable.len() {
+        1 => Vec::new(),
+        _ => painted.iter().flat_map(|p| std::iter::repeat_n(number(p.image), p.faces.len())).collect(),
+    };
+    let uvs = painted.into_iter().flat_map(|painted| painted.uvs).collect();
+    FaceTexture { uvs, pages: readable.values().map(|texture| Arc::clone(texture)).collect(), page_of }
 }
 
 #[cfg(test)]

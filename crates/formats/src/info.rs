@@ -1,11 +1,11 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
-use super::content::{Content, format_of_splats, read_splats};
 use super::html;
 use super::read::{detect, read_as};
 use crate::Format;
 use crate::ReadOptions;
 use crate::Source;
+use crate::content::{Content, format_of_splats, read_splats};
 use crate::gltf::{GltfInfo, gltf_info};
 use glam::Vec3;
 use schemars::JsonSchema;

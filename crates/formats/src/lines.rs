@@ -1,11 +1,13 @@
 //! A text file line by line, with line numbers for messages.
 
-use super::source::Source;
+use crate::source::Source;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io;
+use std::io::{BufRead, BufReader, Read, Seek, Write};
 use std::path::Path;
 use std::str::FromStr;
-use trisplat_scene::{Error, Result, input::BYTE_ORDER_MARK};
+use trisplat_scene::input::BYTE_ORDER_MARK;
+use trisplat_scene::{Error, Result, parallel};
 
 /// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;
@@ -91,5 +93,78 @@ pub(super) fn clip(text: &str) -> String {
     match text.char_indices().nth(60) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text.to_owned(),
+    }
+}
+
+// ---- Numbers as text, in as few digits as read back equal --------------------------------------------
+
+/// Appends `value`.
+pub(super) fn push_float(block: &mut Vec<u8>, value: f32) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(value);
+    block.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+/// Appends `value`.
+pub(super) fn push_integer(block: &mut Vec<u8>, mut value: u64) {
+    let mut digits = [b'0'; 20];
+    let mut at = digits.len();
+    loop {
+        at -= 1;
+        digits[at] = b'0' + (value % 10) as u8;
+        value /= 10;
+        if value == 0 {
+            break;
+        }
+    }
+    block.extend_from_slice(&digits[at..]);
+}
+
+// ---- Rows formatted on all threads, written in order -------------------------------------------------
+
+/// Rows per thread and block.
+const ROWS: usize = 1 << 13;
+
+/// Writes rows 0 to `count`; `push` appends one row to a buffer.
+pub(super) fn write_blocks(
+    out: &mut dyn Write,
+    count: usize,
+    push: impl Fn(usize, &mut Vec<u8>) + Sync,
+) -> io::Result<()> {
+    let lanes = parallel::threads().max(1);
+    let mut blocks = vec![Vec::new(); lanes];
+    for round in (0..count).step_by(ROWS * lanes) {
+        parallel::for_each(&mut blocks, |lane, block| {
+            block.clear();
+            let first = round + lane * ROWS;
+            for row in first..(first + ROWS).min(count) {
+                push(row, block);
+            }
+        });
+        for block in &blocks {
+            out.write_all(block)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_and_floats_are_written_short_and_read_back_equal() {
+        for value in [0, 7, 10, 4_294_967_295, u64::MAX] {
+            let mut text = Vec::new();
+            push_integer(&mut text, value);
+            assert_eq!(String::from_utf8_lossy(&text), value.to_string());
+        }
+        for value in [0.0f32, -1.0, 0.1, 1e-45, f32::MAX, -1.234_567_9e-8, 16_777_216.0] {
+            let mut text = Vec::new();
+            push_float(&mut text, value);
+            let text = String::from_utf8_lossy(&text).into_owned();
+            assert_eq!(text.parse::<f32>().map(f32::to_bits), Ok(value.to_bits()), "{text}");
+            assert!(text.len() <= 15, "{text}");
+        }
     }
 }

@@ -7,16 +7,16 @@
 
 mod materials;
 
-use super::blocks::write_blocks;
-use super::channel::Clamped;
-use super::digits::{push_float, push_integer};
+use super::content::ReadOptions;
 use super::faces::Faces;
 use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
 use super::provenance;
-use super::read_options::ReadOptions;
 use super::source::Source;
+use crate::faces::Clamped;
+use crate::lines::write_blocks;
+use crate::lines::{push_float, push_integer};
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
 use trisplat_scene::{

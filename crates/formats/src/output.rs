@@ -2,8 +2,6 @@
 
 mod beside;
 mod encode;
-mod of_levels;
-mod stale;
 
 use super::bvh;
 use super::levels::EngineLevels;

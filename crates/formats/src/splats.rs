@@ -3,13 +3,12 @@
 pub(crate) mod build;
 pub mod cameras;
 mod sog;
-mod splat;
 mod spz;
 
 pub use build::{finish, unit, zeroed};
 
+use super::content::ReadOptions;
 use super::format::Format;
-use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, ply};
 use trisplat_scene::{ImportedSplats, Result, guard::guarded};
@@ -34,7 +33,7 @@ pub fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<
     let path = source.path.clone();
     guarded(&path, || {
         let mut loaded = match format {
-            Format::Splat => splat::read(source, options)?,
+            Format::Splat => build::read(source, options)?,
             Format::Spz => spz::read(source, options)?,
             Format::Sog => sog::read(source, options)?,
             _ => ply::read_splats(source, options)?,

@@ -3,8 +3,8 @@
 //! After the specifications of USD's text form, UsdPreviewSurface and USDZ (openusd.org): nothing is compressed, and the bytes of
 //! every file begin at a multiple of 64.
 
-use super::blocks::write_blocks;
-use super::digits::{push_float, push_integer};
+use crate::lines::write_blocks;
+use crate::lines::{push_float, push_integer};
 use glam::{Vec2, Vec3};
 use std::io::{self, Cursor, Write};
 use trisplat_scene::{

@@ -1,8 +1,8 @@
 //! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
+use super::document::CompressedView;
 use super::document::{Accessor, BufferView, Document, component_type};
-use super::extensions::CompressedView;
 use super::meshopt;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;

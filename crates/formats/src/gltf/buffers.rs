@@ -3,7 +3,7 @@
 //! A binary chunk is never held in memory: elements are read from the file into their final place.
 
 use super::container::{ContainerFile, GlbChunk};
-use super::limits::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
+use super::document::{FREE_UNPACKED_BYTES, MAX_UNPACK_RATIO};
 use super::uri;
 use crate::{ReadOptions, Source};
 use gltf_json::Buffer;

@@ -4,11 +4,11 @@
 use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
+use super::document::QUANTIZATION;
 use super::document::{self, Document};
-use super::extensions::QUANTIZATION;
-use super::limits::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use super::document::{MAX_SHORT_VERTICES, READABLE_BYTES};
 use super::textures;
-use crate::findings::{Findings, Positions, Severity};
+use crate::check::{Findings, Positions, Severity};
 use crate::{ReadOptions, Source};
 use trisplat_scene::{Error, Result};
 

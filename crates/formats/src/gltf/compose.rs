@@ -1,13 +1,11 @@
 //! The JSON document of a scene, composed of `gltf-json`'s types.
 
 use super::container::stream_offsets;
-use super::content::{Content, Picture};
-use super::exact;
-use super::extensions::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
-use super::extras::SceneExtras;
-use super::options::{ColorEncoding, GltfOptions, TextureFormat};
+use super::document::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
+use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use super::uri;
+use super::write::{Content, Picture};
+use super::{encode, uri};
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
@@ -23,15 +21,16 @@ use gltf_json::validation::USize64;
 use gltf_json::{
     Accessor, Asset, Buffer, Image, Index, Material, Mesh, Node, Root, Scene, Value, extensions,
 };
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Map, Result};
 use trisplat_scene::camera::Viewpoint;
+use trisplat_scene::{Provenance, UpAxis};
 
 /// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
 pub(crate) fn json(content: &Content, bin_name: Option<&str>) -> Result<Vec<u8>> {
     let root = root(content, bin_name)?;
-    exact::text(&root, bin_name.is_some())
+    encode::text(&root, bin_name.is_some())
 }
 
 fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
@@ -423,4 +422,50 @@ fn compressed_view(
 /// The objects of an extension.
 fn object(name: &str, object: &impl Serialize) -> Result<Map<String, Value>> {
     Ok(std::iter::once((name.to_owned(), serde_json::to_value(object)?)).collect())
+}
+
+// ---- `asset.extras` of files of this program: provenance and storage of a scene ----------------------
+
+/// Prefix of this program's versions.
+const PROGRAM: &str = "trisplat";
+
+/// Data for undoing the bake's placement and encoding.
+#[derive(Debug, Serialize)]
+pub(crate) struct SceneExtras<'a> {
+    #[serde(flatten)]
+    pub(crate) provenance: &'a Provenance,
+    pub(crate) color_encoding: ColorEncoding,
+    pub(crate) position_encoding: PositionEncoding,
+    /// The file of the panorama: who asks a server for one that is not there is told of an error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) sky: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) note: Option<&'static str>,
+}
+
+/// The part of [`SceneExtras`] that decides how colours are read.
+#[derive(Debug, Default, Deserialize)]
+struct StoredColors {
+    #[serde(default)]
+    color_encoding: ColorEncoding,
+}
+
+/// True when a file of this program says that its COLOR_0 is sRGB-encoded.
+pub(crate) fn has_srgb_colors(asset: &Asset) -> bool {
+    !own_extras::<StoredColors>(asset).color_encoding.is_linear()
+}
+
+/// The file's provenance. glTF is Y-up.
+pub(crate) fn provenance(asset: &Asset) -> Provenance {
+    let mut provenance = own_extras::<Provenance>(asset).possible();
+    provenance.generator = provenance.generator.or_else(|| asset.generator.clone());
+    provenance.up = Some(UpAxis::Y);
+    provenance
+}
+
+/// The extras, if this program wrote the file and can read them.
+fn own_extras<T: Default + for<'de> Deserialize<'de>>(asset: &Asset) -> T {
+    let is_own = asset.generator.as_deref().is_some_and(|generator| generator.starts_with(PROGRAM));
+    let extras = asset.extras.as_ref().filter(|_| is_own);
+    extras.and_then(|extras| serde_json::from_str(extras.get()).ok()).unwrap_or_default()
 }

@@ -12,13 +12,13 @@
 //!
 //! The crate `gltf` reads through these types, so it loses the same.
 
-use super::extensions::{CompressedView, MESHOPT, MESHOPT_KHR};
-use gltf_json::accessor::{self, ComponentType};
+use crate::gaussians;
+use gltf_json::accessor::ComponentType;
 use gltf_json::material::AlphaMode;
-use gltf_json::mesh;
 use gltf_json::validation::Checked;
-use serde::Deserialize;
+use gltf_json::{accessor, mesh};
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IgnoredAny, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 use std::cell::Cell;
@@ -26,7 +26,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
-use trisplat_scene::{Error, Limits, Result, input::BYTE_ORDER_MARK};
+use trisplat_scene::input::BYTE_ORDER_MARK;
+use trisplat_scene::{Error, Limits, Result};
 
 /// Names of extensions, without their content.
 type Names = BTreeMap<String, IgnoredAny>;
@@ -296,3 +297,130 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     }
     deserializer.deserialize_seq(Limited(PhantomData))
 }
+
+// ---- The glTF extensions read and written: their names, and the objects without types in `gltf-json` ----
+
+/// The material shows its colour without lights.
+pub(crate) const UNLIT: &str = "KHR_materials_unlit";
+/// Integer positions.
+pub(crate) const QUANTIZATION: &str = "KHR_mesh_quantization";
+/// Compressed buffer views.
+pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
+/// The later name of [`MESHOPT`].
+pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
+/// Compressed primitives, which are not read.
+pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
+/// Many copies of a node's mesh, which are not read.
+pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// Extensions that a file may require: those that are read, and those that only change the look of a surface.
+const READABLE: [&str; 10] = [
+    gaussians::GLTF_EXTENSION,
+    QUANTIZATION,
+    MESHOPT,
+    MESHOPT_KHR,
+    "KHR_texture_transform",
+    // Its pictures are named in a warning.
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "EXT_texture_avif",
+    "KHR_lights_punctual",
+    // Refused at its use, with a remedy.
+    DRACO,
+];
+
+/// True when a file that requires this extension can be read.
+pub(crate) fn is_readable(name: &str) -> bool {
+    READABLE.contains(&name) || name.starts_with("KHR_materials_")
+}
+
+/// [`MESHOPT`] on a buffer view: the place of its compressed bytes, and their decoded form.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct CompressedView {
+    pub(crate) buffer: usize,
+    #[serde(default)]
+    pub(crate) byte_offset: u64,
+    pub(crate) byte_length: u64,
+    pub(crate) byte_stride: u64,
+    pub(crate) count: u64,
+    /// One of [`CompressionMode`]'s names.
+    pub(crate) mode: String,
+    /// One of [`Filter`]'s names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) filter: Option<String>,
+}
+
+/// [`MESHOPT`] on a buffer: true for a buffer that exists only after decoding.
+#[derive(Debug, Serialize)]
+pub(crate) struct FallbackBuffer {
+    pub(crate) fallback: bool,
+}
+
+/// How a view is compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CompressionMode {
+    Attributes,
+    Triangles,
+    Indices,
+}
+
+/// What is undone after decompression.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Filter {
+    None,
+    Exponential,
+    Color,
+}
+
+impl CompressionMode {
+    /// The name in a document.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Attributes => "ATTRIBUTES",
+            Self::Triangles => "TRIANGLES",
+            Self::Indices => "INDICES",
+        }
+    }
+}
+
+impl CompressedView {
+    /// The mode, or the reason why it is invalid.
+    pub(crate) fn mode(&self) -> std::result::Result<CompressionMode, String> {
+        [CompressionMode::Attributes, CompressionMode::Triangles, CompressionMode::Indices]
+            .into_iter()
+            .find(|mode| mode.name() == self.mode)
+            .ok_or_else(|| format!("has the unknown compression mode {:?}", self.mode))
+    }
+
+    /// The filter; none for filters of other data than positions or colours.
+    pub(crate) fn filter(&self) -> Option<Filter> {
+        match self.filter.as_deref() {
+            None | Some("NONE") => Some(Filter::None),
+            Some("EXPONENTIAL") => Some(Filter::Exponential),
+            Some("COLOR") => Some(Filter::Color),
+            Some(_) => None,
+        }
+    }
+}
+
+// ---- Limits on sizes and counts of files, shared by reading and writing ------------------------------
+
+const GIB: u64 = 1 << 30;
+
+/// Files above this size are written with a warning.
+pub(crate) const WARN_BYTES: u64 = GIB;
+/// The largest signed 32-bit number: Unity's glTFast, JavaScript buffers and older Godot stop here.
+pub(crate) const READABLE_BYTES: u64 = i32::MAX as u64;
+/// GLB lengths are unsigned 32-bit numbers.
+pub(crate) const GLB_BYTES: u64 = u32::MAX as u64;
+/// Chunks of a GLB; glTF 2.0 knows two, and a file of empty chunks has one every 8 bytes.
+pub(crate) const MAX_GLB_CHUNKS: usize = 64;
+/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices costs at
+/// least one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can
+/// promise any number.
+pub(crate) const MAX_UNPACK_RATIO: u64 = 1024;
+/// Permitted unpacked bytes for the smallest files.
+pub(crate) const FREE_UNPACKED_BYTES: u64 = 16 << 20;
+/// Most vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.
+pub(crate) const MAX_SHORT_VERTICES: u64 = u16::MAX as u64;

@@ -1,9 +1,9 @@
 //! Merges the primitives of all meshes into one mesh.
 
 use super::accessor::Accessors;
+use super::document::DRACO;
 use super::document::{Document, Material, Primitive};
-use super::extensions::DRACO;
-use super::nodes::MeshInstance;
+use super::read::MeshInstance;
 use super::textures::PaintedPrimitives;
 use crate::far::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};

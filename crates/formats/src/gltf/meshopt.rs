@@ -3,9 +3,9 @@
 //! The decoders of meshoptimizer tolerate hostile bytes but trust the caller's counts. So counts are limited
 //! here to values that an encoder can reach.
 
+use super::document::MAX_UNPACK_RATIO;
+use super::document::{CompressedView, CompressionMode, Filter};
 use super::encode;
-use super::extensions::{CompressedView, CompressionMode, Filter};
-use super::limits::MAX_UNPACK_RATIO;
 use super::options::GltfOptions;
 use super::part::{ScenePart, Stream, all_streams};
 use trisplat_scene::parallel;

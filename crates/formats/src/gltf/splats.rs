@@ -4,10 +4,11 @@
 
 use super::accessor::Accessors;
 use super::buffers::Buffers;
+use super::compose;
 use super::container::ContainerFile;
 use super::document::{self, Document, limited};
-use super::extras;
-use super::nodes::{self, MeshInstance};
+use super::read;
+use super::read::MeshInstance;
 use crate::far::{origin_of, sampled};
 use crate::gaussians::GLTF_EXTENSION;
 use crate::splats::{cameras, finish, unit, zeroed};
@@ -92,13 +93,14 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
         let document: Document = document::parse(&path, &container.json, &limits)?;
         let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
         super::read::check_support(&path, &document)?;
-        let instances = nodes::instances(&path, &document, &limits)?;
+        let instances = read::instances(&path, &document, &limits)?;
         let buffers = Buffers::new(source, &container, &document.buffers, options);
         let mut reader =
             Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };
         let parts = reader.parts(&own, &instances)?;
         let (splats, origin) = reader.splats(&parts, options)?;
-        let mut loaded = finish(&path, splats, extras::provenance(&document.asset), reader.warnings, origin)?;
+        let mut loaded =
+            finish(&path, splats, compose::provenance(&document.asset), reader.warnings, origin)?;
         cameras::add_beside(&path, &mut loaded, &limits);
         Ok(loaded)
     })

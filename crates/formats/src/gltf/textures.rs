@@ -3,7 +3,8 @@
 
 use super::accessor::Accessors;
 use super::document::{Document, Image, TextureInfo};
-use crate::painted::{self, PaintedFaces};
+use crate::faces;
+use crate::faces::PaintedFaces;
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ impl PaintedPrimitives {
                 .ok()
             });
         }
-        warnings.extend(painted::paint(mesh, self.0, &textures));
+        warnings.extend(faces::paint(mesh, self.0, &textures));
         warnings
     }
 }

@@ -1,13 +1,13 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
-use super::column::Column;
+use super::Tables;
 use super::corners::{read_faces, read_positions};
-use super::encode;
 use super::header::Scalar;
+use super::table;
+use super::table::Column;
 use super::table::Table;
-use super::tables::Tables;
-use crate::blocks::write_blocks;
-use crate::channel::Clamped;
+use crate::faces::Clamped;
+use crate::lines::write_blocks;
 use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
 use std::io::{self, Write};
@@ -161,7 +161,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "too many vertices for a PLY file"));
     }
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
-    encode::push_comment(&mut header, &to_comment(&asset.provenance));
+    table::push_comment(&mut header, &to_comment(&asset.provenance));
     let channels = "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
     header += &format!("element vertex {vertices}\nproperty float x\nproperty float y\nproperty float z\n");
     header += if mesh.normals.is_empty() { "" } else { NORMAL };
@@ -173,7 +173,7 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
     write_vertices(out, mesh, own, face_colors)?;
     write_blocks(out, mesh.face_count(), |face, block| {
         let corners = if own { [0, 1, 2].map(|i| 3 * face as u32 + i) } else { mesh.face(face) };
-        encode::push_corners(block, corners);
+        table::push_corners(block, corners);
         if face_colors {
             block.extend_from_slice(&rgba(mean(mesh.corner_colors(face)), opacity(mesh, face)));
         }

@@ -1,14 +1,14 @@
 //! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/soup-ply.md`.
 
-use super::column::Column;
+use super::Tables;
+use super::corners;
 use super::corners::{Corners, first_error, read_positions};
-use super::encode;
 use super::header::{Element, Scalar};
+use super::table;
+use super::table::Column;
 use super::table::Table;
-use super::tables::Tables;
-use super::views;
 use crate::ReadOptions;
-use crate::blocks::write_blocks;
+use crate::lines::write_blocks;
 use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
 use std::io::{self, Write};
@@ -240,7 +240,7 @@ impl<'a> SoupWriter<'a> {
     /// Errors: as for [`write_soup`]; more triangles than were announced.
     pub fn vertices(&mut self, soup: &Soup) -> io::Result<()> {
         self.corners_left = self.corners_left.checked_sub(soup.len()).ok_or_else(other_count)?;
-        encode::write_floats(self.out, bytemuck::cast_slice(&soup.vertices))
+        table::write_floats(self.out, bytemuck::cast_slice(&soup.vertices))
     }
 
     /// The rest of the next soup, once the corners of all were written.
@@ -257,7 +257,7 @@ impl<'a> SoupWriter<'a> {
         write_blocks(self.out, soup.len(), |i, block| {
             let sh = &soup.sh[i * k..(i + 1) * k];
             let corner = 3 * (first + i) as u32;
-            encode::push_corners(block, [corner, corner + 1, corner + 2]);
+            table::push_corners(block, [corner, corner + 1, corner + 2]);
             let rest = (0..3).flat_map(|channel| sh[1..].iter().map(move |c| c[channel]));
             for value in [soup.opacity[i], soup.sigma[i]].into_iter().chain(sh[0]).chain(rest) {
                 block.extend_from_slice(&value.to_le_bytes());
@@ -276,7 +276,7 @@ impl<'a> SoupWriter<'a> {
         if self.written < self.count {
             return Err(other_count());
         }
-        views::write(self.out, cameras)
+        corners::write(self.out, cameras)
     }
 }
 
@@ -286,7 +286,7 @@ fn other_count() -> io::Error {
 
 fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camera], shell: bool) -> String {
     let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment trisplat soup 1\n");
-    encode::push_comment(&mut header, &to_comment(provenance));
+    table::push_comment(&mut header, &to_comment(provenance));
     header += &format!("element vertex {}\n", 3 * count);
     for axis in ["x", "y", "z"] {
         header += &format!("property float {axis}\n");
@@ -303,5 +303,5 @@ fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camer
     if shell {
         header += &format!("property uchar {SHELL}\n");
     }
-    header + &views::header(cameras) + "end_header\n"
+    header + &corners::header(cameras) + "end_header\n"
 }

@@ -1,10 +1,11 @@
 //! The parts that all readers of Gaussians share: arrays within limits, conversions, and the end of every reader.
 
-use crate::far;
-use glam::{DVec3, Quat};
+use crate::{ReadOptions, Source, far};
+use glam::{DVec3, Quat, Vec3};
 use std::io::Read;
 use std::path::Path;
-use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, report::counted};
+use trisplat_scene::report::counted;
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats};
 
 /// As many Gaussians of zeros.
 pub fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
@@ -75,4 +76,33 @@ pub fn finish(
     }
     far::note_in(&mut provenance, &mut warnings, origin);
     Ok(ImportedSplats { splats, provenance, warnings, cameras: Vec::new() })
+}
+
+// ---- `.splat` (antimatter15/splat): 32 bytes per Gaussian, without a header --------------------------
+
+const BYTES: usize = 32;
+
+/// The Gaussians of the file.
+pub(super) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    let path = &source.path;
+    if !source.len.is_multiple_of(BYTES as u64) {
+        let reason =
+            format!("{} bytes are no whole number of Gaussians, {BYTES} bytes each: cut short", source.len);
+        return Err(Error::malformed(path, "its length", reason));
+    }
+    let bytes = read_all(path, &*source.file, source.len, &options.limits)?;
+    let mut splats = zeroed(path, bytes.len() / BYTES, 0, &options.limits)?;
+    for (i, record) in bytes.chunks_exact(BYTES).enumerate() {
+        let float = |at: usize| {
+            let mut four = [0; 4];
+            four.copy_from_slice(&record[4 * at..4 * at + 4]);
+            f32::from_le_bytes(four)
+        };
+        splats.positions[i] = Vec3::new(float(0), float(1), float(2));
+        splats.scales[i] = Vec3::new(float(3), float(4), float(5));
+        splats.sh[i] = [24, 25, 26].map(|at| sh0(f64::from(record[at]) / 255.0));
+        splats.opacity[i] = f32::from(record[27]) / 255.0;
+        splats.rotations[i] = unit([28, 29, 30, 31].map(|at| (f64::from(record[at]) - 128.0) / 128.0));
+    }
+    finish(path, splats, Provenance::default(), Vec::new(), DVec3::ZERO)
 }
