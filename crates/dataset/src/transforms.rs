@@ -17,7 +17,7 @@ use glam::{DMat3, DVec3, UVec2};
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use trisplat_formats::foreign;
+use trisplat_formats::foreign_json;
 use trisplat_scene::{Error, Limits, Result, input};
 
 /// The whole file; keys we do not know are ignored.
@@ -105,7 +105,7 @@ fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
     let text = input::read_text(file, limits)?;
     serde_json::from_str(&text).map_err(|e| {
-        foreign::refusal(file, text.as_bytes()).unwrap_or_else(|| {
+        foreign_json(file, text.as_bytes()).unwrap_or_else(|| {
             let at = format!("line {} column {}", e.line(), e.column());
             Error::malformed(file, at, format!("is not a transforms.json: {e}"))
         })

@@ -133,7 +133,7 @@ fn is_tileset_json(json: &[u8]) -> bool {
 }
 
 /// The refusal of a JSON file in place of a scene or a list of photos; `None` for an unknown kind.
-pub(crate) fn refusal(path: &Path, json: &[u8]) -> Option<Error> {
+pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     if gaussians::is_sog_json(json) {
         return Some(gaussians::refusal(path, "SOG"));
     }

@@ -34,7 +34,7 @@ pub use content::{WrittenFiles, write};
 pub use faces::MAX_CORNERS;
 pub use far::{far_origin, is_far};
 pub use finish::finish;
-pub use format::Format;
+pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
 pub use read::read;
 pub use source::Source;

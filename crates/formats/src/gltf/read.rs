@@ -32,7 +32,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let container = ContainerFile::read(&mut source, limits)?;
     let document: Document = document::parse(&path, &container.json, limits)
         .and_then(|document| check_support(&path, &document).map(|()| document))
-        .map_err(|error| format::refusal(&path, &container.json).unwrap_or(error))?;
+        .map_err(|error| format::foreign_json(&path, &container.json).unwrap_or(error))?;
     let mut instances = instances(&path, &document, limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);
