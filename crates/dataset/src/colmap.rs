@@ -1,12 +1,10 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
 use super::colmap_model::{ImageRow, Model, PointRow};
-use super::found::NamedFiles;
-use super::found::{Found, FoundPhoto, LensClaim};
+use super::found::{Found, FoundPhoto, LensClaim, NamedFiles};
 use super::options::DatasetOptions;
 use super::points::PointFile;
-use super::posed::DatasetKind;
-use super::posed::Reprojection;
+use super::posed::{DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::collections::HashMap;

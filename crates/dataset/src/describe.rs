@@ -1,12 +1,12 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
 use super::colmap::with_photos;
-use super::posed::DatasetKind;
-use super::posed::{Dataset, Reprojection, View};
+use super::posed::{Dataset, DatasetKind, Reprojection, View};
 use super::transforms::with_extension;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use trisplat_scene::{
     Limits, Result,
@@ -147,29 +147,15 @@ const FOLDERS: [&str; 4] = ["", "sparse", "sparse/0", "colmap/sparse/0"];
 /// The folder of masks.
 const MASKS: &str = "masks";
 
-/// What of a transforms.json names files.
-#[derive(Debug, Default, Deserialize)]
-struct NamedFiles {
-    #[serde(default)]
-    ply_file_path: Option<String>,
-    #[serde(default)]
-    frames: Vec<NamedFrame>,
-}
-
-#[derive(Debug, Deserialize)]
-struct NamedFrame {
-    file_path: String,
-    #[serde(default)]
-    mask_path: Option<String>,
-}
-
 impl Dataset {
     /// The files of the data set at `path`, a folder or a file, and what they name: poses, points, photos in the
     /// folder `images` and elsewhere, masks. Nothing is decoded, and what cannot be read names nothing.
     pub fn files(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
         let root = match path.is_dir() {
             true => path,
-            false if NamedFiles::of(path, limits).frames.is_empty() => return vec![path.to_owned()],
+            false if json(path, limits)["frames"].as_array().is_none_or(Vec::is_empty) => {
+                return vec![path.to_owned()];
+            }
             false => path.parent().unwrap_or(Path::new("")),
         };
         let mut files = vec![path.to_owned()];
@@ -187,8 +173,8 @@ impl Dataset {
         }
         let is_json =
             |file: &&PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
-        let named: Vec<PathBuf> =
-            files.iter().filter(is_json).flat_map(|file| NamedFiles::of(file, limits).paths(root)).collect();
+        let lists = files.iter().filter(is_json);
+        let named: Vec<PathBuf> = lists.flat_map(|file| named(&json(file, limits), root)).collect();
         files.extend(named);
         files
     }
@@ -203,20 +189,19 @@ fn poses(folder: &Path) -> Vec<PathBuf> {
     found.map(|entry| entry.path()).filter(|path| path.is_file()).collect()
 }
 
-impl NamedFiles {
-    fn of(file: &Path, limits: &Limits) -> Self {
-        let text = input::read_text(file, limits).unwrap_or_default();
-        serde_json::from_str(&text).unwrap_or_default()
-    }
+/// A JSON file; null if it cannot be read.
+fn json(file: &Path, limits: &Limits) -> Value {
+    let text = input::read_text(file, limits).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or_default()
+}
 
-    fn paths(self, root: &Path) -> Vec<PathBuf> {
-        let path = |name: String| root.join(name.replace('\\', "/"));
-        let photos = self.frames.into_iter().flat_map(|frame| {
-            let photo = with_extension(path(frame.file_path));
-            std::iter::once(photo).chain(frame.mask_path.map(path))
-        });
-        photos.chain(self.ply_file_path.map(path)).collect()
-    }
+/// The files that a `transforms.json` names.
+fn named(list: &Value, root: &Path) -> Vec<PathBuf> {
+    let path = |name: &Value| Some(root.join(name.as_str()?.replace('\\', "/")));
+    let frames = list["frames"].as_array().into_iter().flatten();
+    let photos =
+        frames.flat_map(|frame| [path(&frame["file_path"]).map(with_extension), path(&frame["mask_path"])]);
+    photos.chain([path(&list["ply_file_path"])]).flatten().collect()
 }
 
 #[cfg(test)]

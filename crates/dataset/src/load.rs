@@ -3,13 +3,11 @@
 
 use super::colmap_model::FoundPoint;
 use super::found::{Found, FoundPhoto};
-use super::lens::Lens;
-use super::lens::Undistort;
+use super::lens::{Lens, Undistort};
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
 use super::points::PointFile;
-use super::posed::DatasetKind;
-use super::posed::{Dataset, Point, Reprojection, View, hold_out};
+use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::{colmap, transforms};
 use glam::{DVec3, UVec2};
 use std::collections::BTreeSet;

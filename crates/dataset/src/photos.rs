@@ -4,8 +4,7 @@
 //! temporary file without a name), and come back at the speed of a copy. What a decoder needs counts too: photos leave
 //! memory before the next one is decoded, and one that takes more than the budget is decoded alone.
 
-use super::photo::Photo;
-use super::photo::{PictureFile, StoredPicture};
+use super::photo::{Photo, PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;

@@ -143,12 +143,7 @@ pub enum DatasetKind {
 
 impl fmt::Display for DatasetKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            DatasetKind::ColmapBinary => "COLMAP model (binary)",
-            DatasetKind::ColmapText => "COLMAP model (text)",
-            DatasetKind::Transforms => "transforms.json",
-            DatasetKind::Drawn => "drawn pictures",
-        })
+        self.serialize(f)
     }
 }
 

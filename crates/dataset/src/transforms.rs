@@ -7,8 +7,7 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
-use super::found::NamedFiles;
-use super::found::{Found, FoundPhoto, LensClaim};
+use super::found::{Found, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Distortion;
 use super::options::DatasetOptions;
 use super::points::PointFile;

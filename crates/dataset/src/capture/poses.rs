@@ -2,8 +2,7 @@
 
 use super::collect::{TakenPhotos, WORK};
 use super::log::{Ended, Log, tell};
-use super::program::{Cameras, Pairing, Places, Program};
-use super::program::{CaptureOptions, Mapper};
+use super::program::{Cameras, CaptureOptions, Mapper, Pairing, Places, Program};
 use crate::colmap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -8,8 +8,7 @@
 use super::collect::{self, PhotosDetails, TakenPhotos};
 use super::log::tell;
 use super::poses::{self, FeaturesDetails, MatchesDetails, ModelDetails, Poses};
-use super::program::CaptureOptions;
-use super::program::Program;
+use super::program::{CaptureOptions, Program};
 use super::source::Sources;
 use super::verdict::{VerdictDetails, judge, sheet};
 use crate::colmap::tracks;
