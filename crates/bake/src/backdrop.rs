@@ -8,28 +8,19 @@
 //!
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
-mod closed;
-mod fill;
+use crate::views::Views;
+use glam::Vec3;
+pub(super) use sky::{Sky, closed, is_scattered, take_sky};
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
+use trisplat_scene::Result;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::octasphere::{face_count, octasphere};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Outcome, StageDetails};
+
 mod known;
-mod limits;
-mod panorama;
 mod sky;
 mod surface;
-
-pub(super) use closed::{closed, is_scattered};
-pub(super) use sky::{Sky, take_sky};
-
-use super::views::Views;
-use glam::Vec3;
-use limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
-use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
-use trisplat_scene::{
-    Result,
-    math::color::linear_from_srgb,
-    math::octasphere::{face_count, octasphere},
-    mesh::{Colors, Mesh},
-    report::{Outcome, StageDetails},
-};
 
 /// Photos that are searched for holes.
 const VIEWS: usize = 16;
@@ -211,6 +202,16 @@ fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
     let (corners, faces) = octasphere(subdivisions);
     faces.into_iter().map(|[a, b, c]| [a, c, b].map(|corner| corners[corner as usize])).collect()
 }
+
+// ---- What a backdrop and a sky have in common --------------------------------------------------------
+
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
+/// background.
+pub(super) const LEAST_COVERED: f64 = 0.8;
+/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
+pub(super) const RADIUS_FACTOR: f32 = 1.2;
+/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
+pub(super) const MOST_SUBDIVISIONS: u32 = 4;
 
 #[cfg(test)]
 mod tests {

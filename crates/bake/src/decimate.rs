@@ -11,18 +11,16 @@
 //!
 //! Without cameras only size decides: see [`rank_by_size`] and [`enlarge`].
 
-mod compare;
-mod effect;
-mod size;
-
-pub use size::{enlarge, rank_by_size};
-
-use super::trial::with_moved_corner;
 use compare::{Comparison, Round};
 use glam::Vec3;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use trisplat_scene::Rng;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::StageProgress;
+
+mod compare;
 
 /// Share of the triangles left after a round.
 const ROUND_SHARE: f64 = 0.84;
@@ -151,4 +149,106 @@ impl MovedCorners {
             }
         }
     }
+}
+
+// ---- Without cameras: triangles are ranked by their size, and the remaining ones are enlarged to cover th ----
+
+/// About how many kept triangles a neighbourhood holds.
+const PER_CELL: u32 = 24;
+/// Largest factor by which a triangle is enlarged.
+const MOST_ENLARGED: f64 = 2.0;
+
+/// All faces, sorted by opacity times area, largest first. Equal ones come in random order, because the order
+/// of the file would clear whole corners of the scene. `[F]`
+pub fn rank_by_size(mesh: &Mesh) -> Vec<u32> {
+    let size = |f: usize| mesh.area(f) * f64::from(mesh.opacity.get(f).copied().unwrap_or(1.0));
+    let sizes: Vec<f64> = (0..mesh.face_count()).map(size).collect();
+    let mut order: Vec<u32> = (0..sizes.len() as u32).collect();
+    let draw = Rng::new(0, "size", 0);
+    order.par_sort_unstable_by(|&a, &b| {
+        let at_random = || draw.bits(a.into()).cmp(&draw.bits(b.into()));
+        sizes[b as usize].total_cmp(&sizes[a as usize]).then_with(at_random)
+    });
+    order
+}
+
+/// Scales the faces `kept` about their centroids, so that those of a neighbourhood have the area of all faces
+/// there before. A mesh with shared vertices is left unchanged.
+pub fn enlarge(mesh: &mut Mesh, kept: &[u32]) {
+    if !mesh.indices.is_empty() {
+        return;
+    }
+    let centroids: Vec<Vec3> = kept.iter().map(|&f| mesh.centroid(f as usize)).collect();
+    let grid = CellGrid::new(&centroids);
+    let all = grid.areas(mesh, 0..mesh.face_count());
+    let left = grid.areas(mesh, kept.iter().map(|&f| f as usize));
+    for (&f, centroid) in kept.iter().zip(&centroids) {
+        let cell = grid.of(*centroid);
+        let [all, left] = [&all, &left].map(|sums| sums.get(&cell).copied().unwrap_or(0.0));
+        if left > 0.0 {
+            let factor = (all / left).sqrt().clamp(1.0, MOST_ENLARGED) as f32;
+            let enlarged = mesh.corners(f as usize).map(|v| centroid + (v - centroid) * factor);
+            if enlarged.iter().all(|v| v.is_finite()) {
+                mesh.positions[3 * f as usize..3 * f as usize + 3].copy_from_slice(&enlarged);
+            }
+        }
+    }
+}
+
+/// Cubic cells of space that hold some dozen triangles each.
+struct CellGrid {
+    origin: Vec3,
+    cell: f32,
+}
+
+impl CellGrid {
+    fn new(points: &[Vec3]) -> Self {
+        let at = |share: f64| ((points.len().max(1) - 1) as f64 * share) as usize;
+        let extent = |a: usize, share: f64| {
+            let mut along: Vec<f32> = points.iter().map(|p| p[a]).collect();
+            if along.is_empty() { 0.0 } else { *along.select_nth_unstable_by(at(share), f32::total_cmp).1 }
+        };
+        let low = Vec3::from([0, 1, 2].map(|a| extent(a, 0.05)));
+        let high = Vec3::from([0, 1, 2].map(|a| extent(a, 0.95)));
+        // Triangles fill surfaces, not volumes.
+        let size = (high - low).max_element().max(f32::MIN_POSITIVE);
+        Self { origin: low, cell: size * (f64::from(PER_CELL) / points.len().max(1) as f64).sqrt() as f32 }
+    }
+
+    fn of(&self, point: Vec3) -> [i32; 3] {
+        ((point - self.origin) / self.cell).floor().as_ivec3().to_array()
+    }
+
+    /// Area of some faces in every cell.
+    fn areas(&self, mesh: &Mesh, faces: impl Iterator<Item = usize>) -> HashMap<[i32; 3], f64> {
+        let mut sums = HashMap::new();
+        faces.for_each(|f| *sums.entry(self.of(mesh.centroid(f))).or_default() += mesh.area(f));
+        sums
+    }
+}
+
+// ---- Searches by trial: a corner of each triangle is moved at random, and one drawing decides about a gro ----
+
+/// Number of groups.
+pub(super) const GROUPS: usize = 4;
+/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the opposite edge.
+const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
+/// Largest sideways move, as a share of the opposite edge.
+const ASIDE: f32 = 0.25;
+
+/// The group of a face in a round; it changes every round. `purpose` names the random sequence.
+pub(super) fn group_of(purpose: &str, face: u32, round: u32) -> u8 {
+    (Rng::new(0, purpose, round.into()).bits(face.into()) % GROUPS as u64) as u8
+}
+
+/// The triangle with one of its corners moved; corner and move depend only on the face and the round.
+pub(super) fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -> [Vec3; 3] {
+    let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
+    let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;
+    let edge = corners[(which + 1) % 3] - corners[(which + 2) % 3];
+    let draw = Rng::new(0, "move", round.into());
+    let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
+    let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
+    corners[which] += (corners[which] - across) * out + edge * (ASIDE * (2.0 * aside - 1.0));
+    corners
 }

@@ -17,14 +17,10 @@
 //!
 //! In: a scene, and photos where there are some. Out: an asset.
 
-mod arrange;
 mod backdrop;
 mod background;
 mod bvh;
-mod cells;
 mod chunk;
-mod color;
-mod counts;
 mod crop;
 mod decimate;
 mod exposure;
@@ -33,7 +29,6 @@ mod lod;
 mod merge;
 mod mesh;
 mod misfit;
-mod one_origin;
 mod options;
 mod order;
 mod place;
@@ -47,20 +42,15 @@ mod solid;
 mod teacher;
 mod texture;
 mod tiles;
-mod trial;
 pub mod unseen;
 mod viewpoint;
 mod views;
-mod visibility;
 mod weld;
 
-pub use arrange::ArrangeDetails;
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
 pub use bvh::{BvhDetails, BvhOptions, bvh};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
-pub use color::{ColorDetails, color};
-pub use counts::count;
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
 pub use exposure::ExposureDetails;
@@ -69,21 +59,24 @@ pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lo
 pub use merge::merge;
 pub use mesh::{MeshOptions, mesh};
 pub use options::{BakeOptions, BakePreset};
+pub use order::ArrangeDetails;
 pub use order::{FaceOrder, OrderDetails, OrderOptions, order};
 pub use place::up::Evidence;
 pub use place::words::UpChoice;
 pub use place::{PlaceDetails, PlaceOptions, place, placement};
 pub use prune::{PruneDetails, PruneOptions, REACH, prune};
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
+pub use run::count;
 pub use run::{Bake, bake};
+pub use solid::{ColorDetails, color};
 pub use solid::{
     SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, contour_factor, shrink, solid,
 };
 pub use teacher::{TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher};
 pub use texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
 pub use tiles::{TilesDetails, TilesOptions, tiles};
+pub use unseen::visible_px;
 pub use viewpoint::ViewpointDetails;
 pub use views::SAMPLES;
 pub use views::Views;
-pub use visibility::visible_px;
 pub use weld::{WeldDetails, WeldOptions, WeldWhen, weld};

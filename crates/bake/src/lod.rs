@@ -6,7 +6,7 @@
 
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
-use super::visibility::visible_px;
+use crate::unseen::visible_px;
 use trisplat_scene::{
     Asset, Error, Result,
     camera::Camera,

@@ -4,9 +4,11 @@
 //! moved to one of these first. Soups make a soup and meshes a mesh. The recipe makes a soup solid before it
 //! joins a mesh. Colours beside textures become a texture, too.
 
-use super::one_origin::{rebase, share_origin};
-use super::texture::texture_all;
-use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, mesh::Mesh};
+use crate::texture::texture_all;
+use glam::{DVec3, Vec3};
+use trisplat_formats::is_far;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Scene, UpDirection, placed};
 
 /// One scene out of `inputs`, in their order.
 ///
@@ -102,4 +104,101 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         viewpoint: a.viewpoint.or(b.viewpoint),
         backdrop: 0,
     })
+}
+
+// ---- One origin for all inputs of a bake -------------------------------------------------------------
+
+/// At greater distances between inputs, in units of the world, f32 rounds positions by more than a thousandth
+/// of a unit.
+const APART: f64 = 16_384.0;
+
+/// Moves inputs to the origin of the first one that is far from that of its world, or of the first soup. An
+/// input without a known place in that world keeps its coordinates; a warning names it.
+pub(super) fn share_origin(inputs: &mut [ImportedScene]) {
+    let placements = || inputs.iter().map(|loaded| loaded.provenance.placement);
+    let Some(first) = placements().next().filter(|first| placements().any(|other| other != *first)) else {
+        return;
+    };
+    let far = placements().find(is_georeferenced);
+    let is_soup = |loaded: &&ImportedScene| matches!(loaded.scene, Scene::Soup(_));
+    let of_soups = inputs.iter().find(is_soup).map(|soup| soup.provenance.placement);
+    let frame = far.or(of_soups).unwrap_or(first);
+    for (i, loaded) in inputs.iter_mut().enumerate() {
+        let own = loaded.provenance.placement;
+        if own == frame {
+            continue;
+        }
+        let apart = DVec3::from(own.center) - DVec3::from(frame.center);
+        let number = i + 1;
+        if is_georeferenced(&own) || (far.is_none() && is_moved_soup(loaded)) || is_at(loaded, &frame) {
+            let [x, y, z] = apart.to_array();
+            rebase(loaded, &frame);
+            let text = format!(
+                "input {number} is put where it is in the world of the others: its origin is {x} {y} {z} from theirs"
+            );
+            loaded.warnings.push(text);
+            if apart.abs().max_element() > APART {
+                let rounded = apart.abs().max_element() * f64::from(f32::EPSILON) / 2.0;
+                let text = format!(
+                    "input {number} is so far from the others that its positions are rounded by up to {rounded:.1e}; bake it by itself"
+                );
+                loaded.warnings.push(text);
+            }
+        } else if far.is_some() {
+            let [x, y, z] = frame.center;
+            let text = format!(
+                "input {number} does not say where it is in the world of the others, whose origin is {x} {y} {z}: \
+                 its positions are taken as relative to that"
+            );
+            loaded.warnings.push(text);
+            loaded.provenance.placement = frame;
+        }
+    }
+}
+
+/// Whether a reader gave the file an origin of its own, because it is far from that of its world, or a bake
+/// kept such an origin.
+fn is_georeferenced(placement: &Placement) -> bool {
+    is_far(DVec3::from(placement.center))
+}
+
+/// Whether it is a soup that was only moved: a bake turns what it places, and writes meshes.
+fn is_moved_soup(loaded: &ImportedScene) -> bool {
+    let Placement { up, rotate, scale, .. } = loaded.provenance.placement;
+    matches!(loaded.scene, Scene::Soup(_))
+        && Placement { up, rotate, scale, center: [0.0; 3] } == Placement::IDENTITY
+}
+
+/// Whether an input that was never moved is nearer to the origin of a frame than to that of the world. It is
+/// then a single-precision file of the same place.
+fn is_at(loaded: &ImportedScene, frame: &Placement) -> bool {
+    let triangles = loaded.scene.triangle_count();
+    let corner = |i: usize| loaded.scene.corners(i)[0];
+    let Some(at) = (0..triangles).map(corner).find(|corner| corner.is_finite()) else { return false };
+    let center = DVec3::from(frame.center);
+    loaded.provenance.placement == Placement::IDENTITY
+        && at.as_dvec3().distance(center) < center.length() / 2.0
+}
+
+/// Moves a scene from its own frame into `frame`, through their common world.
+pub(super) fn rebase(loaded: &mut ImportedScene, frame: &Placement) {
+    let moved = loaded.provenance.placement.inverse().then(frame);
+    loaded.provenance.placement = *frame;
+    if moved == Placement::IDENTITY {
+        return;
+    }
+    let transform = moved.transform();
+    let place = |point: &mut Vec3| *point = transform(*point);
+    match &mut loaded.scene {
+        Scene::Soup(soup) => soup.vertices.iter_mut().flatten().for_each(place),
+        Scene::Mesh(mesh) => {
+            mesh.positions.iter_mut().for_each(place);
+            let rotation = moved.rotation();
+            mesh.normals.iter_mut().for_each(|n| *n = (rotation * n.as_dvec3()).as_vec3());
+        }
+    }
+    let to_file = |camera| placed::to_file(camera, &moved, DVec3::ZERO);
+    loaded.cameras = loaded.cameras.iter().map(to_file).collect();
+    let viewpoint = loaded.provenance.viewpoint.map(|viewpoint| moved.viewpoint_to_file(&viewpoint));
+    loaded.provenance.viewpoint = viewpoint;
 }

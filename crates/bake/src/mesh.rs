@@ -1,16 +1,16 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
 use super::chunk::by_page;
-use super::color::{ColorDetails, color};
-use super::counts::{count, count_mesh};
 use super::crop::{CropOptions, SubjectVolume, crop_and_volume, faces_within};
-use super::place::under::placement_of;
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place};
 use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
+use crate::place::placement_of;
+use crate::run::{count, count_mesh};
+use crate::solid::{ColorDetails, color};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,16 +1,10 @@
 //! The recipe: the stages in their order, with reasons.
 
-mod behind;
-mod levels;
 mod package;
 mod pictures;
-mod shared;
 
-use super::arrange::arrange;
 use super::backdrop::BackdropWhen;
 use super::background::{BackgroundDetails, BackgroundFrom, background};
-use super::color::color;
-use super::counts::{count, count_mesh};
 use super::crop::crop;
 use super::exposure::exposure;
 use super::lit::{Lit, SURFACE};
@@ -29,8 +23,11 @@ use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
+use crate::order::arrange;
+use crate::run::{count, count_mesh};
+use crate::solid::color;
+use package::{Seen, Shared};
 use pictures::{Cameras, Pictures};
-use shared::{Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,

@@ -25,25 +25,19 @@
 //!
 //! The backdrop is a surface of its own, whose colours are solved together: see `shell_colors.rs`.
 
-mod accumulator;
+use crate::views::Views;
+use equations::Fit;
+use photo_equations::Accumulator;
+pub(super) use shell_colors::smooth_shell;
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::ranges::Called;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{Result, ranges};
+
 mod equations;
-mod evaluation;
-mod options;
 mod photo_equations;
 mod shell_colors;
-
-pub use options::{RefitColors, RefitOptions};
-pub(super) use shell_colors::smooth_shell;
-
-use super::views::Views;
-use accumulator::Accumulator;
-use evaluation::{Evaluation, psnr_of};
-use trisplat_scene::{
-    Result,
-    math::median::median,
-    mesh::{Colors, Mesh},
-    report::{Outcome, StageDetails, StageProgress},
-};
 
 /// Progress of the stage when all photos but the held-out ones are added, and ...
 const OTHERS_PART: f64 = 0.7;
@@ -244,4 +238,95 @@ fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
         |v: &usize| means[*v].iter().zip(limits).any(|(e, (middle, most))| (e - middle).abs() > most);
     let far: Vec<usize> = (0..means.len()).filter(is_far).collect();
     if 2 * far.len() < means.len() { far } else { Vec::new() }
+}
+
+// ---- Which colours are fitted, and how ---------------------------------------------------------------
+
+/// Which colours are fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RefitColors {
+    /// Whichever is best on held-out photos: one colour per triangle, three, or the scene's own
+    Auto,
+    /// One colour per triangle
+    Flat,
+    /// One colour per corner
+    Corner,
+    /// Colours do not change
+    Off,
+}
+
+/// How colours are taken from the photos.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RefitOptions {
+    /// Which colours are fitted to the photos
+    pub refit: RefitColors,
+    /// λ: pull of corner colours towards their triangle's mean, equivalent to this many pixels
+    #[schemars(range(min = 0.0, max = 1e9))]
+    pub refit_flatness: f64,
+    /// Passes over the photos
+    #[schemars(range(min = 1, max = 1000))]
+    pub refit_passes: u32,
+}
+
+impl RefitOptions {
+    /// Chooses the best colours; one pass.
+    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
+
+    pub(super) fn validate(&self) -> Result<()> {
+        ranges::check(self, Called::ByFlag)
+    }
+}
+
+impl Default for RefitOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+// ---- Scores of colours on photos that the fit has not seen, and the choice of the best colours -------
+
+/// PSNR on held-out photos, dB.
+pub(super) struct Evaluation {
+    /// Of the scene's own colours; training has usually seen these photos.
+    pub(super) before: f64,
+    /// Of one fitted colour per triangle.
+    pub(super) flat: f64,
+    /// Of three fitted colours per triangle.
+    pub(super) corner: f64,
+}
+
+impl Evaluation {
+    /// Evaluates `fit` on the photos `held_out`, which it has not seen.
+    fn new(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], fit: &Fit) -> Result<Self> {
+        Ok(Self {
+            before: views.mean_psnr(mesh, held_out)?,
+            flat: psnr_of(mesh, views, held_out, fit.colors(RefitColors::Flat))?,
+            corner: psnr_of(mesh, views, held_out, fit.colors(RefitColors::Corner))?,
+        })
+    }
+
+    pub(super) fn best(&self) -> RefitColors {
+        if self.flat > self.corner { RefitColors::Flat } else { RefitColors::Corner }
+    }
+
+    /// The estimated gain of the best fitted colours on photos that neither training nor fitting has seen.
+    pub(super) fn gain(&self, flat_seen: f64) -> f64 {
+        self.flat.max(self.corner) - self.unseen_before(flat_seen)
+    }
+
+    /// Estimated PSNR of the scene's own colours, had they not seen the held-out photos. `flat_seen` is the PSNR of flat
+    /// colours after fitting to these as well: the scene's own are assumed to gain as much from having seen them.
+    pub(super) fn unseen_before(&self, flat_seen: f64) -> f64 {
+        self.before - (flat_seen - self.flat).max(0.0)
+    }
+}
+
+/// PSNR of `colors` on the photos `held_out`, dB.
+pub(super) fn psnr_of(mesh: &mut Mesh, views: &mut Views, held_out: &[usize], colors: Colors) -> Result<f64> {
+    let kept = std::mem::replace(&mut mesh.colors, colors);
+    let psnr = views.mean_psnr(mesh, held_out);
+    mesh.colors = kept;
+    psnr
 }

@@ -17,14 +17,12 @@
 //!
 //! The cost of a round is that of its drawings, so large scenes get fewer pictures in a round, and fewer rounds.
 
-mod effort;
-mod found;
 mod reshaped;
 mod round;
 
 use super::views::Views;
-use effort::Effort;
 use reshaped::ReshapedFaces;
+use round::Effort;
 use round::Rounds;
 use trisplat_scene::{
     Error, Result,

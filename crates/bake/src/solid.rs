@@ -3,13 +3,12 @@
 //! The level sets of the window function are copies of the triangle shrunk about its incenter (Held et
 //! al. 2025, eq. 1), so no meshing is needed.
 
-use super::prune::is_degenerate;
+use crate::prune::is_degenerate;
 use glam::Vec3;
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Error, Result, Soup,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 
 /// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
 pub const SOLID_SIGMA: f32 = 1e-4;
@@ -228,4 +227,40 @@ pub fn shrink(corners: &[Vec3; 3], factor: f64) -> [Vec3; 3] {
 /// Area of a triangle.
 fn area(v: &[Vec3; 3]) -> f64 {
     0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length()
+}
+
+// ---- Turns spherical harmonics of degree 0 into linear face colours, which engines multiply and blend ----
+
+/// What the conversion clamped.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct ColorDetails {
+    /// Colour channels, three per triangle, that were clamped to [0, 1].
+    pub clamped_channels: u64,
+}
+
+impl StageDetails for ColorDetails {
+    const STAGE: &'static str = "color";
+}
+
+/// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, and vertices move without a
+/// copy. `details` counts the channels clamped to [0, 1].
+pub fn color(mut soup: Soup, details: &mut ColorDetails) -> Result<Mesh> {
+    soup.truncate_sh(0);
+    let Soup { vertices, mut sh, opacity, sigma, shell, .. } = soup;
+    drop((opacity, sigma));
+    let parts = sh.chunks_mut(1 << 14);
+    let clamped = parallel::map(parts, |_, part| part.iter_mut().map(linearise).sum::<u64>());
+    details.clamped_channels = clamped.into_iter().sum();
+    Ok(Mesh { positions: vertices.into_flattened(), colors: Colors::Face(sh), shell, ..Mesh::default() })
+}
+
+/// Turns SH degree 0 coefficients into linear channels; returns how many had to be clamped.
+fn linearise(coefficients: &mut [f32; 3]) -> u64 {
+    let mut clamped = 0;
+    for channel in coefficients {
+        let encoded = rgb_from_sh0(*channel);
+        clamped += u64::from(!(0.0..=1.0).contains(&encoded));
+        *channel = linear_from_srgb(encoded.max(0.0));
+    }
+    clamped
 }

@@ -4,10 +4,10 @@
 //! A solid triangle keeps its own colour, but soft pictures blend many triangles. The soft rasteriser still
 //! draws the scene as it was trained, without photos.
 
-use super::color::color;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
+use crate::solid::color;
 use glam::UVec2;
 use trisplat_formats::info::Softness;
 use trisplat_raster::{soft::SoftOptions, solid::SolidRasterizer};

@@ -11,23 +11,19 @@
 mod atlas;
 mod best;
 mod charts;
-mod footprint;
-mod layout;
-mod of_colors;
 mod options;
-mod page;
 mod texels;
 
-pub(super) use of_colors::texture_all;
 pub use options::{TextureDetail, TextureOptions, TextureWhen};
+pub(super) use texels::texture_all;
 
 use super::refit::UnseenColors;
 use super::views::{Scores, Views};
 use atlas::Atlas;
+use atlas::Layout;
+use atlas::footprints;
 use best::Candidates;
 use charts::Charts;
-use footprint::footprints;
-use layout::Layout;
 use std::sync::Arc;
 use texels::{Adding, Texels};
 use trisplat_scene::{

@@ -1,21 +1,18 @@
 //! The recipe: from a scene to its surface.
 
-use super::blocks::blocks;
-use super::components::{drop_small, drop_small_areas};
-use super::details::SurfaceDetails;
-use super::field::{Block, Field};
-use super::fill::{Holes, fill};
-use super::fuse::Fusion;
-use super::grid::Grid;
-use super::nets::nets;
-use super::options::SurfaceOptions;
-use super::picture::{DepthPicture, Observer};
-use super::pictures::pictures;
-use super::simplify::simplify;
-use super::smooth::smooth;
+use crate::fill::{Holes, drop_small, drop_small_areas, fill};
+use crate::fuse::{Block, Field, Fusion};
+use crate::grid::{Grid, blocks};
+use crate::nets::nets;
+use crate::options::{SurfaceDetails, SurfaceOptions};
+use crate::picture::{DepthPicture, Observer, pictures};
+use crate::simplify::{simplify, smooth};
 use glam::Vec3;
-use trisplat_scene::parallel;
-use trisplat_scene::{ImportedScene, Limits, Result, camera::Camera, mesh::Mesh, report::StageProgress};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::Called;
+use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::{Error, ImportedScene, Limits, Result, parallel, ranges};
 use trisplat_teacher::Viewpoints;
 
 /// Rounds of smoothing before a surface is simplified.
@@ -116,4 +113,87 @@ fn fused(pictures: &[DepthPicture], grid: Grid, options: &SurfaceOptions, limits
     let observers: Vec<Observer<'_>> = pictures.iter().map(Observer::new).collect();
     parallel::for_each_mut(&mut blocks, 1, |i, block| *block = fusion.block(numbers[i], &observers));
     Ok(Field { numbers, blocks })
+}
+
+// ---- A collider: a connected surface of few triangles, because the scene's own triangles overlap -----
+
+/// Whether a collider is made.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
+#[serde(deny_unknown_fields, default)]
+pub struct CollisionOptions {
+    /// Make a surface of few triangles to collide with: for Godot a node that it does not draw, for others a
+    /// file OUT.collision.glb. It covers the view of the cameras of --dataset, or of the scene
+    #[cfg_attr(feature = "cli", arg(long))]
+    pub collision: bool,
+    /// Most triangles of that surface
+    #[cfg_attr(feature = "cli", arg(skip = CollisionOptions::DEFAULT.collision_triangles))]
+    #[schemars(range(min = 1, max = 1_000_000_000))]
+    pub collision_triangles: u32,
+}
+
+impl CollisionOptions {
+    /// None.
+    pub const DEFAULT: Self = Self { collision: false, collision_triangles: 4000 };
+
+    /// Checks the range.
+    pub fn validate(&self) -> Result<()> {
+        ranges::check(self, Called::ByFlag)
+    }
+}
+
+impl Default for CollisionOptions {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// The collider; empty when there is none.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct CollisionDetails {
+    /// How the surface was made.
+    #[serde(flatten)]
+    pub surface: SurfaceDetails,
+}
+
+impl StageDetails for CollisionDetails {
+    const STAGE: &'static str = "collision";
+}
+
+/// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored or chosen
+/// ones are used.
+///
+/// Errors: too many blocks of the distance field; fewer triangles than a surface can have.
+pub fn collision(
+    found: &mut Option<Mesh>,
+    scene: &ImportedScene,
+    cameras: &[Camera],
+    options: &CollisionOptions,
+    details: &mut CollisionDetails,
+    progress: &mut StageProgress<'_>,
+) -> Result<Outcome<()>> {
+    if !options.collision {
+        return Ok(Outcome::Skipped("`collision` was not asked for"));
+    }
+    if found.is_some() {
+        return Ok(Outcome::Skipped("there is something to collide with already"));
+    }
+    let how = SurfaceOptions { max_triangles: Some(options.collision_triangles), ..SurfaceOptions::DEFAULT }
+        .for_scene(scene.scene.triangle_count());
+    *found = surface(scene, cameras, &how, &Limits::DEFAULT, &mut details.surface, progress)
+        .map_err(in_our_words)?;
+    Ok(match found {
+        Some(_) => Outcome::Changed(()),
+        None => Outcome::Skipped("the cameras see no connected surface"),
+    })
+}
+
+/// Names the option as this stage does.
+fn in_our_words(error: Error) -> Error {
+    match error {
+        Error::Invalid { option, value, wants } if option == "max_triangles" => {
+            Error::Invalid { option: "collision_triangles".into(), value, wants }
+        }
+        error => error,
+    }
 }

@@ -1,9 +1,11 @@
 //! The lattice that distances are kept on: where its samples lie, and which block holds which.
 
-use super::options::SurfaceOptions;
-use super::picture::DepthPicture;
+use crate::options::SurfaceOptions;
+use crate::picture::DepthPicture;
 use glam::{IVec3, Vec3};
-use trisplat_scene::{Error, Result, math::median::median};
+use rayon::prelude::*;
+use trisplat_scene::math::median::median;
+use trisplat_scene::{Error, Result, parallel};
 
 /// Samples along a side of a block.
 pub(super) const SIDE: i32 = 8;
@@ -123,6 +125,37 @@ fn extent(pictures: &[DepthPicture]) -> Option<(Vec3, Vec3)> {
 fn grown(low: Vec3, high: Vec3) -> (Vec3, Vec3) {
     let margin = Vec3::splat((high - low).max_element() * MARGIN);
     (low - margin, high + margin)
+}
+
+// ---- Which blocks of the lattice a surface runs through ----------------------------------------------
+
+/// Samples this near to a point of the surface, in cells, are needed: a cell that the surface runs through has corners up to one cell
+/// from it, and pixels lie up to one cell apart.
+const REACH: f32 = 2.0;
+
+/// The numbers of the blocks near what `pictures` see, in ascending order.
+pub(super) fn blocks(pictures: &[DepthPicture], grid: &Grid) -> Vec<u64> {
+    let of_picture = |picture: &DepthPicture| {
+        let mut numbers = Vec::new();
+        let mut last = [u64::MAX; 8];
+        for pixel in 0..picture.depth.len() {
+            let Some(point) = picture.point(pixel) else { continue };
+            // Neighbouring pixels mostly need the same blocks.
+            for (number, last) in grid.blocks_near(point, REACH).zip(&mut last) {
+                if *last != number {
+                    *last = number;
+                    numbers.push(number);
+                }
+            }
+        }
+        numbers.sort_unstable();
+        numbers.dedup();
+        numbers
+    };
+    let mut all: Vec<u64> = parallel::map(pictures, |_, picture| of_picture(picture)).concat();
+    all.par_sort_unstable();
+    all.dedup();
+    all
 }
 
 #[cfg(test)]

@@ -13,25 +13,16 @@
 //!
 //! In: a scene. Out: a connected mesh, for the eye or to collide with.
 
-mod blocks;
-mod cluster;
-mod collision;
-mod components;
-mod details;
 mod extract;
-mod field;
 mod fill;
 mod fuse;
 mod grid;
 mod nets;
 mod options;
 mod picture;
-mod pictures;
-mod sheets;
 mod simplify;
-mod smooth;
 
-pub use collision::{CollisionDetails, CollisionOptions, collision};
-pub use details::SurfaceDetails;
+pub use extract::{CollisionDetails, CollisionOptions, collision};
 pub use extract::{Part, surface, surface_of_part};
+pub use options::SurfaceDetails;
 pub use options::SurfaceOptions;

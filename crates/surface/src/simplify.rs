@@ -1,15 +1,14 @@
 //! Fewer triangles for the same surface: pieces too small for what is left go, edges collapse by the quadric errors of meshoptimizer,
 //! and where the topology permits no more of that, vertices are joined and edges collapse again.
 
-use super::cluster::{cluster, drop_unused};
-use super::components::{Components, drop_small_areas};
-use glam::Vec3;
+use crate::fill::{Components, drop_small_areas};
+use glam::{DMat3, DVec3, UVec3, Vec3};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
-use trisplat_scene::{
-    Error, Result,
-    math::color::srgb_from_linear,
-    mesh::{Colors, Mesh},
-};
+use rayon::prelude::*;
+use std::collections::HashSet;
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, Result, parallel};
 
 /// How much a change of colour counts: one from black to white as a move by this share of the mesh's size.
 const COLOR_WEIGHT: f32 = 0.02;
@@ -119,6 +118,171 @@ fn check(mesh: &Mesh, most: usize) -> bool {
         && mesh.validate().is_ok()
 }
 
+// ---- Vertex clustering: all vertices of one cell of a grid become one of them (Rossignac and Borrel 1993) ----
+
+/// Most cells along an axis: three such numbers fit into one of 64 bits.
+const MOST_CELLS: f32 = (1 << 20) as f32;
+
+/// Joins the vertices in cells of side `side`; each cell keeps the vertex nearest to the planes of its triangles. Triangles that become
+/// lines or repeat another go. Returns how far the surface moved, units of the mesh, root mean square over the cell that moved most.
+pub(super) fn cluster(mesh: &mut Mesh, side: f32) -> f64 {
+    let cells = cells(&mesh.positions, side);
+    let (kept, moved) = chosen(mesh, &cells);
+    let mut seen = HashSet::new();
+    let indices =
+        mesh.indices.as_chunks::<3>().0.iter().map(|face| face.map(|v| kept[cells[v as usize] as usize]));
+    let flat = |[a, b, c]: &[u32; 3]| a == b || b == c || c == a;
+    let faces: Vec<[u32; 3]> = indices.filter(|face| !flat(face) && seen.insert(turned(*face))).collect();
+    mesh.indices = faces.into_flattened();
+    drop_unused(mesh);
+    moved
+}
+
+/// Drops the vertices that no face uses, all of them when there are no faces.
+pub(super) fn drop_unused(mesh: &mut Mesh) {
+    let faces = mesh.indices.len() / 3;
+    if faces == 0 {
+        // Vertices without indices would be triangles.
+        return mesh.clear();
+    }
+    mesh.retain(|face| face < faces);
+}
+
+/// The same face, its least vertex first.
+fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    let least = a.min(b).min(c);
+    if least == a {
+        [a, b, c]
+    } else if least == b {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+/// Which cell each vertex is in, numbered from 0 in the order of space. `[V]`
+fn cells(positions: &[Vec3], side: f32) -> Vec<u32> {
+    let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+    let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let side = side.max((high - low).max_element() / MOST_CELLS).max(f32::MIN_POSITIVE);
+    let number = |p: &Vec3| {
+        let UVec3 { x, y, z } = ((*p - low) / side).as_uvec3();
+        u64::from(x) << 42 | u64::from(y) << 21 | u64::from(z)
+    };
+    let numbers: Vec<u64> = positions.iter().map(number).collect();
+    let mut sorted = numbers.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    numbers.iter().map(|number| sorted.partition_point(|other| other < number) as u32).collect()
+}
+
+/// Sum of squared distances from planes, weighted by area.
+#[derive(Clone, Copy, Default)]
+struct Quadric {
+    squares: DMat3,
+    linear: DVec3,
+    constant: f64,
+    area: f64,
+}
+
+impl Quadric {
+    fn add(&mut self, normal: DVec3, offset: f64, area: f64) {
+        self.squares += DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z) * area;
+        self.linear += normal * (offset * area);
+        self.constant += offset * offset * area;
+        self.area += area;
+    }
+
+    fn at(&self, p: DVec3) -> f64 {
+        (p.dot(self.squares * p) + 2.0 * self.linear.dot(p) + self.constant).max(0.0)
+    }
+}
+
+/// The vertex that each cell keeps, and how far the surface moved.
+fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
+    let count = cells.iter().max().map_or(0, |last| *last as usize + 1);
+    // Distances are of numbers near zero: relative to a vertex of the cell.
+    let mut origins = vec![DVec3::ZERO; count];
+    cells.iter().zip(&mesh.positions).for_each(|(cell, p)| origins[*cell as usize] = p.as_dvec3());
+    let mut quadrics = vec![Quadric::default(); count];
+    for face in 0..mesh.face_count() {
+        let [a, b, c] = mesh.corners(face).map(|p| p.as_dvec3());
+        let cross = (b - a).cross(c - a);
+        let (normal, area) = (cross.normalize_or_zero(), cross.length() / 2.0);
+        for vertex in mesh.face(face) {
+            let cell = cells[vertex as usize] as usize;
+            quadrics[cell].add(normal, normal.dot(origins[cell] - a), area);
+        }
+    }
+    let mut best = vec![(f64::INFINITY, 0u32); count];
+    for (vertex, (cell, p)) in cells.iter().zip(&mesh.positions).enumerate() {
+        let cell = *cell as usize;
+        let error = quadrics[cell].at(p.as_dvec3() - origins[cell]);
+        if error < best[cell].0 {
+            best[cell] = (error, vertex as u32);
+        }
+    }
+    let moved = |((error, _), quadric): (&(f64, u32), &Quadric)| error / quadric.area.max(f64::MIN_POSITIVE);
+    let most = best.iter().zip(&quadrics).map(moved).filter(|m| m.is_finite()).fold(0.0, f64::max);
+    (best.into_iter().map(|(_, vertex)| vertex).collect(), most.sqrt())
+}
+
+// ---- Takes the noise of depths off a surface: its vertices move towards the middle of their neighbours an ----
+
+/// The way towards the middle of the neighbours, and ...
+const SHRINK: f32 = 0.5;
+/// ... back, as shares of it.
+const GROW: f32 = -0.53;
+
+/// Smooths an indexed mesh `rounds` times.
+pub(super) fn smooth(mesh: &mut Mesh, rounds: u32) {
+    if rounds == 0 || mesh.face_count() == 0 {
+        return;
+    }
+    let neighbours = Neighbours::of(mesh);
+    for share in (0..rounds).flat_map(|_| [SHRINK, GROW]) {
+        let at = &mesh.positions;
+        let moved = parallel::collect(at.len(), 1 << 10, |v| {
+            let others = neighbours.around(v);
+            let middle = others.iter().map(|o| at[*o as usize]).sum::<Vec3>() / others.len().max(1) as f32;
+            if others.is_empty() { at[v] } else { at[v].lerp(middle, share) }
+        });
+        mesh.positions = moved;
+    }
+}
+
+/// The vertices that each one moves with: those it shares an edge with; of the border, those along it.
+struct Neighbours {
+    first: Vec<u32>,
+    all: Vec<u32>,
+}
+
+impl Neighbours {
+    fn of(mesh: &Mesh) -> Self {
+        let mut sides: Vec<(u32, u32)> = mesh
+            .indices
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .flat_map(|[a, b, c]| [(*a, *b), (*b, *a), (*b, *c), (*c, *b), (*c, *a), (*a, *c)])
+            .collect();
+        sides.par_sort_unstable();
+        // Of an edge, the number of faces.
+        let runs: Vec<((u32, u32), usize)> =
+            sides.chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
+        let mut on_border = vec![false; mesh.vertex_count()];
+        runs.iter().filter(|run| run.1 == 1).for_each(|run| on_border[run.0.0 as usize] = true);
+        let counts = |((from, _), faces): &&((u32, u32), usize)| *faces == 1 || !on_border[*from as usize];
+        let pairs: Vec<(u32, u32)> = runs.iter().filter(counts).map(|run| run.0).collect();
+        let first = (0..=mesh.vertex_count() as u32).map(|v| pairs.partition_point(|pair| pair.0 < v) as u32);
+        Self { first: first.collect(), all: pairs.iter().map(|pair| pair.1).collect() }
+    }
+
+    fn around(&self, vertex: usize) -> &[u32] {
+        &self.all[self.first[vertex] as usize..self.first[vertex + 1] as usize]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,5 +372,41 @@ mod tests {
         let simple = simplified(&mesh, 200).unwrap();
         assert!((100..=200).contains(&simple.face_count()));
         assert!(simple.positions.iter().all(|p| (0.95..1.05).contains(&p.length())), "the large one is left");
+    }
+}
+
+#[cfg(test)]
+mod smooth_tests {
+    use super::*;
+    use trisplat_scene::mesh::Colors;
+
+    /// A sheet of `side` by `side` squares whose inner heights are noise of up to `noise`.
+    fn sheet(side: u32, noise: f32) -> Mesh {
+        let at = |x: u32, y: u32| y * (side + 1) + x;
+        let mut mesh = Mesh::default();
+        for (y, x) in (0..=side).flat_map(|y| (0..=side).map(move |x| (y, x))) {
+            let inner = x > 0 && y > 0 && x < side && y < side;
+            let code = (x * 7919 + y * 104_729) % 17;
+            let height = if inner { noise * (code as f32 / 8.0 - 1.0) } else { 0.0 };
+            mesh.positions.push(Vec3::new(x as f32, y as f32, height));
+        }
+        mesh.colors = Colors::Vertex(vec![[0.5; 3]; mesh.positions.len()]);
+        for (y, x) in (0..side).flat_map(|y| (0..side).map(move |x| (y, x))) {
+            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            mesh.indices.extend([a, b, c, a, c, d]);
+        }
+        mesh
+    }
+
+    #[test]
+    fn noise_goes_and_the_outline_stays() {
+        let mut mesh = sheet(20, 0.4);
+        let roughness = |mesh: &Mesh| mesh.positions.iter().map(|p| p.z * p.z).sum::<f32>();
+        let before = roughness(&mesh);
+        smooth(&mut mesh, 8);
+        assert!(roughness(&mesh) < 0.2 * before, "{} of {before}", roughness(&mesh));
+        let high = mesh.positions.iter().copied().fold(Vec3::ZERO, Vec3::max);
+        assert!((high.x - 20.0).abs() < 1.0 && (high.y - 20.0).abs() < 1.0, "{high}");
+        assert!(mesh.positions.iter().all(|p| p.is_finite()));
     }
 }

@@ -3,17 +3,23 @@
 //! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture has the colours that photos agree on (`known`),
 //! and continues them where nobody looked (`fill`). Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
-use super::fill::fill;
 use super::known::Known;
-use super::limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
-use super::panorama::{panorama, turned};
-use super::surface::surface;
+use super::known::fill;
+use super::surface::{direction, place, surface};
+use super::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use crate::views::Views;
-use glam::{UVec2, Vec3};
-use trisplat_scene::{
-    Asset, Placement, Result, camera::Camera, image::RgbImage, math::median::median,
-    math::octasphere::face_count, mesh::Mesh,
-};
+use crate::weld::place_bits;
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use std::collections::HashSet;
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::median::median;
+use trisplat_scene::math::octasphere::face_count;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::parallel::GRAIN;
+use trisplat_scene::{Asset, Placement, Result, parallel};
 
 /// Subdivisions of the octahedron without a shell: a sphere.
 const OF_SPHERE: u32 = 4;
@@ -117,4 +123,143 @@ pub(crate) fn take_sky(asset: &mut Asset, sky: Sky, placement: &Placement) -> bo
     }
     asset.sky = sky.0.map(|picture| turned(&picture, placement));
     asset.sky.is_some()
+}
+
+// ---- A picture of everything around a place, as engines take it for their sky: equirectangular -------
+
+/// Samples per pixel along each axis.
+const SAMPLES: u32 = 2;
+
+/// `mesh` as it is seen from `center`: `rows` rows, twice as many columns.
+pub(super) fn panorama(mesh: &Mesh, center: Vec3, rows: u32) -> RgbImage {
+    let near = mesh.positions.iter().map(|v| v.distance(center)).fold(f32::INFINITY, f32::min) * 1e-3;
+    let options =
+        SolidRasterOptions { background: [0.0; 3], samples: SAMPLES, near: near.max(f32::MIN_POSITIVE) };
+    let mut solid = SolidRasterizer::new();
+    let cameras = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|ahead| {
+        let lens = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::splat(rows as f32 / 2.0),
+            center: Vec2::splat(rows as f32 / 2.0),
+            size: UVec2::splat(rows),
+        };
+        let up = if ahead.y == 0.0 { Vec3::Y } else { Vec3::Z };
+        lens.looking(center, center + ahead, up)
+    });
+    let sides = cameras.map(|camera| (camera, solid.render(mesh, &camera, &options)));
+    around(UVec2::new(2 * rows, rows), |direction| {
+        let depth = |camera: &Camera| (camera.rotation * direction).z;
+        let best = sides.iter().max_by(|a, b| depth(&a.0).total_cmp(&depth(&b.0)));
+        best.map_or([0; 3], |(camera, side)| sampled(side, camera, direction))
+    })
+}
+
+/// The picture of a colour in every direction.
+fn around(size: UVec2, color: impl Fn(Vec3) -> [u8; 3] + Sync) -> RgbImage {
+    let rgb = parallel::collect(size.element_product() as usize, GRAIN, |i| {
+        let pixel = UVec2::new(i as u32 % size.x, i as u32 / size.x);
+        color(direction((pixel.as_vec2() + 0.5) / size.as_vec2()))
+    });
+    RgbImage { size, rgb, alpha: None }
+}
+
+/// A panorama of the source's world as one of a file with this placement.
+pub(super) fn turned(picture: &RgbImage, how: &Placement) -> RgbImage {
+    let (size, back) = (picture.size, how.rotation().transpose());
+    around(size, |direction| {
+        let from = place((back * direction.as_dvec3()).as_vec3()) * size.as_vec2() - 0.5;
+        // The first and the last column are neighbours.
+        let corner = from.floor();
+        let column = |x: f32| (x as i64).rem_euclid(i64::from(size.x)) as u32;
+        let row = |y: f32| (y.max(0.0) as u32).min(size.y - 1);
+        let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
+            .map(|(x, y)| (column(corner.x + x), row(corner.y + y)));
+        mixed(picture, corners, from - corner)
+    })
+}
+
+/// The colour of a picture in a direction, between the four nearest pixels.
+fn sampled(picture: &RgbImage, camera: &Camera, direction: Vec3) -> [u8; 3] {
+    let seen = camera.rotation * direction;
+    let last = (picture.size - 1).as_vec2();
+    let at = (seen.truncate() / seen.z * camera.focal + camera.center - 0.5).clamp(Vec2::ZERO, last);
+    let (corner, part) = (at.as_uvec2(), at.fract());
+    let next = (corner + 1).min(picture.size - 1);
+    mixed(picture, [(corner.x, corner.y), (next.x, corner.y), (corner.x, next.y), (next.x, next.y)], part)
+}
+
+/// The colour between four pixels, left and right above and left and right below, `part` of the way from the first.
+fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
+    let pixel = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize].map(f32::from);
+    let [a, b, c, d] = corners.map(|(x, y)| pixel(x, y));
+    let mix = |i: usize| {
+        let (above, below) = (a[i] + part.x * (b[i] - a[i]), c[i] + part.x * (d[i] - c[i]));
+        above + part.y * (below - above)
+    };
+    [mix(0), mix(1), mix(2)].map(|code| (code + 0.5) as u8)
+}
+
+// ---- One closed surface in place of a shell whose triangles hardly touch: opaque, these would be shards w ----
+
+/// Shells of more triangles show more detail than the surface would.
+const MOST_FACES: usize = 8192;
+/// Rows of the picture of the shell for each face around the surface.
+const ROWS_PER_FACE: u32 = 4;
+
+/// Whether the faces of `shell` hardly touch: a closed surface has half as many vertices as faces, separate faces have three times as many.
+pub(crate) fn is_scattered(shell: &Mesh) -> bool {
+    let places: HashSet<[u32; 3]> = shell.positions.iter().map(|place| place_bits(*place)).collect();
+    shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
+}
+
+/// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that the shell shows there.
+pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32) -> Mesh {
+    let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
+    let subdivisions = (2..MOST_SUBDIVISIONS).find(enough).unwrap_or(MOST_SUBDIVISIONS);
+    let picture = panorama(shell, center, ROWS_PER_FACE << subdivisions);
+    let (mut mesh, _) = surface(center, subdivisions, Some(shell), least);
+    let color = |face: usize| {
+        let at = place(mesh.centroid(face) - center) * picture.size.as_vec2();
+        let pixel = at.as_uvec2().min(picture.size - 1);
+        let codes = picture.rgb[(pixel.y * picture.size.x + pixel.x) as usize];
+        codes.map(|code| linear_from_srgb(f32::from(code) / 255.0))
+    };
+    mesh.colors = Colors::Face((0..mesh.face_count()).map(color).collect());
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Faces of a sphere, each turned a little about its middle and larger: they overlap and touch nowhere.
+    fn scattered() -> Mesh {
+        let (mut mesh, _) = surface(Vec3::ZERO, 2, None, 10.0);
+        for face in 0..mesh.face_count() {
+            let (middle, normal) = (mesh.centroid(face), mesh.flat_normal(face));
+            for corner in &mut mesh.positions[3 * face..3 * face + 3] {
+                let turned = glam::Quat::from_axis_angle(normal, 0.1 * face as f32) * (*corner - middle);
+                *corner = middle + 2.0 * turned;
+            }
+        }
+        let level = |face: usize| if mesh.centroid(face).y > 0.0 { [0.0, 0.5, 1.0] } else { [0.2; 3] };
+        mesh.colors = Colors::Face((0..mesh.face_count()).map(level).collect());
+        mesh
+    }
+
+    #[test]
+    fn scattered_triangles_become_one_surface_in_their_colours() {
+        let shell = scattered();
+        assert!(is_scattered(&shell));
+        let found = closed(&shell, Vec3::ZERO, 1.0);
+        assert!(!is_scattered(&found) && found.face_count() == 128);
+        for face in 0..found.face_count() {
+            let (middle, color) = (found.centroid(face), found.corner_colors(face)[0]);
+            assert!((6.0..14.0).contains(&middle.length()), "{middle}");
+            let wanted = if middle.y > 0.0 { 1.0 } else { 0.2 };
+            assert!(middle.y.abs() < 4.0 || (color[2] - wanted).abs() < 0.01, "{middle}: {color:?}");
+        }
+        assert!(closed(&shell, Vec3::ZERO, 20.0).positions.iter().all(|v| v.length() > 19.9));
+    }
 }

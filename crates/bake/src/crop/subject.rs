@@ -3,7 +3,7 @@
 //! Around the subject's ball, the height with most area is its support, such as a table. What is connected above it around the middle is the
 //! object; what is beside, behind and below is left out, except the support within a hand's breadth, cut along an ellipse where it is whole.
 
-use crate::place::samples::Foreground;
+use crate::place::ground::Foreground;
 use crate::place::up::{Confidence, Evidence, estimate};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;

@@ -1,6 +1,7 @@
 //! The up direction, from the rows of the photos, which people hold level, and the largest level surface.
 
-use super::samples::{self, Foreground, Sample};
+use super::ground;
+use super::ground::{Foreground, Sample};
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -184,10 +185,10 @@ struct Surface {
 
 /// The largest flat surface whose normal is within `cone` degrees of `up`, when there is a clear one.
 fn surface(scene: Foreground, known: Evidence, up: DVec3, cone: f64) -> Option<Surface> {
-    let region = samples::region(scene, known.cameras)?;
+    let region = ground::region(scene, known.cameras)?;
     let (samples, clear_share) = match known.points.is_empty() {
-        true => (samples::faces(scene, &region), CLEAR_OF_FACES),
-        false => (samples::points(known.points, &region), CLEAR_OF_POINTS),
+        true => (ground::faces(scene, &region), CLEAR_OF_FACES),
+        false => (ground::points(known.points, &region), CLEAR_OF_POINTS),
     };
     let least = libm::cos(cone.to_radians());
     let thickness = THICKNESS * region.radius;

@@ -1,25 +1,24 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
-use super::shared::{Frame, Seen};
-use crate::bvh::bvh;
-use crate::chunk::{ChunkDetails, chunk};
-use crate::counts::count_mesh;
+use crate::bvh::{BvhOptions, bvh};
+use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
 use crate::lit::lit;
+use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
+use crate::options::BakeOptions;
 use crate::order::{FaceOrder, order};
-use crate::place::under::placement_of;
+use crate::place::placement_of;
 use crate::place::up::Evidence;
 use crate::place::{PlaceDetails, place};
+use crate::run::{count_levels, count_mesh};
 use crate::viewpoint::viewpoint;
+use crate::views::Views;
 use crate::weld::weld;
 use glam::DVec3;
-use trisplat_scene::{
-    Asset, Placement, Provenance, Result,
-    camera::Camera,
-    mesh::Mesh,
-    placed,
-    report::{Outcome, generator},
-};
+use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, Report, StageProgress, generator};
+use trisplat_scene::{Asset, Placement, Provenance, Result, placed};
 
 impl Recipe<'_> {
     /// The part of the recipe that prepares a mesh for a file. Levels are given the frame of their scene.
@@ -102,4 +101,117 @@ impl Recipe<'_> {
             })
         })
     }
+}
+
+// ---- Levels of detail, each painted and packaged like its scene --------------------------------------
+
+/// Photos that a level of detail is evaluated on.
+const EVALUATION_VIEWS: usize = 12;
+/// Texels per pixel that a level has at least.
+const LEAST_DENSITY: f64 = 0.05;
+
+/// How often the texture of a scene is halved for a level with this share of its triangles: it is seen from farther away.
+fn halvings(share: f64) -> usize {
+    (-0.5 * share.clamp(1e-6, 1.0).log2()).round() as usize
+}
+
+impl Recipe<'_> {
+    /// Coarser copies of the scene.
+    pub(super) fn levels(
+        &mut self,
+        source: &LevelSource<'_>,
+        options: &LodOptions,
+        shared: &Shared<'_>,
+        mut views: Option<&mut Views>,
+    ) -> Result<Vec<Asset>> {
+        let of_levels = match self.options.tiles.tiles {
+            // They are cut again into tiles, so chunks and a hierarchy would be useless.
+            true => {
+                BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
+            }
+            false => self.options.clone(),
+        };
+        let faces = source.mesh.face_count().max(1);
+        let finish = |level: Mesh, mut progress: StageProgress<'_>| {
+            let mut unread = Report::default();
+            let mut own = of_levels.clone();
+            // As many texels for a triangle as the scene has: seen from farther away, they are as large in a picture.
+            let share = level.face_count() as f64 / faces as f64;
+            own.texture.texels_per_pixel = (own.texture.texels_per_pixel * share.sqrt()).max(LEAST_DENSITY);
+            let mut observer = progress.inner();
+            let of_level = Recipe::new(&own, &mut unread, &mut observer);
+            let excerpt = source.mesh.texture.as_ref().map(|_| halvings(share));
+            of_level.level(level, shared, excerpt, views.as_deref_mut())
+        };
+        self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
+            lod(levels, source, options, finish, details, progress)
+        })
+    }
+
+    /// A level, whose texture is halved `excerpt` times if its scene had one.
+    fn level(
+        mut self,
+        mut level: Mesh,
+        shared: &Shared<'_>,
+        excerpt: Option<usize>,
+        mut views: Option<&mut Views>,
+    ) -> Result<FinishedLevel> {
+        let in_tiles = self.options.tiles.tiles;
+        // A level drawn alone must look like the scene, so it has the same backdrop; only tiles share one.
+        let faces = level.face_count();
+        shared.backdrop.clone().map_or(Ok(()), |backdrop| level.append(backdrop))?;
+        let (level, unseen) = self.refit(level, faces, views.as_deref_mut())?;
+        let mut level = self.texture(level, unseen, views.as_deref_mut())?;
+        if let (Some(times), Some(texture)) = (excerpt, &mut level.texture) {
+            *texture = texture.excerpt(times, self.options.texture.texture_size);
+        }
+        let psnr = evaluate(&level, views)?;
+        let backdrop = (level.face_count() - faces) as u32;
+        let mut provenance = Provenance { backdrop, ..shared.provenance.clone() };
+        // A texture holds the backdrop of its level.
+        if level.texture.is_none() || in_tiles {
+            level.split_off(faces);
+            provenance.backdrop = 0;
+            if let Some(backdrop) = shared.backdrop.clone().filter(|_| !in_tiles) {
+                provenance.backdrop = backdrop.face_count() as u32;
+                level.append(backdrop)?;
+            }
+        }
+        let frame = Some(shared.frame);
+        let (asset, _) = self.package(level, provenance, Evidence::default(), shared.seen, frame)?;
+        Ok(FinishedLevel { asset, psnr })
+    }
+}
+
+/// Mean PSNR of `mesh` on some of the pictures, dB, if there are any.
+fn evaluate(mesh: &Mesh, views: Option<&mut Views>) -> Result<Option<f64>> {
+    let views = views.filter(|views| !views.is_empty());
+    views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
+}
+
+// ---- What a scene and its levels of detail have in common --------------------------------------------
+
+/// What is known of a scene besides its triangles, in the frame of the input.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<'a> {
+    /// Cameras that see it.
+    pub watching: &'a [Camera],
+    /// The surface for smooth normals.
+    pub facing: Option<&'a Mesh>,
+}
+
+/// The frame of a file, and its first viewpoint.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    pub placement: Placement,
+    pub viewpoint: Option<Viewpoint>,
+}
+
+/// What levels have in common with their scene.
+pub(super) struct Shared<'a> {
+    pub provenance: Provenance,
+    pub seen: Seen<'a>,
+    pub frame: Frame,
+    /// Before placement.
+    pub backdrop: Option<Mesh>,
 }

@@ -1,13 +1,17 @@
 //! The equations of one photo for every triangle that it sees.
 
 use super::equations::{Equations, Fit, MOST_RESIDUAL};
-use trisplat_raster::solid::{Barycentrics, FaceBarycentrics, NO_FACE, Visibility};
+use crate::views::{SAMPLES, Views};
+use trisplat_raster::solid::{
+    Barycentrics, FaceBarycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility,
+};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::srgb8::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel;
+use trisplat_scene::report::StageProgress;
+use trisplat_scene::{Result, parallel};
 
 /// Bands of rows that are summed in parallel. Fixed, so that sums do not depend on the number of threads.
 const BANDS: usize = 8;
@@ -207,4 +211,60 @@ fn coupled(pixel: [f32; 3], own: [f32; 3], coupling: f32) -> ([f32; 3], [f32; 3]
         beyond[c] = coupling * pixel[c] + (1.0 - coupling) * own[c] - residual[c];
     }
     (residual, beyond)
+}
+
+// ---- Adds photos to a fit ----------------------------------------------------------------------------
+
+/// Number of photos at which the first pass is half coupled. Coupled neighbours share the residual of their
+/// pixel. With many photos this is sharper. With few photos one triangle corrects the error of another, which
+/// looks wrong from other places.
+const HALF_COUPLED: f32 = 40.0;
+
+/// Renders the scene from each photo's camera, and adds the photo's pixels to the normal equations.
+pub(super) struct Accumulator {
+    solid: SolidRasterizer,
+    drawing: SolidRasterOptions,
+    gatherer: Gatherer,
+    pub(super) fit: Fit,
+    /// See [`Observation::coupling`].
+    pub(super) coupling: f32,
+    /// Mean error of each photo when it was last added, sRGB-encoded.
+    pub(super) errors: Vec<[f32; 3]>,
+}
+
+impl Accumulator {
+    /// Nothing added yet. `flatness` is λ, px.
+    pub(super) fn new(mesh: &Mesh, views: &Views, flatness: f32) -> Self {
+        Self {
+            solid: SolidRasterizer::new(),
+            drawing: views.drawing(mesh, SAMPLES),
+            gatherer: Gatherer::new(mesh.face_count()),
+            fit: Fit::new(mesh, flatness),
+            coupling: views.len() as f32 / (views.len() as f32 + HALF_COUPLED),
+            errors: vec![[0.0; 3]; views.len()],
+        }
+    }
+
+    /// Adds the photos `chosen` to the sums of the fit, in their order, with this sign: -1 takes them back.
+    pub(super) fn add(
+        &mut self,
+        mesh: &Mesh,
+        views: &mut Views,
+        chosen: &[usize],
+        sign: f32,
+        mut progress: StageProgress<'_>,
+    ) -> Result<()> {
+        views.prefetch(chosen);
+        for (done, &view) in chosen.iter().enumerate() {
+            progress.set(done, chosen.len());
+            let photo = views.photo(view)?;
+            let camera = views.camera(view);
+            let visibility = self.solid.visibility(mesh, camera, &self.drawing);
+            let background = self.drawing.background;
+            let seen =
+                Observation { mesh, camera, photo: &photo, visibility, background, coupling: self.coupling };
+            self.errors[view] = self.gatherer.gather(&seen, &mut self.fit, sign);
+        }
+        Ok(())
+    }
 }

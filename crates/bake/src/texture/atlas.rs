@@ -13,12 +13,16 @@
 //!
 //! Rectangles stand on shelves, high ones first, those of one size sorted by colour: what coarse mip levels mix is alike.
 
-use super::layout::Layout;
 use super::options::TextureOptions;
-use glam::{UVec2, Vec2};
+use crate::views::Views;
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Error, Result, math::srgb8::srgb8_from_linear, mesh::Mesh};
+use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::GRAIN;
+use trisplat_scene::{Error, Result, parallel};
 
 /// Most texels along an edge.
 const MOST: u32 = 1024;
@@ -245,6 +249,97 @@ fn color_key(mesh: &Mesh, face: usize) -> u32 {
     let codes =
         [1, 0, 2].map(|c| u32::from(srgb8_from_linear(corners.iter().map(|k| k[c]).sum::<f32>() / 3.0)));
     (0..8).rev().flat_map(|bit| codes.map(|code| code >> bit & 1)).fold(0, |key, bit| key << 1 | bit)
+}
+
+// ---- Where faces are on a texture, whatever placed them there ----------------------------------------
+
+/// Places of the faces of a mesh on a texture.
+pub(super) trait Layout: Sync {
+    /// Width and height of the texture.
+    fn size(&self) -> UVec2;
+
+    /// Number of faces.
+    fn face_count(&self) -> usize;
+
+    /// Where a point of a face with these weights of its corners is, in texels from the middle of the first texel.
+    fn place(&self, face: usize, weights: &[f32; 3]) -> Vec2;
+
+    /// 1 along the axes between whose texels a face is interpolated, else 0.
+    fn interpolated(&self, face: usize) -> UVec2;
+
+    /// Calls `visit` with every texel of a face, and with the weights of the face's corners there or at the nearest point of it. No
+    /// two faces have the same texel.
+    fn for_each_texel(&self, face: usize, visit: &mut dyn FnMut(UVec2, [f32; 3]));
+
+    /// Texels and weights of a bilinear sample.
+    #[inline(always)]
+    fn around(&self, face: usize, place: Vec2) -> [(usize, f32); 4] {
+        let size = self.size();
+        // Rounding may lead a little over the border.
+        let place = place.clamp(Vec2::ZERO, (size - 1).as_vec2());
+        let (corner, part) = (place.as_uvec2(), place.fract());
+        let next = (corner + self.interpolated(face)).min(size - 1);
+        let number = |x: u32, y: u32| (y * size.x + x) as usize;
+        [
+            (number(corner.x, corner.y), (1.0 - part.x) * (1.0 - part.y)),
+            (number(next.x, corner.y), part.x * (1.0 - part.y)),
+            (number(corner.x, next.y), (1.0 - part.x) * part.y),
+            (number(next.x, next.y), part.x * part.y),
+        ]
+    }
+
+    /// Where the corners of every face are on the texture: (0, 0) its upper left corner, (1, 1) its lower right one. `[F]`
+    fn uvs(&self) -> Vec<[Vec2; 3]> {
+        let per = Vec2::ONE / self.size().as_vec2();
+        let corner = |face: usize, k: usize| {
+            let mut weights = [0.0; 3];
+            weights[k] = 1.0;
+            (self.place(face, &weights) + 0.5) * per
+        };
+        (0..self.face_count()).map(|face| [0, 1, 2].map(|k| corner(face, k))).collect()
+    }
+}
+
+// ---- How large triangles appear in the photos that see them ------------------------------------------
+
+/// Longer side of the pictures that say which triangles each photo sees, px. Triangles with less than a pixel there hardly need texels.
+const LONGEST: u32 = 1280;
+
+/// The mean length of every face's three edges in the photos that see it, px: from corner 0 to 1, 1 to 2, 2 to 0. Zeros where no
+/// photo does. `[F]`
+pub(super) fn footprints(mesh: &Mesh, views: &Views) -> Vec<[f32; 3]> {
+    let drawing = views.drawing(mesh, 1);
+    let mut solid = SolidRasterizer::new();
+    // Sums of three lengths, and how many.
+    let mut lengths = vec![[0.0f32; 4]; mesh.face_count()];
+    let mut seen = vec![false; mesh.face_count()];
+    for camera in views.cameras() {
+        seen.fill(false);
+        let visible = solid.visibility(mesh, &camera.within(LONGEST), &drawing);
+        visible.face.iter().filter(|face| **face != NO_FACE).for_each(|face| seen[*face as usize] = true);
+        parallel::for_each_mut(&mut lengths, GRAIN, |face, lengths| {
+            if seen[face] {
+                let here = edges(mesh.corners(face), camera, drawing.near);
+                (0..3).for_each(|i| lengths[i] += here[i]);
+                lengths[3] += 1.0;
+            }
+        });
+    }
+    lengths.iter().map(|sums| [0, 1, 2].map(|i| sums[i] / sums[3].max(1.0))).collect()
+}
+
+/// Lengths of the edges of a triangle in a picture, px. Of one that begins behind the camera the length that it would have in its middle.
+fn edges(corners: [Vec3; 3], camera: &Camera, near: f32) -> [f32; 3] {
+    let corners = corners.map(|v| camera.rotation * v + camera.translation);
+    let length = |p: Vec3, q: Vec3| {
+        if p.z > near && q.z > near {
+            let at = |v: Vec3| v.truncate() / v.z * camera.focal;
+            return at(p).distance(at(q));
+        }
+        p.distance(q) / ((p.z + q.z) / 2.0).max(near) * camera.focal.max_element()
+    };
+    let [a, b, c] = corners;
+    [length(a, b), length(b, c), length(c, a)]
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //!
 //! First the mesh is unwrapped. Then its charts are packed once more, each with the number of texels that its size in the photos asks for.
 
-use super::layout::Layout;
+use super::atlas::Layout;
 use super::options::TextureOptions;
 use glam::{UVec2, Vec2, Vec3};
 use trisplat_scene::{

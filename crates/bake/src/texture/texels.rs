@@ -13,17 +13,20 @@
 //!
 //! Sums are whole numbers: their order, and with it the number of threads, does not matter.
 
+use super::atlas::{Atlas, Layout};
 use super::best::{Best, Candidates};
-use super::layout::Layout;
-use super::page::Page;
+use super::options::TextureOptions;
+use super::textured;
 use crate::views::Views;
 use glam::{UVec2, Vec2};
 use std::sync::atomic::{AtomicI32, Ordering};
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer, Visibility};
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Result, camera::Camera, image::RgbImage, math::color::srgb_from_linear, mesh::Mesh, report::StageProgress,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::StageProgress;
+use trisplat_scene::{ImportedScene, Result, Scene, parallel};
 
 /// One in the sums.
 const UNIT: f32 = 4096.0;
@@ -233,4 +236,105 @@ impl<L: Layout> Observation<'_, L> {
             add(&sums[3], weight);
         }
     }
+}
+
+// ---- The picture that texels become: what no triangle shows is filled, so that samples and mip levels bes ----
+
+/// Texels around those of triangles that get their colour.
+const DILATION: usize = 4;
+
+/// The texels of a picture.
+pub(super) struct Page {
+    pub(super) size: UVec2,
+    /// Those that have a colour. `[H * W]`
+    pub(super) owned: Vec<bool>,
+    /// sRGB-encoded, 0 to 255. `[H * W]`
+    pub(super) values: Vec<[f32; 3]>,
+}
+
+impl Page {
+    /// Around triangles their colours go on; elsewhere the picture has their mean.
+    pub(super) fn picture(mut self) -> RgbImage {
+        let shown = self.owned.iter().filter(|owned| **owned).count();
+        let mut sum = [0.0f64; 3];
+        for (value, _) in self.values.iter().zip(&self.owned).filter(|(_, owned)| **owned) {
+            (0..3).for_each(|c| sum[c] += f64::from(value[c]));
+        }
+        let mean = sum.map(|s| (s / shown.max(1) as f64) as f32);
+        (0..DILATION).for_each(|_| self.dilate());
+        let code = |texel: usize| {
+            (if self.owned[texel] { self.values[texel] } else { mean }).map(|c: f32| (c + 0.5) as u8)
+        };
+        let rgb = parallel::collect(self.values.len(), 1 << 14, code);
+        RgbImage { size: self.size, rgb, alpha: None }
+    }
+
+    /// Gives texels beside those that have a colour the mean of theirs.
+    fn dilate(&mut self) {
+        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let grown = |at: usize| {
+            if self.owned[at] {
+                return None;
+            }
+            let (x, y) = (at % width, at / width);
+            let beside = [
+                (x > 0).then(|| at - 1),
+                (x + 1 < width).then_some(at + 1),
+                (y > 0).then(|| at - width),
+                (y + 1 < height).then_some(at + width),
+            ];
+            let mut sum = [0.0f32; 4];
+            for at in beside.into_iter().flatten().filter(|at| self.owned[*at]) {
+                (0..3).for_each(|c| sum[c] += self.values[at][c]);
+                sum[3] += 1.0;
+            }
+            (sum[3] > 0.0).then(|| (at, [0, 1, 2].map(|c| sum[c] / sum[3])))
+        };
+        let grown: Vec<(usize, [f32; 3])> = parallel::filter_map(self.owned.len(), 1 << 14, grown);
+        for (at, value) in grown {
+            (self.owned[at], self.values[at]) = (true, value);
+        }
+    }
+}
+
+// ---- A texture of a mesh's own colours, so that it can join a textured one ---------------------------
+
+/// Corners whose sRGB-encoded colours differ by less look alike.
+const ALIKE: f32 = 2.0 / 255.0;
+
+/// Gives every mesh of `inputs` a texture if one of them has one: a merge could keep neither colours nor texture of both otherwise.
+///
+/// Errors: more triangles than the largest texture has texels.
+pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
+    let is_textured =
+        |loaded: &ImportedScene| matches!(&loaded.scene, Scene::Mesh(mesh) if mesh.texture.is_some());
+    if !inputs.iter().any(is_textured) {
+        return Ok(());
+    }
+    for loaded in inputs {
+        if let Scene::Mesh(mesh) = &mut loaded.scene
+            && mesh.texture.is_none()
+        {
+            *mesh = with_texture(std::mem::take(mesh))?;
+            let name = loaded.provenance.source.as_deref().unwrap_or("an input");
+            let warning = format!("the colours of {name} became a texture, because another input has one");
+            loaded.warnings.push(warning);
+        }
+    }
+    Ok(())
+}
+
+/// A triangle of one colour has one texel, any other those of its corners.
+fn with_texture(mesh: Mesh) -> Result<Mesh> {
+    let mut mesh = mesh.unshared();
+    let length = |face: usize| {
+        let corners = mesh.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
+        let differs = |k: usize| (0..3).any(|c| (corners[k][c] - corners[0][c]).abs() > ALIKE);
+        if differs(1) || differs(2) { 1.0 } else { 0.0 }
+    };
+    let edges: Vec<[f32; 3]> = (0..mesh.face_count()).map(|face| [length(face); 3]).collect();
+    let options = TextureOptions { texels_per_pixel: 1.0, ..TextureOptions::DEFAULT };
+    let atlas = Atlas::new(&mesh, &edges, &options)?;
+    mesh.texture = Some(textured(&atlas, Texels::new(&mesh, &atlas).picture(0.0)));
+    Ok(mesh)
 }
