@@ -27,12 +27,12 @@ pub use identity::{FileId, folder_of};
 pub use inside::lies_inside;
 pub use live::{remove_temporaries, try_remove_temporaries};
 pub use made::MadeFolders;
-pub use manifest::{Manifest, remove_empty_folders};
+pub use manifest::Manifest;
 pub use names::{is_leftover, resolved, temporary_name};
 
 use crate::error::{Error, Result};
 use std::fs::File;
-use std::io::{BufWriter, Read, Write};
+use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use temporary::Temporary;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -193,17 +193,14 @@ pub fn sweep_folder(folder: &Path, is_stale: impl Fn(&str) -> bool) {
 fn names_its_bytes(path: &Path) -> bool {
     let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let Some((_, named)) = stem.rsplit_once('-') else { return false };
+    hash_of(path).is_ok_and(|(_, hash)| named == format!("{hash:016x}"))
+}
+
+/// Size of a file in bytes, and the hash of its bytes (XXH3).
+fn hash_of(path: &Path) -> std::io::Result<(u64, u64)> {
     let mut hash = Xxh3Default::new();
-    let hashed = File::open(path).and_then(|mut file| {
-        let mut buffer = vec![0; BUFFER_BYTES];
-        loop {
-            match file.read(&mut buffer)? {
-                0 => return Ok(hash.digest()),
-                count => hash.update(&buffer[..count]),
-            }
-        }
-    });
-    hashed.is_ok_and(|hash| named == format!("{hash:016x}"))
+    let bytes = std::io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, File::open(path)?), &mut hash)?;
+    Ok((bytes, hash.digest()))
 }
 
 impl Write for AtomicFile {

@@ -94,7 +94,7 @@ impl AtomicFolder {
     }
 
     /// Names of the files made so far, sorted.
-    pub(super) fn names(&self) -> Result<Vec<PathBuf>> {
+    fn names(&self) -> Result<Vec<PathBuf>> {
         let mut names = Vec::new();
         collect(&self.aside, Path::new(""), &mut names).map_err(|e| Error::io(&self.folder, e))?;
         names.sort();
@@ -106,22 +106,16 @@ impl AtomicFolder {
     ///
     /// Errors: what the operating system refuses.
     pub fn publish(self, naming: &str) -> Result<()> {
-        self.publish_instead(naming, &[])
-    }
-
-    /// The same; `stale` are old files without a successor, which are removed in the same step.
-    pub(super) fn publish_instead(self, naming: &str, stale: &[PathBuf]) -> Result<()> {
         let io = |e| Error::io(&self.folder, e);
         let mut names = self.names()?;
         names.sort_by_key(|name| name.starts_with(naming));
         names.iter().try_for_each(|name| sync(&self.aside.join(name))).map_err(io)?;
         let list = self.aside.join(LIST);
-        let all: Vec<PathBuf> = stale.iter().chain(&names).cloned().collect();
-        let moves = moves(&self.folder, &all);
+        let moves = moves(&self.folder, &names);
         write_list(&list, &moves).map_err(io)?;
         // Locked while files get their names: a signal waits.
         let live = live::list();
-        let replaced = replace(&self.folder, &self.aside, &all, &names)
+        let replaced = replace(&self.folder, &self.aside, &names)
             .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
         if let Err(error) = replaced {
             // Best effort.
@@ -178,9 +172,9 @@ fn write_list(list: &Path, moves: &[Move]) -> io::Result<()> {
     sync(list)
 }
 
-/// Moves the old files of `all` names aside, first those that name others, then new ones in.
-fn replace(folder: &Path, aside: &Path, all: &[PathBuf], names: &[PathBuf]) -> io::Result<()> {
-    for target in all.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
+/// Moves the old files of all names aside, first those that name others, then new ones in.
+fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
+    for target in names.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
         std::fs::rename(&target, aside_name(&target))?;
     }
     for name in names {
@@ -237,7 +231,7 @@ fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
 }
 
 /// Removes `below` and its parents up to `folder`, while they are empty. Inner ones may be missing.
-pub(super) fn remove_empty(folder: &Path, below: Option<&Path>) {
+fn remove_empty(folder: &Path, below: Option<&Path>) {
     let mut below = below;
     let goes = |empty: &Path| std::fs::remove_dir(empty).is_ok() || !empty.exists();
     while let Some(empty) = below.filter(|empty| *empty != folder && goes(empty)) {
@@ -339,32 +333,6 @@ mod tests {
             assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
             assert!(!folder.join("images").exists(), "{moved} were moved");
         }
-    }
-
-    #[test]
-    fn files_without_a_successor_go_with_the_move_or_stay() {
-        let parent = tempfile::tempdir().unwrap();
-        let folder = parent.path();
-        let stale = [PathBuf::from("more/c")];
-        std::fs::create_dir(folder.join("more")).unwrap();
-        std::fs::write(folder.join("more/c"), "old").unwrap();
-        // As a kill leaves it after the first move: the file is put back.
-        let made = AtomicFolder::create(folder).unwrap();
-        write_list(&made.path().join(LIST), &moves(folder, &stale)).unwrap();
-        std::fs::rename(folder.join("more/c"), aside_name(&folder.join("more/c"))).unwrap();
-        let (aside, kept) = (made.path().to_owned(), folder.with_extension("kept"));
-        std::fs::rename(&aside, &kept).unwrap();
-        drop(made);
-        std::fs::rename(&kept, &aside).unwrap();
-        std::fs::write(temporary_name(&folder_lock(folder)), "").unwrap();
-        AtomicFolder::recover(folder).unwrap();
-        assert_eq!(found(folder), [("more/c".into(), "old".into())]);
-
-        let made = AtomicFolder::create(folder).unwrap();
-        fill(&made, "new");
-        made.publish_instead("list", &stale).unwrap();
-        assert_eq!(found(folder), all("new"));
-        assert!(!folder.join("more").exists());
     }
 
     #[test]
