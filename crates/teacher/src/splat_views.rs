@@ -118,8 +118,7 @@ const LEAST_SIDE: f32 = 256.0;
 const MOST_SIDE: f32 = 1600.0;
 /// What is farther from the middle than this many times the radius of nearly everything is behind an object, not part of it.
 const BEHIND: f32 = 1.1;
-/// Least share of the corners of pictures from around that it covers in surroundings: 0 for a guitar and a ball, 0.5 to 0.8 for three captures
-/// (commit c0970884).
+/// Least share of the corners of pictures from around that it covers in surroundings.
 const CORNERS: f32 = 0.3;
 /// Least covered share of a pixel that is measured.
 const LEAST_COVER: f32 = 0.1;
