@@ -22,6 +22,8 @@ const OVERLAP: f64 = 10.0;
 /// Random numbers reserved for one triangle.
 const RANDOM_NUMBERS: u64 = 32;
 
+// The recipes name the command of the time when the samples were made: they are part of their bytes.
+
 /// What made [`degenerate()`].
 pub const DEGENERATE_RECIPE: &str = "trisplat sample degenerate";
 
