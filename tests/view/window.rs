@@ -283,7 +283,7 @@ fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
         (sharpness(&seen) > 0.0).then_some(sharpness(&seen))
     });
     // The box before "draw continuously", in the panel.
-    let switch = |desk: &Desk| desk.xdotool("mousemove 15 208 click 1");
+    let switch = |desk: &Desk| desk.xdotool("mousemove 15 187 click 1");
     switch(&desk);
     wait_for("fewer pixels", || (sharpness(&desk.seen()) < 0.7 * whole).then_some(()));
     switch(&desk);
@@ -316,7 +316,7 @@ fn a_window_at_rest_draws_nothing() {
     // What the first pictures need is made once.
     wait_for("rest", || (spent(&desk) <= 2).then_some(()));
     // The box before "draw continuously", in the panel.
-    desk.xdotool("mousemove 15 190 click 1");
+    desk.xdotool("mousemove 15 169 click 1");
     wait_for("motion", || (spent(&desk) >= 20).then_some(()));
     assert_eq!(desk.close(), Some(0));
 }
