@@ -1,7 +1,7 @@
 //! Draws a trained scene from a camera stored in its file: soft, as it was trained, and solid, as an engine draws the
 //! baked file. `cargo run --release --example draw [SCENE.ply]`.
 
-use trisplat::{Draw, Error};
+use trisplat::{Error, Renderer};
 
 fn main() -> trisplat::Result<()> {
     let file = std::env::args().nth(1).unwrap_or("samples/soups/trained.ply".into());
@@ -9,6 +9,6 @@ fn main() -> trisplat::Result<()> {
     let Some(camera) = scene.cameras.first() else {
         return Err(Error::invalid("scene", file, "a scene that trisplat trained, which knows its cameras"));
     };
-    trisplat::draw(&scene, camera, Draw::Soft)?.save_png("soft.png")?;
-    trisplat::draw(&scene, camera, Draw::Solid { samples: 4 })?.save_png("solid.png")
+    Renderer::soft(&scene)?.draw(camera)?.save_png("soft.png")?;
+    Renderer::new(&scene)?.draw(camera)?.save_png("solid.png")
 }

@@ -12,18 +12,54 @@
 //! colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its chunks, BVH and provenance. The
 //! maths follow Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*.
 //!
-//! From a file, as `trisplat bake scene.ply -o scene.glb` does:
+//! A file for an engine, as `trisplat bake scene.ply -o scene.glb` makes it:
 //!
 //! ```no_run
-//! let scene = trisplat::read("scene.ply")?;
-//! let baked = trisplat::bake(scene, &trisplat::BakeOptions::default())?;
+//! # use trisplat::{BakeOptions, Target};
+//! let baked = trisplat::bake(trisplat::read("scene.ply")?, &BakeOptions::fast().target(Target::Godot).max_triangles(4000))?;
 //! baked.write("scene.glb")?;
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
-//! From photos with poses: [`Dataset::load`], then [`train()`], then [`BakeJob`] with the photos. The folder `examples` has whole
-//! programs. Everything else is in the crates of the workspace, one per room: `trisplat-raster`, `trisplat-formats` and so on. The command line and its progress bars are behind the feature `cli`, training and drawing on a graphics card behind
-//! `gpu`, the window behind `view`; only `cli` is on unless `default-features = false`.
+//! Triangles of your own, with nothing on disk:
+//!
+//! ```
+//! # use trisplat::{BakeOptions, Mesh, glam::Vec3};
+//! # let triangles = [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::X, Vec3::ONE, Vec3::Y]];
+//! # let colors = [[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]];
+//! let asset = trisplat::bake(Mesh::from_triangles(&triangles, &colors)?, &BakeOptions::default())?;
+//! let bytes: Vec<u8> = asset.to_glb()?;
+//! # assert_eq!(trisplat::read_bytes(&bytes, trisplat::Format::Glb)?.scene.triangle_count(), 2);
+//! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
+//! Photos with poses become a scene, which [`Trained::save`] writes and [`bake()`] takes:
+//!
+//! ```no_run
+//! # use std::ops::ControlFlow;
+//! # use trisplat::{Dataset, DatasetOptions, TrainOptions};
+//! let photos = Dataset::load("photos", &DatasetOptions::default())?;
+//! let trained = trisplat::train(&photos, &TrainOptions::default().steps(500), &mut |event| ControlFlow::Continue(()))?;
+//! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
+//! Pictures of a scene, which is prepared once:
+//!
+//! ```
+//! # use trisplat::{Camera, Mesh, Renderer, glam::Vec3};
+//! # let scene = Mesh::from_triangles(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]], &[[1.0, 0.5, 0.0]])?.into();
+//! # let (target, fov_y, angles) = (Vec3::ZERO, 0.8, [0.0f32, 1.0]);
+//! let renderer = Renderer::new(&scene)?;
+//! for angle in angles {
+//!     let eye = Vec3::new(angle.sin(), 0.5, angle.cos()) * 4.0;
+//!     let picture = renderer.draw(&Camera::look_at(eye, target, Vec3::Y, fov_y, [640, 480]))?;
+//!     # assert!(picture.rgb.iter().any(|pixel| *pixel != [0; 3]));
+//! }
+//! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
+//! [`BakeJob`] bakes with photos. The folder `examples` has whole programs; everything else is in the crates of the workspace. The command line is behind the feature `cli`, a graphics card behind `gpu`, the window
+//! behind `view`; only `cli` is on unless `default-features = false`.
 
 #[cfg(feature = "cli")]
 #[doc(hidden)]
@@ -32,22 +68,21 @@ pub mod cli;
 #[doc(hidden)]
 pub mod web;
 
-pub use trisplat_bake::TextureWhen;
-pub use trisplat_bake::{BakeOptions, BakePreset, Views};
-pub use trisplat_bake::{MeshOptions, mesh};
+pub use glam;
+pub use trisplat_bake::{BakeOptions, BakePreset, MeshOptions, TextureWhen, Views, mesh};
 pub use trisplat_dataset::{Dataset, DatasetOptions};
-pub use trisplat_formats::{OutputOptions, ReadOptions};
-pub use trisplat_job::{
-    BakeDone, BakeInput, BakeJob, Baked, Draw, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob,
-    TrainDone, TrainJob, TrainPart, bake, draw, read, score, train,
+pub use trisplat_formats::{
+    Format, OutputOptions, OutputTarget as Target, ReadOptions, WrittenFiles, gltf::GltfOptions,
 };
-pub use trisplat_scene::Asset;
-pub use trisplat_scene::Limits;
-pub use trisplat_scene::Soup;
-pub use trisplat_scene::camera::Camera;
-pub use trisplat_scene::image::RgbImage;
-pub use trisplat_scene::mesh::Mesh;
-pub use trisplat_scene::report::{Report, StageEvent};
-pub use trisplat_scene::{Error, Result};
-pub use trisplat_scene::{ImportedScene, Scene};
+pub use trisplat_job::{
+    BakeDone, BakeInput, BakeJob, Baked, EvalJob, Event, MakeJob, MeshJob, Observer, RenderJob, Renderer,
+    TrainDone, TrainJob, TrainPart, bake, read, read_bytes, score, train,
+};
+pub use trisplat_scene::{
+    Asset, Error, ImportedScene, Limits, Result, Scene, Soup, Splats,
+    camera::Camera,
+    image::RgbImage,
+    mesh::{Colors, Mesh},
+    report::{Report, StageEvent},
+};
 pub use trisplat_train::{TrainEvent, TrainOptions, TrainPreset, TrainSample, Trained};

@@ -22,6 +22,7 @@ use super::weld::WeldOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use trisplat_formats::OutputTarget;
 use trisplat_formats::output::{Beside, Output, OutputFormat, OutputOptions};
 use trisplat_scene::{
     Error, Result,
@@ -167,6 +168,28 @@ impl BakeOptions {
                 Self { preset, prune: PruneOptions::SMALL, output: OutputOptions::SMALL, ..Self::DEFAULT }
             }
         }
+    }
+
+    /// The options of the preset `fast`.
+    pub fn fast() -> Self {
+        Self::preset(BakePreset::Fast)
+    }
+
+    /// The options of the preset `small`.
+    pub fn small() -> Self {
+        Self::preset(BakePreset::Small)
+    }
+
+    /// With files for this engine.
+    pub fn target(mut self, target: OutputTarget) -> Self {
+        self.output.target = target;
+        self
+    }
+
+    /// With at most this many triangles, those that add most to the picture.
+    pub fn max_triangles(mut self, count: u64) -> Self {
+        self.prune.max_triangles = Some(count);
+        self
     }
 
     /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,

@@ -36,7 +36,7 @@ pub use far::{far_origin, is_far};
 pub use finish::finish;
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
-pub use read::read;
+pub use read::{read, read_bytes};
 pub use source::Source;
 pub use source::named_files;
 pub use target::{OutputTarget, TargetEncoding};

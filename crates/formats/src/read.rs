@@ -3,8 +3,9 @@
 use super::html;
 use crate::gltf;
 use crate::{Format, ReadOptions, Source, gaussians, obj, off, ply, pt};
-use std::path::Path;
-use trisplat_scene::{Error, ImportedScene, Result, guard::guarded};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use trisplat_scene::{Error, ImportedScene, Result, guard::guarded, input};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =
@@ -58,6 +59,16 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ImportedScene> {
     let mut source = Source::open(path, &options.limits)?;
     let format = detect(&mut source)?;
     read_as(format, source, options)
+}
+
+/// The scene in the bytes of a file.
+///
+/// # Errors
+/// As [`read`]; files beside it, as of a .gltf with a buffer of its own, are not found.
+pub fn read_bytes(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<ImportedScene> {
+    let path = PathBuf::from("<bytes>");
+    let (file, len) = input::spool(&path, &mut &*bytes, &options.limits)?;
+    read_as(format, Source { path, file: Arc::new(file), len }, options)
 }
 
 /// The scene in an open file of that format.

@@ -35,7 +35,7 @@ pub use harden::{HardenOptions, MOST_PICTURES};
 pub use inputs::files_of;
 pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;
-pub use plain::{Baked, Draw, bake, draw, read, score};
+pub use plain::{Baked, Renderer, bake, read, read_bytes, score};
 pub use renderer::{BakedScene, RenderOptions, SceneRenderer};
 pub use rendering::{PictureKind, SHARE, WIDTH};
 pub use rendering::{ReadyRender, RenderJob};

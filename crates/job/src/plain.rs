@@ -1,4 +1,4 @@
-//! The plain cases, one call each, with paths as people have them: read, bake, draw, score.
+//! The plain cases, one call each: read, bake, draw, score.
 
 use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
@@ -8,19 +8,33 @@ use glam::DVec3;
 use std::ops::ControlFlow;
 use std::ops::Deref;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::Dataset;
-use trisplat_formats::{self as formats, ReadOptions, WrittenFiles, output::OutputOptions};
+use trisplat_formats::{
+    self as formats, Format, ReadOptions, WrittenFiles, gltf,
+    output::{OutputOptions, WriteDetails},
+};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene, camera::Camera, image::RgbImage, placed,
     report::Report,
 };
+use trisplat_train::SOLID_SAMPLES;
+
+const BLACK: [f32; 3] = [0.0; 3];
 
 /// Reads a scene of any format, with all of its colours.
 ///
 /// Errors: a file that is missing, damaged, above the default limits, or of another kind.
 pub fn read(path: impl AsRef<Path>) -> Result<ImportedScene> {
     formats::read(path.as_ref(), &ReadOptions::default())
+}
+
+/// Reads a scene from the bytes of a file.
+///
+/// Errors: as of [`read`].
+pub fn read_bytes(bytes: &[u8], format: Format) -> Result<ImportedScene> {
+    formats::read_bytes(bytes, format, &ReadOptions::default())
 }
 
 /// A baked scene, and the files that it was baked for.
@@ -45,6 +59,13 @@ impl Baked {
         }
         formats::write(&self.asset, path, &self.output)
     }
+
+    /// The bytes of a GLB as the options of its bake say, without the files beside it.
+    ///
+    /// Errors: nothing to draw, or more than a GLB holds.
+    pub fn to_glb(&self) -> Result<Vec<u8>> {
+        gltf::to_glb_bytes(&self.asset, &self.output.encoding(&mut WriteDetails::default()))
+    }
 }
 
 impl Deref for Baked {
@@ -65,40 +86,54 @@ pub fn bake(scene: impl Into<ImportedScene>, options: &BakeOptions) -> Result<Ba
     Ok(Baked { asset: done.asset, report: done.report, output, has_tiles })
 }
 
-/// How [`draw`] draws a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Draw {
-    /// As it was trained: the window function of the paper, blended by depth (Held et al. 2025, eq. 2 to 6). Soups only.
-    Soft,
-    /// As an engine draws it: opaque triangles and a depth buffer, with this many samples per pixel along each axis: 1, 2 or 4.
-    Solid {
-        /// Samples along each axis.
-        samples: u32,
-    },
+/// Draws one scene for many cameras, over black; [`RenderJob`](super::RenderJob) writes pictures of photos.
+#[derive(Debug)]
+pub struct Renderer {
+    scene: Mutex<SceneRenderer>,
+    /// The frame of what is drawn, in the frame of the scene.
+    placement: Placement,
 }
 
-/// What `camera`, in the coordinates of the scene, sees of it over black. [`RenderJob`](super::RenderJob) draws many pictures.
-///
-/// Errors: a mesh drawn soft; samples other than 1, 2 or 4; a picture above the default limits; nothing to draw.
-pub fn draw(scene: &ImportedScene, camera: &Camera, how: Draw) -> Result<RgbImage> {
-    let (whole, black) = (&Placement::IDENTITY, [0.0; 3]);
-    let (mut renderer, camera) = match (how, &scene.scene) {
-        (Draw::Soft, Scene::Soup(soup)) => (SceneRenderer::soft(soup.clone(), whole, None, black), *camera),
-        (Draw::Soft, Scene::Mesh(_)) => {
-            return Err(Error::invalid("scene", "a mesh", "a soup; `Draw::Solid` draws meshes"));
+impl Renderer {
+    /// Draws as an engine does: opaque triangles and a depth buffer. A soup is baked first, once.
+    ///
+    /// Errors: nothing to draw.
+    pub fn new(scene: &ImportedScene) -> Result<Self> {
+        let (mesh, placement) = match &scene.scene {
+            Scene::Mesh(mesh) => (mesh.clone(), Placement::IDENTITY),
+            Scene::Soup(_) => {
+                // The bake turns the scene upright, and the cameras with it.
+                let baked = BakedScene::new(scene.clone())?;
+                (baked.asset.mesh, baked.bake_placement)
+            }
+        };
+        let scene = SceneRenderer::solid(mesh, &Placement::IDENTITY, None, BLACK, SOLID_SAMPLES);
+        Ok(Self { scene: Mutex::new(scene), placement })
+    }
+
+    /// Draws a soup as it was trained: soft windows, blended by depth (Held et al. 2025, eq. 2 to 6).
+    ///
+    /// Errors: a mesh, whose triangles are solid.
+    pub fn soft(scene: &ImportedScene) -> Result<Self> {
+        let placement = Placement::IDENTITY;
+        match &scene.scene {
+            Scene::Soup(soup) => {
+                let scene = SceneRenderer::soft(soup.clone(), &placement, None, BLACK);
+                Ok(Self { scene: Mutex::new(scene), placement })
+            }
+            Scene::Mesh(_) => Err(Error::invalid("scene", "a mesh", "a soup; `Renderer::new` draws meshes")),
         }
-        (Draw::Solid { samples }, Scene::Mesh(mesh)) => {
-            (SceneRenderer::solid(mesh.clone(), whole, None, black, samples), *camera)
-        }
-        (Draw::Solid { samples }, Scene::Soup(_)) => {
-            // The bake turns the scene upright, and the camera with it.
-            let baked = BakedScene::new(scene.clone())?;
-            let camera = placed::to_file(camera, &baked.bake_placement, DVec3::ZERO);
-            (SceneRenderer::solid(baked.asset.mesh, whole, None, black, samples), camera)
-        }
-    };
-    renderer.validate(camera.size, &Limits::DEFAULT)?;
-    Ok(renderer.color(&camera))
+    }
+
+    /// What a camera in the coordinates of the scene sees.
+    ///
+    /// Errors: numbers of the camera that are not finite; a picture above the default limits.
+    pub fn draw(&self, camera: &Camera) -> Result<RgbImage> {
+        camera.validate(&Limits::DEFAULT)?;
+        let mut scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner);
+        scene.validate(camera.size, &Limits::DEFAULT)?;
+        Ok(scene.color(&placed::to_file(camera, &self.placement, DVec3::ZERO)))
+    }
 }
 
 /// How close the file at `path` comes to the held-out photos, drawn as an engine draws it: means over the photos.

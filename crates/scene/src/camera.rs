@@ -2,11 +2,11 @@
 
 use crate::error::{Error, Result};
 use crate::limits::Limits;
-use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
+use glam::{DVec3, Mat3, Mat4, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Pinhole camera q = K (R v + t). +x right, +y down, +z forward (COLMAP); pixel centres at +0.5.
+/// A pinhole camera with +x right, +y down and +z forward, as in COLMAP: q = K (R v + t). Pixel centres are at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// World to camera rotation R.
@@ -22,6 +22,24 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the vertical field of view, radians.
+    pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_y: f32, size: impl Into<UVec2>) -> Self {
+        Self::at_origin(fov_y, size.into()).looking(eye, target, up)
+    }
+
+    /// The camera of a view matrix as of glTF, OpenGL and [`Mat4::look_at_rh`], with +y up and -z forward; `fov_y` in radians.
+    pub fn from_view(view: Mat4, fov_y: f32, size: impl Into<UVec2>) -> Self {
+        let turn = Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
+        let (rotation, translation) = (turn * Mat3::from_mat4(view), turn * view.w_axis.truncate());
+        Self { rotation, translation, ..Self::at_origin(fov_y, size.into()) }
+    }
+
+    fn at_origin(fov_y: f32, size: UVec2) -> Self {
+        let focal = Vec2::splat(size.y as f32 / (2.0 * (fov_y / 2.0).tan()));
+        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
+        Self { rotation, translation, focal, center: size.as_vec2() / 2.0, size }
+    }
+
     /// The camera's position in the world: -R^T t.
     pub fn position(&self) -> Vec3 {
         -(self.rotation.transpose() * self.translation)
@@ -203,6 +221,16 @@ mod tests {
             CAMERA.looking(Vec3::ZERO, Vec3::NEG_Y, Vec3::NEG_Y).validate(&Limits::DEFAULT).is_ok(),
             "straight up"
         );
+    }
+
+    #[test]
+    fn a_view_matrix_gives_the_camera_that_looks_so() {
+        let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
+        let looking = Camera::look_at(eye, target, Vec3::Y, 1.0, [64, 48]);
+        let viewing = Camera::from_view(Mat4::look_at_rh(eye, target, Vec3::Y), 1.0, [64, 48]);
+        assert!(looking.rotation.abs_diff_eq(viewing.rotation, 1e-5));
+        assert!(looking.translation.abs_diff_eq(viewing.translation, 1e-5));
+        assert_eq!((looking.focal, looking.size), (viewing.focal, UVec2::new(64, 48)));
     }
 
     #[test]

@@ -51,6 +51,16 @@ impl Default for Mesh {
 }
 
 impl Mesh {
+    /// Opaque triangles, each of one colour: linear light in [0, 1].
+    ///
+    /// Errors: another number of colours than of triangles; numbers that are not finite or out of range.
+    pub fn from_triangles(triangles: &[[Vec3; 3]], colors: &[[f32; 3]]) -> Result<Self> {
+        let (positions, colors) = (triangles.as_flattened().to_vec(), Colors::Face(colors.to_vec()));
+        let mesh = Self { positions, colors, ..Self::default() };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+
     /// Number of triangles.
     pub fn face_count(&self) -> usize {
         if self.indices.is_empty() { self.positions.len() / 3 } else { self.indices.len() / 3 }

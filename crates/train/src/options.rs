@@ -248,6 +248,11 @@ default_of_default_preset!(
 );
 
 impl TrainOptions {
+    /// With this many steps.
+    pub fn steps(self, steps: u64) -> Self {
+        Self { steps, ..self }
+    }
+
     /// Whether the scene becomes solid.
     pub fn ends_solid(&self) -> bool {
         self.preset == TrainPreset::Solid
