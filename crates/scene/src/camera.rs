@@ -27,7 +27,7 @@ impl Camera {
         Self::at_origin(fov_y, size.into()).looking(eye, target, up)
     }
 
-    /// The camera of a view matrix as of glTF, OpenGL and [`Mat4::look_at_rh`], with +y up and -z forward; `fov_y` in radians.
+    /// The camera of a view matrix as of glTF and OpenGL, with +y up and -z forward; `fov_y` in radians.
     pub fn from_view(view: Mat4, fov_y: f32, size: impl Into<UVec2>) -> Self {
         let turn = Mat3::from_diagonal(Vec3::new(1.0, -1.0, -1.0));
         let (rotation, translation) = (turn * Mat3::from_mat4(view), turn * view.w_axis.truncate());
@@ -227,7 +227,7 @@ mod tests {
     fn a_view_matrix_gives_the_camera_that_looks_so() {
         let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
         let looking = Camera::look_at(eye, target, Vec3::Y, 1.0, [64, 48]);
-        let viewing = Camera::from_view(Mat4::look_at_rh(eye, target, Vec3::Y), 1.0, [64, 48]);
+        let viewing = Camera::from_view(glam::camera::rh::view::look_at_mat4(eye, target, Vec3::Y), 1.0, [64, 48]);
         assert!(looking.rotation.abs_diff_eq(viewing.rotation, 1e-5));
         assert!(looking.translation.abs_diff_eq(viewing.translation, 1e-5));
         assert_eq!((looking.focal, looking.size), (viewing.focal, UVec2::new(64, 48)));
