@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A **Soup** is the trained scene: unconnected triangles with opacity, smoothness σ and spherical-harmonic
-//! colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its chunks, BVH and provenance. The
+//! colour. A **Mesh** is in an engine's form. An **Asset** is a mesh with its chunks and provenance. The
 //! maths follow Held et al. 2025, *Triangle Splatting for Real-Time Radiance Field Rendering*.
 //!
 //! A file for an engine, as `trisplat bake scene.ply -o scene.glb` makes it:

@@ -3,16 +3,16 @@
 use super::files::Stdout;
 use std::io::Write;
 use trisplat_bake::{
-    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, BvhDetails, ChunkDetails, ColorDetails,
-    CropDetails, ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails,
-    ReshapeDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails,
-    WeldDetails, refit::RefitDetails, unseen::UnseenDetails,
+    ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails, CropDetails,
+    ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails, ReshapeDetails,
+    SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
+    refit::RefitDetails, unseen::UnseenDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
-use trisplat_formats::{bvh::BvhHeader, check::Checked, info::Info, output::WriteDetails};
+use trisplat_formats::{check::Checked, info::Info, output::WriteDetails};
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
 use trisplat_scale::Manifest;
@@ -50,8 +50,6 @@ pub enum SchemaName {
     Eval,
     /// What `trisplat validate --json` prints.
     Validate,
-    /// The header of a BVH file.
-    Bvh,
 }
 
 impl SchemaName {
@@ -66,7 +64,6 @@ impl SchemaName {
             SchemaName::Plan => schemars::schema_for!(Manifest),
             SchemaName::Eval => schemars::schema_for!(EvalReport),
             SchemaName::Validate => schemars::schema_for!(Checked),
-            SchemaName::Bvh => schemars::schema_for!(BvhHeader),
         };
         let mut text = serde_json::to_string_pretty(&schema).unwrap_or_default();
         text.push('\n');
@@ -117,7 +114,6 @@ fn report_schema() -> schemars::Schema {
         stage_schema::<PlaceDetails>(g),
         stage_schema::<ViewpointDetails>(g),
         stage_schema::<ChunkDetails>(g),
-        stage_schema::<BvhDetails>(g),
         stage_schema::<OrderDetails>(g),
         stage_schema::<LodDetails>(g),
         stage_schema::<WriteDetails>(g),

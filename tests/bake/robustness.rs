@@ -4,9 +4,9 @@
 use super::hostile;
 use std::ops::ControlFlow::Continue;
 use trisplat_bake::{
-    BvhOptions, ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions,
-    OrderOptions, PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions,
-    WeldOptions, WeldWhen, bvh, chunk, color, lod, order, place, placement, prune, solid, tiles, weld,
+    ChunkOptions, ColorDetails, Evidence, FaceOrder, FinishedLevel, LevelSource, LodOptions, OrderOptions,
+    PlaceOptions, PruneDetails, PruneOptions, SolidOptions, Solidify, TilesOptions, WeldOptions, WeldWhen,
+    chunk, color, lod, order, place, placement, prune, solid, tiles, weld,
 };
 use trisplat_scene::{
     Asset, Error, Provenance, Result, Scene, Soup,
@@ -21,7 +21,6 @@ struct Preset {
     solid: SolidOptions,
     weld: WeldOptions,
     chunk: ChunkOptions,
-    bvh: BvhOptions,
     order: OrderOptions,
 }
 
@@ -32,7 +31,6 @@ fn presets() -> Vec<Preset> {
         solid: SolidOptions::DEFAULT,
         weld: WeldOptions::DEFAULT,
         chunk: ChunkOptions::DEFAULT,
-        bvh: BvhOptions::DEFAULT,
         order: OrderOptions::DEFAULT,
     };
     let with = |solid, order| Preset {
@@ -41,7 +39,6 @@ fn presets() -> Vec<Preset> {
         solid: SolidOptions { solid, ..SolidOptions::DEFAULT },
         weld: WeldOptions { weld: WeldWhen::On },
         chunk: ChunkOptions { chunk_triangles: 7 },
-        bvh: BvhOptions { bvh: true },
         order: OrderOptions { order },
     };
     vec![
@@ -54,17 +51,9 @@ fn presets() -> Vec<Preset> {
             ..default.clone()
         },
         Preset { name: "small", prune: PruneOptions::SMALL, ..default.clone() },
-        Preset { name: "contour and hierarchy", ..with(Solidify::Contour, FaceOrder::None) },
-        Preset {
-            name: "area, small chunks, curve",
-            bvh: BvhOptions::DEFAULT,
-            ..with(Solidify::Area, FaceOrder::Spatial)
-        },
-        Preset {
-            name: "hierarchy, one chunk",
-            chunk: ChunkOptions::FAST,
-            ..with(Solidify::None, FaceOrder::Spatial)
-        },
+        Preset { name: "contour", ..with(Solidify::Contour, FaceOrder::None) },
+        Preset { name: "area, small chunks, curve", ..with(Solidify::Area, FaceOrder::Spatial) },
+        Preset { name: "one chunk", chunk: ChunkOptions::FAST, ..with(Solidify::None, FaceOrder::Spatial) },
         Preset {
             name: "keep all",
             prune: PruneOptions { min_opacity: 0.0, max_sigma: 0.0, ..PruneOptions::DEFAULT },
@@ -136,12 +125,8 @@ fn bake(mut soup: Soup, preset: &Preset, what: &str) -> Result<Asset> {
     twice(turn_up, &mut mesh, &format!("{what}, place"))?;
     let mut asset = Asset { mesh, provenance, ..Asset::default() };
     twice(|a, d| chunk(a, &preset.chunk, preset.order.order, d), &mut asset, &format!("{what}, chunk"))?;
-    twice(|a, d| bvh(a, &preset.bvh, d), &mut asset, &format!("{what}, bvh"))?;
     twice(|a, d| order(a, &preset.order, d), &mut asset, &format!("{what}, order"))?;
     asset.mesh.validate().unwrap_or_else(|e| panic!("{what}, order: {e}"));
-    if let Some(bvh) = &asset.bvh {
-        bvh.validate_with(&asset.mesh).unwrap_or_else(|e| panic!("{what}, bvh: {e}"));
-    }
     cut(asset.clone(), levels, what)?;
     Ok(asset)
 }
@@ -209,7 +194,6 @@ fn any_number_of_threads_gives_the_same_bits() {
         for other in [two, seven] {
             assert!(one.mesh == other.mesh, "preset {}: meshes differ", preset.name);
             assert!(one.chunks == other.chunks, "preset {}: chunks differ", preset.name);
-            assert!(one.bvh == other.bvh, "preset {}: hierarchies differ", preset.name);
         }
     }
 }

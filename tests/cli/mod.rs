@@ -76,7 +76,7 @@ fn bake_writes_a_glb_and_prints_the_stage_table() {
     let output = trisplat(&[&"bake", &sample("studio.ply"), &"-o", &out, &"-v"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(&std::fs::read(&out).unwrap()[..4], b"glTF");
-    for stage in ["prune", "solid", "color", "weld", "place", "chunk", "bvh", "order", "write"] {
+    for stage in ["prune", "solid", "color", "weld", "place", "chunk", "order", "write"] {
         assert!(stderr(&output).lines().any(|l| l.starts_with(stage)), "{stage}: {}", stderr(&output));
     }
     assert!(output.stdout.is_empty());
@@ -191,7 +191,6 @@ fn tiles_go_into_a_tileset_only() {
         &[&"bake", &sample("studio.ply"), &"-o", &glb, &"--set", &"tiles=true"],
         &[".tileset.json"],
     );
-    fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--set", &"bvh=true"], &["`bvh`"]);
     fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &set, &"--lod", &"0.5"], &["--lod"]);
     let json = folder.path().join("a.json");
     fails(folder.path(), &[&"bake", &sample("studio.ply"), &"-o", &json], &[".tileset.json"]);
@@ -265,14 +264,12 @@ fn the_same_bytes_for_any_number_of_threads() {
             &"-o",
             &out,
             &"--set",
-            &"bvh=true",
-            &"--set",
             &"chunk_triangles=500",
             &"--threads",
             &threads,
         ]);
         assert!(output.status.success(), "{}", stderr(&output));
-        (std::fs::read(&out).unwrap(), std::fs::read(out.with_extension("bvh")).unwrap())
+        std::fs::read(&out).unwrap()
     };
     let one = bake("1", "one.glb");
     assert!(one == bake("2", "two.glb"));
@@ -358,7 +355,8 @@ fn bad_arguments_fail_before_any_work() {
         &["scale is 0", "expected 0.000000001 or more"],
     );
     fails(folder.path(), &[&"bake", &soup, &"-o", &out, &"--set", &"scale=nan"], &["--set", "a number"]);
-    fails(folder.path(), &[&"bake", &soup, &"-o", &"-", &"--set", &"bvh=true"], &["`bvh`", "second file"]);
+    let obj = [&"bake" as &dyn AsRef<std::ffi::OsStr>, &soup, &"-o", &"-", &"--format", &"obj"];
+    fails(folder.path(), &obj, &["second file"]);
     fails(folder.path(), &[&"bake", &folder.path(), &"-o", &out], &["is a folder"]);
     fails(folder.path(), &[&"bake", &folder.path().join("no.ply"), &"-o", &out], &["no.ply"]);
     fails(folder.path(), &[&"bake", &soup, &"-o", &folder.path().join("no/where.glb")], &["where.glb"]);

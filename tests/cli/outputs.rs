@@ -227,11 +227,11 @@ fn files_of_an_earlier_bake_are_named() {
         let output = run(folder.path(), &[&["bake", "a.ply", "-o", "s.glb", "--force"], more].concat());
         stderr(&succeed(output))
     };
-    let said = bake(&["--lod", "0.5,0.25", "--set", "bvh=true", "--target", "godot"]);
+    let said = bake(&["--lod", "0.5,0.25", "--target", "godot"]);
     assert!(!said.contains("earlier scene"), "{said}");
     let said = bake(&["--lod", "0.5"]);
-    assert!(said.contains("warning: s.lod2.glb, s.lod1.bvh") || said.contains("s.lod2.glb"), "{said}");
-    for name in ["s.lod2.glb", "s.lod2.bvh", "s.bvh", "s.glb.import", "s.lod.tscn"] {
+    assert!(said.contains("s.lod2.glb"), "{said}");
+    for name in ["s.lod2.glb", "s.glb.import", "s.lod.tscn"] {
         assert!(said.contains(name), "{name}: {said}");
     }
     assert!(!said.contains("s.tileset.json are") && !said.contains("s.lod1.glb,"), "{said}");

@@ -224,12 +224,7 @@ fn judges_see_every_triangle_of_the_studio() {
     let folder = TempDir::new().unwrap();
     let all = |more: &[&'static str]| [&EVERYTHING[..], more].concat();
     let plain = bakes(folder.path(), &studio(), &["a.glb", "a.gltf", "a.obj", "a.ply"], &all(&[]));
-    let chunks = bakes(
-        folder.path(),
-        &studio(),
-        &["chunks.glb"],
-        &all(&["--set", "chunk_triangles=700", "--set", "bvh=true"]),
-    );
+    let chunks = bakes(folder.path(), &studio(), &["chunks.glb"], &all(&["--set", "chunk_triangles=700"]));
     let godot = bakes(folder.path(), &studio(), &["4.glb"], &all(&["--target", "godot"]));
     let godot3 = bakes(folder.path(), &studio(), &["3.glb"], &all(&["--target", "godot3"]));
     let welded = bakes(folder.path(), &studio(), &["weld.glb", "weld.ply"], &all(&["--set", "weld=on"]));

@@ -57,8 +57,6 @@ const BAKE: &[&str] = &[
     "out/a.gltf",
     "--lod",
     "0.5",
-    "--set",
-    "bvh=true",
     "--target",
     "godot",
     "--report",
@@ -75,7 +73,7 @@ pub(crate) fn bake_replaces() -> Case {
         name: "bake of many files over old ones",
         arguments: BAKE,
         before: before(&old),
-        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
+        together: &["out/a.gltf", "out/a.bin", "out/a.lod", "out/a.tileset.json"],
         kept: None,
         all_or_nothing: false,
     }
@@ -86,7 +84,7 @@ pub(crate) fn bake_new() -> Case {
         name: "bake of new files",
         arguments: BAKE,
         before: before(&[]),
-        together: &["out/a.gltf", "out/a.bin", "out/a.bvh", "out/a.lod", "out/a.tileset.json"],
+        together: &["out/a.gltf", "out/a.bin", "out/a.lod", "out/a.tileset.json"],
         kept: None,
         all_or_nothing: false,
     }

@@ -6,10 +6,9 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::cli::info::InfoArgs;
 use trisplat::cli::validate::ValidateArgs;
-use trisplat_bake::{BvhDetails, BvhOptions, bvh};
 use trisplat_bench::scenes::studio;
 use trisplat_formats::{
-    Format, bvh as bvh_file,
+    Format,
     check::{Checked, Severity, check},
     gltf::{GltfOptions, PositionEncoding, write_glb},
     info::{Info, SceneKind, info},
@@ -130,38 +129,6 @@ fn degenerate_triangles_are_counted_with_the_first_few() {
             "Warning triangles 20: 1 have their corners on a line and cannot be seen",
         ]
     );
-}
-
-#[test]
-fn the_hierarchy_beside_a_scene_must_be_its_own() {
-    let folder = Folder::new();
-    let mut scene = asset(200);
-    bvh(&mut scene, &BvhOptions { bvh: true }, &mut BvhDetails::default()).expect("built");
-    let mut sidecar = Vec::new();
-    bvh_file::write(&mut sidecar, &scene).expect("written");
-    let file = written(&scene, &GltfOptions::default());
-    let path = folder.write("scene.glb", &file);
-    let beside = folder.write("scene.bvh", &sidecar);
-    assert_eq!(
-        lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable")),
-        Vec::<String>::new()
-    );
-    // Another scene of as many faces.
-    let mut other = scene.clone();
-    other.mesh.positions[17].x += 1.0;
-    folder.write("scene.glb", &written(&other, &GltfOptions::default()));
-    let found = lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable"));
-    assert!(found.len() == 1 && found[0].contains("scene.bvh: belongs to another scene"), "{found:#?}");
-    // Quantised positions cannot be held against the hash.
-    let quantised = GltfOptions { positions: PositionEncoding::ChunkU16, ..GltfOptions::default() };
-    folder.write("scene.glb", &written(&scene, &quantised));
-    let checked = check(&path, &trisplat::ReadOptions::default()).expect("readable");
-    assert_eq!((checked.count(Severity::Error), checked.count(Severity::Note)), (0, 2), "{checked:#?}");
-    // Damage.
-    folder.write("scene.glb", &file);
-    std::fs::write(&beside, &sidecar[..sidecar.len() - 1]).expect("written");
-    let found = lines(&check(&path, &trisplat::ReadOptions::default()).expect("readable"));
-    assert!(found.len() == 1 && found[0].starts_with("Error") && found[0].contains("nodes"), "{found:#?}");
 }
 
 #[test]

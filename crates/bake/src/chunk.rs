@@ -100,7 +100,6 @@ pub fn chunk(
     asset.chunks.extend(backdrop);
     by_page(asset);
     details.count(asset);
-    asset.bvh = None; // the hierarchy was built for another order of faces
     Ok(Outcome::Changed(()))
 }
 
@@ -135,6 +134,5 @@ pub(super) fn by_page(asset: &mut Asset) -> bool {
     }
     asset.mesh.select(&order);
     asset.chunks = chunks;
-    asset.bvh = None;
     true
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → backdrop → refit → texture
-//! → lit → weld → place → viewpoint → chunk → bvh → order → lod → tiles
+//! → lit → weld → place → viewpoint → chunk → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes
@@ -19,7 +19,6 @@
 
 mod backdrop;
 mod background;
-mod bvh;
 mod chunk;
 mod crop;
 mod decimate;
@@ -49,7 +48,6 @@ mod weld;
 
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
-pub use bvh::{BvhDetails, BvhOptions, bvh};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};

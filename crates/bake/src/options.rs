@@ -2,7 +2,6 @@
 
 use super::backdrop::{BackdropOptions, BackdropWhen};
 use super::background::BackgroundOptions;
-use super::bvh::BvhOptions;
 use super::chunk::ChunkOptions;
 use super::crop::CropOptions;
 use super::exposure::ExposureOptions;
@@ -110,9 +109,6 @@ pub struct BakeOptions {
     /// How the scene is cut.
     #[cfg_attr(feature = "cli", arg(skip = ChunkOptions::DEFAULT))]
     pub chunk: ChunkOptions,
-    /// The hierarchy beside the output.
-    #[cfg_attr(feature = "cli", arg(skip = BvhOptions::DEFAULT))]
-    pub bvh: BvhOptions,
     /// The order of triangles.
     #[cfg_attr(feature = "cli", arg(skip = OrderOptions::DEFAULT))]
     pub order: OrderOptions,
@@ -144,7 +140,6 @@ impl BakeOptions {
         weld: WeldOptions::DEFAULT,
         place: PlaceOptions::DEFAULT,
         chunk: ChunkOptions::DEFAULT,
-        bvh: BvhOptions::DEFAULT,
         order: OrderOptions::DEFAULT,
         output: OutputOptions::DEFAULT,
     };
@@ -207,7 +202,6 @@ impl BakeOptions {
         self.tiles.tiles = format == OutputFormat::Tiles;
         self.validate()?;
         let beside = Beside {
-            bvh: self.bvh.bvh,
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
             sky: self.backdrop.backdrop == BackdropWhen::Sky,

@@ -22,7 +22,7 @@ pub enum FaceOrder {
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OrderOptions {
-    /// Order of the triangles within a chunk; with a hierarchy it is always the order of its leaves
+    /// Order of the triangles within a chunk
     pub order: FaceOrder,
 }
 
@@ -50,11 +50,8 @@ impl StageDetails for OrderDetails {
     const STAGE: &'static str = "order";
 }
 
-/// Orders the faces of every chunk. Runs after the hierarchy, and keeps its leaf order.
+/// Orders the faces of every chunk.
 pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
-    if asset.bvh.is_some() {
-        return Ok(Outcome::Skipped("faces are in the order of the hierarchy's leaves"));
-    }
     if options.order == FaceOrder::None {
         return Ok(Outcome::Skipped("it was not asked for"));
     }

@@ -1,7 +1,7 @@
 //! Moves the scene into the frame of a game engine: right-handed, Y up, and, where known or requested, in
 //! metres, on its floor, with its median at the origin.
 //!
-//! Runs after `color`, so that it runs once over plain positions, and before `bvh`, whose boxes must
+//! Runs after `color`, so that it runs once over plain positions, and before `chunk`, whose boxes must
 //! be those of the file.
 
 use glam::{DVec3, Vec3};

@@ -4,13 +4,13 @@
 //! finding, with their number and the first few places.
 
 use crate::read::{detect, read_as};
-use crate::{Format, ReadOptions, Source, bvh, gltf, html};
+use crate::{Format, ReadOptions, Source, gltf, html};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, ImportedScene, Limits, Result, Scene, Soup, parallel};
+use trisplat_scene::{Error, ImportedScene, Result, Scene, Soup, parallel};
 
 /// Everything found in one file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -33,7 +33,7 @@ impl Checked {
     }
 }
 
-/// Checks the file at `path`, read with `options`, and the hierarchy beside it.
+/// Checks the file at `path`, read with `options`.
 ///
 /// # Errors
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
@@ -52,7 +52,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     match read_as(inner, source.again()?, &ReadOptions { sh_degree: 3, ..*options }) {
         Ok(loaded) => {
             triangles = Some(loaded.scene.triangle_count() as u64);
-            check_loaded(path, inner, &loaded, &options.limits, &mut findings)?;
+            check_loaded(&loaded, &mut findings);
         }
         // The checks of glTF files may have found the same fault.
         Err(Error::Malformed { at, .. }) if findings.has_place(&at) => {}
@@ -61,64 +61,14 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     Ok(Checked { path: path.display().to_string(), format, triangles, findings: findings.list })
 }
 
-fn check_loaded(
-    path: &Path,
-    format: Format,
-    loaded: &ImportedScene,
-    limits: &Limits,
-    findings: &mut Findings,
-) -> Result<()> {
+fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {
     for warning in &loaded.warnings {
         findings.warning("file", warning);
     }
     match &loaded.scene {
         Scene::Soup(soup) => check_soup(soup, findings),
-        Scene::Mesh(mesh) => {
-            check_mesh(mesh, findings);
-            if matches!(format, Format::Glb | Format::Gltf) {
-                let mut scene = loaded.clone();
-                scene.take_backdrop();
-                if let Scene::Mesh(mesh) = &scene.scene {
-                    check_hierarchy(path, mesh, limits, findings)?;
-                }
-            }
-        }
+        Scene::Mesh(mesh) => check_mesh(mesh, findings),
     }
-    Ok(())
-}
-
-/// The hierarchy beside a scene, if there is one.
-fn check_hierarchy(path: &Path, mesh: &Mesh, limits: &Limits, findings: &mut Findings) -> Result<()> {
-    let beside = path.with_extension("bvh");
-    if path.as_os_str() == "-" || !beside.is_file() {
-        return Ok(());
-    }
-    let place = beside.display().to_string();
-    let (header, tree) = match bvh::read(Source::open(&beside, limits)?) {
-        Ok(read) => read,
-        Err(Error::Malformed { at, reason, .. }) => {
-            findings.error(format!("{place}: {at}"), reason);
-            return Ok(());
-        }
-        Err(error) => return findings.take(error),
-    };
-    // 16-bit positions and reordered corners change the hash, but the hierarchy is still right.
-    let exact = findings.positions == Positions::AsBaked;
-    match bvh::belongs(&beside, &header, mesh) {
-        Err(Error::Unsupported { reason, .. }) if exact => findings.error(place, reason),
-        Err(Error::Unsupported { .. }) if header.faces as usize == mesh.face_count() => findings.add(
-            Severity::Note,
-            place,
-            "holds the hash of the positions before they were quantised or compressed: it cannot be checked",
-        ),
-        Err(error) => findings.take(error)?,
-        Ok(()) => {
-            if let Err(error) = tree.validate_with(mesh) {
-                findings.error(place, error.to_string());
-            }
-        }
-    }
-    Ok(())
 }
 
 // ---- Triangles that an engine draws badly or not at all, in any format -------------------------------
@@ -219,18 +169,6 @@ pub struct Finding {
 pub(crate) struct Findings {
     /// In the order of the file.
     pub(crate) list: Vec<Finding>,
-    /// How the file stores positions.
-    pub(crate) positions: Positions,
-}
-
-/// Whether the positions of a file are bitwise those of the bake, in the same order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) enum Positions {
-    /// As floats, unchanged.
-    #[default]
-    AsBaked,
-    /// Quantised or compressed.
-    Encoded,
 }
 
 impl Findings {

@@ -112,7 +112,7 @@ pub struct WrittenFiles {
 /// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
 ///
 /// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
-/// texture, a BVH, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
+/// texture, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
 /// when all of them are complete. Existing files are replaced.
 ///
 /// ```
@@ -139,7 +139,6 @@ pub struct WrittenFiles {
 /// that exceeds the format; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
     let beside = Beside {
-        bvh: asset.bvh.is_some(),
         levels: asset.levels.len(),
         backdrop: asset.backdrop_apart,
         sky: asset.sky.is_some(),

@@ -2,7 +2,6 @@
 //!
 //! In: bytes of scene files. Out: scenes and splats. In: assets. Out: bytes.
 
-pub mod bvh;
 pub mod check;
 mod content;
 mod faces;

@@ -3,7 +3,6 @@
 mod beside;
 mod encode;
 
-use super::bvh;
 use super::levels::EngineLevels;
 use super::target::OutputTarget;
 use super::tiles::{self, TileFiles};
@@ -176,7 +175,6 @@ pub struct Output {
     picture: Option<PathBuf>,
     /// Name and content of the engine's import settings.
     sidecar: Option<(PathBuf, String)>,
-    bvh: Option<PathBuf>,
     /// Name of the scene's node, if the format has nodes.
     node: &'static str,
     /// The panorama in place of a backdrop.
@@ -195,12 +193,7 @@ pub struct Output {
 
 impl Output {
     /// Plans every file before any work. Standard output can take only one file.
-    pub fn plan(
-        path: &Path,
-        format: Option<OutputFormat>,
-        options: &OutputOptions,
-        bvh: bool,
-    ) -> Result<Self> {
+    pub fn plan(path: &Path, format: Option<OutputFormat>, options: &OutputOptions) -> Result<Self> {
         let stream = path.as_os_str() == "-" || is_device(path);
         if !stream && path.file_name().is_some_and(|name| name.to_str().is_none()) {
             let wants = "a name in UTF-8, because files that belong together name each other";
@@ -212,17 +205,12 @@ impl Output {
             OutputFormat::Obj => Some(path.with_extension("mtl")),
             _ => None,
         };
-        if stream && (second.is_some() || bvh || format == OutputFormat::Tiles) {
-            let what = if bvh { "`bvh`" } else { "this kind" };
-            let wants = format!("a file name: {what} writes a second file beside the first");
+        if stream && (second.is_some() || format == OutputFormat::Tiles) {
+            let wants = "a file name: this kind writes a second file beside the first";
             return Err(Error::invalid("output", path.display(), wants));
         }
-        if format == OutputFormat::Tiles && (bvh || !tiles::is_tileset(path)) {
-            let wants = if bvh {
-                "no `bvh`: a tileset is a hierarchy itself"
-            } else {
-                "a name ending in tileset.json"
-            };
+        if format == OutputFormat::Tiles && !tiles::is_tileset(path) {
+            let wants = "a name ending in tileset.json";
             return Err(Error::invalid("output", path.display(), wants));
         }
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
@@ -236,7 +224,6 @@ impl Output {
             second,
             picture: None,
             sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
-            bvh: bvh.then(|| path.with_extension("bvh")),
             node: SCENE_NODE,
             sky: None,
             backdrop: None,
@@ -271,9 +258,9 @@ impl Output {
     }
 
     /// The files of one part beside its first.
-    fn beside_main(&self) -> [Option<&Path>; 5] {
+    fn beside_main(&self) -> [Option<&Path>; 4] {
         let [second, picture] = [self.second.as_deref(), self.picture.as_deref()];
-        [second, picture, self.import(), self.bvh.as_deref(), self.sky.as_deref()]
+        [second, picture, self.import(), self.sky.as_deref()]
     }
 
     /// Every file in the order of publication: each after the files that it names.
@@ -429,11 +416,6 @@ impl SetWriter<'_> {
         }
         if let Some((path, text)) = &output.sidecar {
             self.text(path, text)?;
-        }
-        if let Some(path) = &output.bvh {
-            let mut file = self.started.take(path)?;
-            bvh::write(&mut file, asset).map_err(|e| Error::io(path, e))?;
-            self.written.push(file);
         }
         Ok(warnings)
     }

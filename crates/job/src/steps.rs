@@ -110,7 +110,7 @@ const SMALLEST: OutputOptions = OutputOptions { target: OutputTarget::Web, ..Out
 fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let folder = tempfile::tempdir().map_err(Error::temporary)?;
     let path = folder.path().join("scene.glb");
-    let output = Output::plan(&path, None, options, false)?;
+    let output = Output::plan(&path, None, options)?;
     let mut report = Report::default();
     output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
     let ImportedScene { scene, provenance, .. } = formats::read(&path, &ReadOptions::with_degree(0))?;

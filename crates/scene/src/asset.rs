@@ -1,9 +1,9 @@
-//! The finished product: a mesh, its chunks, its BVH and its provenance.
+//! The finished product: a mesh, its chunks and its provenance.
 
-use crate::bvh::Bvh;
 use crate::camera::Viewpoint;
 use crate::image::RgbImage;
 use crate::mesh::Mesh;
+use crate::raycast::RayTree;
 use crate::report::Counts;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use schemars::JsonSchema;
@@ -18,7 +18,7 @@ pub struct Chunk {
     pub count: u32,
 }
 
-/// Mesh + chunks + BVH + provenance.
+/// Mesh + chunks + provenance.
 #[derive(Debug, Clone, Default)]
 pub struct Asset {
     /// What an engine draws.
@@ -26,8 +26,6 @@ pub struct Asset {
     /// Consecutive runs that together hold every face once; a single one when not chunked. A backdrop is a
     /// separate run, the last.
     pub chunks: Vec<Chunk>,
-    /// Hierarchy over the faces of the scene, without its backdrop; primitive i is face i.
-    pub bvh: Option<Bvh>,
     /// Its provenance and placement.
     pub provenance: Provenance,
     /// The same scene with fewer triangles, finest first; these have no levels themselves.
@@ -42,6 +40,8 @@ pub struct Asset {
     /// The surroundings as a panorama in place of a backdrop, written into a separate file: equirectangular, its middle towards +X, a quarter from
     /// the left -Z.
     pub sky: Option<RgbImage>,
+    /// What [`Asset::raycast`] has built.
+    pub rays: RayTree,
 }
 
 /// A piece of a scene at one level of detail; its children show the same piece with more triangles.
@@ -111,9 +111,8 @@ impl Asset {
         let behind = mesh.split_off(faces);
         let provenance = |backdrop| Provenance { backdrop, ..self.provenance.clone() };
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
-        let bvh = self.bvh.clone();
         let collision = self.collision.clone();
-        let scene = Asset { mesh, chunks, bvh, provenance: provenance(0), collision, ..Asset::default() };
+        let scene = Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
         let provenance = Provenance { viewpoint: None, ..provenance(self.provenance.backdrop) };
         let backdrop = Asset { provenance, ..Asset::from(behind) };
         Some((scene, backdrop))
@@ -126,7 +125,7 @@ impl Asset {
 }
 
 impl From<Mesh> for Asset {
-    /// An unchanged mesh: one chunk, no BVH, unknown provenance.
+    /// An unchanged mesh: one chunk, unknown provenance.
     fn from(mesh: Mesh) -> Self {
         let chunks = vec![Chunk { first: 0, count: mesh.face_count() as u32 }];
         Self { mesh, chunks, ..Self::default() }

@@ -1,11 +1,10 @@
 //! Scenes, cameras, pictures and numbers of trisplat.
 //!
-//! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, BVH, assets; numbers, errors, reports; files that are read within limits and appear whole.
+//! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, assets, rays; numbers, errors, reports; files that are read within limits and appear whole.
 
 mod asset;
 pub mod atomic;
 mod budget;
-pub mod bvh;
 pub mod camera;
 mod error;
 pub mod guard;
@@ -20,6 +19,7 @@ pub mod parallel;
 pub mod placed;
 pub mod process;
 pub mod ranges;
+mod raycast;
 mod region;
 pub mod report;
 mod rng;
@@ -33,6 +33,7 @@ pub use budget::{Budget, BudgetClock, Seconds, Spending};
 pub use error::{Error, Result};
 pub use limits::Limits;
 pub use normalization::SceneNormalization;
+pub use raycast::{Hit, RayTree};
 pub use region::Region;
 pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};

@@ -1,12 +1,11 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
-use crate::bvh::{BvhOptions, bvh};
 use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
 use crate::lit::lit;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
-use crate::order::{FaceOrder, order};
+use crate::order::order;
 use crate::place::placement_of;
 use crate::place::up::Evidence;
 use crate::place::{PlaceDetails, place};
@@ -60,17 +59,11 @@ impl Recipe<'_> {
         let asset = self.viewpoint(asset, evidence.cameras, &placement, of_scene)?;
         let viewpoint = asset.provenance.viewpoint;
 
-        // Cuts first: a hierarchy and an order are only useful inside the runs that an engine skips. A hierarchy
-        // has an order of its own.
-        let within = if options.bvh.bvh { FaceOrder::None } else { options.order.order };
+        // Cuts first: an order is only useful inside the runs that an engine skips.
         let asset = self.report.stage(self.observer, asset, Asset::counts, |asset, details| {
-            chunk(asset, &options.chunk, within, details)
+            chunk(asset, &options.chunk, options.order.order, details)
         })?;
         let ordered = self.report.details::<ChunkDetails>().is_some_and(|details| details.ordered);
-        let asset = self
-            .report
-            .stage(self.observer, asset, Asset::counts, |asset, details| bvh(asset, &options.bvh, details))?;
-        // Last: it keeps the leaf order of a hierarchy.
         let asset =
             self.report.stage(self.observer, asset, Asset::counts, |asset, details| match ordered {
                 true => Ok(Outcome::Skipped("`chunk` has put near faces near")),
@@ -125,10 +118,8 @@ impl Recipe<'_> {
         mut views: Option<&mut Views>,
     ) -> Result<Vec<Asset>> {
         let of_levels = match self.options.tiles.tiles {
-            // They are cut again into tiles, so chunks and a hierarchy would be useless.
-            true => {
-                BakeOptions { chunk: ChunkOptions::FAST, bvh: BvhOptions::DEFAULT, ..self.options.clone() }
-            }
+            // They are cut again into tiles.
+            true => BakeOptions { chunk: ChunkOptions::FAST, ..self.options.clone() },
             false => self.options.clone(),
         };
         let faces = source.mesh.face_count().max(1);

@@ -8,7 +8,7 @@ use super::document::QUANTIZATION;
 use super::document::{self, Document};
 use super::document::{MAX_SHORT_VERTICES, READABLE_BYTES};
 use super::textures;
-use crate::check::{Findings, Positions, Severity};
+use crate::check::{Findings, Severity};
 use crate::{ReadOptions, Source};
 use trisplat_scene::{Error, Result};
 
@@ -32,12 +32,11 @@ pub(crate) fn check(
         findings.warning("file", what);
     }
     let quantised = document.extensions_used.iter().any(|name| name == QUANTIZATION);
-    if quantised || document.buffer_views.iter().any(|view| view.extensions.meshopt.is_some()) {
-        findings.positions = Positions::Encoded;
-        if for_engines {
-            let what = "positions are quantised or compressed: some engines refuse the file";
-            findings.add(Severity::Note, "extensionsUsed", what);
-        }
+    if for_engines
+        && (quantised || document.buffer_views.iter().any(|view| view.extensions.meshopt.is_some()))
+    {
+        let what = "positions are quantised or compressed: some engines refuse the file";
+        findings.add(Severity::Note, "extensionsUsed", what);
     }
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     let mut accessors = Accessors::new(&document, buffers);

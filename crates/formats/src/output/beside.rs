@@ -12,8 +12,6 @@ const COLLISION_NODE: &str = "collision";
 /// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Beside {
-    /// Its hierarchy.
-    pub bvh: bool,
     /// How many levels of detail.
     pub levels: usize,
     /// The backdrop in a separate file.
@@ -37,8 +35,7 @@ impl Output {
         options: &OutputOptions,
         beside: &Beside,
     ) -> Result<Self> {
-        let mut output =
-            Self::plan(path, format, options, beside.bvh)?.with_levels(beside.levels, options)?;
+        let mut output = Self::plan(path, format, options)?.with_levels(beside.levels, options)?;
         if beside.backdrop {
             output = output.with_backdrop_file(options)?;
         }
@@ -68,7 +65,7 @@ impl Output {
     /// The same with the backdrop in a separate file: OUT.backdrop.glb.
     pub fn with_backdrop_file(mut self, options: &OutputOptions) -> Result<Self> {
         let path = self.part("backdrop", "`backdrop` file writes one")?;
-        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options, false)?));
+        self.backdrop = Some(Box::new(Self::plan(&path, Some(self.format), options)?));
         Ok(self)
     }
 
@@ -79,7 +76,7 @@ impl Output {
             return Ok(self);
         }
         let path = self.part("collision", "`collision` writes one")?;
-        let file = Self::plan(&path, Some(self.format), options, false)?;
+        let file = Self::plan(&path, Some(self.format), options)?;
         self.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
         Ok(self)
     }
@@ -92,7 +89,7 @@ impl Output {
         }
         let level = |i: usize| {
             let path = self.part(&format!("lod{i}"), "`lod` writes more files")?;
-            Self::plan(&path, Some(self.format), options, self.bvh.is_some())
+            Self::plan(&path, Some(self.format), options)
         };
         self.levels = (1..=levels).map(level).collect::<Result<_>>()?;
         let gltf = matches!(self.format, OutputFormat::Glb | OutputFormat::Gltf);
@@ -132,12 +129,12 @@ impl Output {
         let level = |i: usize| beside(&format!("lod{i}.{ending}"));
         let past = self.levels.len() + 1;
         let mut found: Vec<PathBuf> = (past..).map(level).take_while(|path| path.exists()).collect();
-        let of_levels = |path: &PathBuf| ["bin", "mtl", "bvh"].map(|ending| path.with_extension(ending));
+        let of_levels = |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
         found.extend(found.clone().iter().flat_map(of_levels));
         let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
         found.extend(parts.iter().flat_map(of_levels));
         found.extend(parts);
-        found.extend(["bvh", "tileset.json", "sky.jpg", "sky.png"].map(beside));
+        found.extend(["tileset.json", "sky.jpg", "sky.png"].map(beside));
         found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
         // Godot writes settings of that name itself: only unchanged ones are ours.
         let name = self.main.file_name().unwrap_or_default().to_string_lossy();
