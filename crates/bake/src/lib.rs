@@ -20,6 +20,7 @@
 mod backdrop;
 mod background;
 mod chunk;
+mod counts;
 mod crop;
 mod decimate;
 mod exposure;
@@ -49,6 +50,7 @@ mod weld;
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
+pub use counts::count;
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
 pub use exposure::ExposureDetails;
@@ -64,7 +66,6 @@ pub use place::words::UpChoice;
 pub use place::{PlaceDetails, PlaceOptions, place, placement};
 pub use prune::{PruneDetails, PruneOptions, REACH, prune};
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
-pub use run::count;
 pub use run::{Bake, bake};
 pub use solid::{ColorDetails, color};
 pub use solid::{

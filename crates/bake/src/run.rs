@@ -4,9 +4,8 @@ use crate::options::BakeOptions;
 use crate::recipe::Recipe;
 use crate::views::Views;
 use std::ops::ControlFlow;
-use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Counts, Report, StageObserver};
-use trisplat_scene::{Asset, ImportedScene, Result, Scene};
+use trisplat_scene::report::{Report, StageObserver};
+use trisplat_scene::{Asset, ImportedScene, Result};
 
 /// Bakes a scene for an engine: the whole recipe, without photos. [`Bake`] takes photos, several inputs, a
 /// report and an observer.
@@ -102,29 +101,4 @@ impl<'a> Bake<'a> {
         let recipe = Recipe::new(self.options, report, observer);
         recipe.run(inputs.into_iter().map(Into::into).collect(), self.views)
     }
-}
-
-// ---- Counts of a scene for reports -------------------------------------------------------------------
-
-/// Of a soup or a mesh.
-pub fn count(scene: &Scene) -> Counts {
-    match scene {
-        Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
-        Scene::Mesh(mesh) => count_mesh(mesh),
-    }
-}
-
-/// Of a mesh.
-pub(super) fn count_mesh(mesh: &Mesh) -> Counts {
-    Counts { triangles: mesh.face_count() as u64, vertices: mesh.vertex_count() as u64 }
-}
-
-/// The counts of all levels of detail together.
-#[expect(clippy::ptr_arg, reason = "the signature that a report measures a list of levels by")]
-pub(super) fn count_levels(levels: &Vec<Asset>) -> Counts {
-    let counts = levels.iter().map(Asset::counts);
-    counts.fold(Counts::default(), |a, b| Counts {
-        triangles: a.triangles + b.triangles,
-        vertices: a.vertices + b.vertices,
-    })
 }

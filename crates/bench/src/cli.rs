@@ -1,9 +1,10 @@
 //! The command line of the program.
 
+use crate::machine::print_json;
 use crate::{bake, cost, machine, scenes, stress};
 use clap::{Args, Parser, Subcommand};
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use trisplat_formats::ply;
 use trisplat_scene::{Error, Result, ranges};
@@ -145,12 +146,5 @@ fn check_new(to: &To, is_there: bool) -> Result<()> {
     if is_there && !to.force {
         return Err(Error::invalid("--output", to.output.display(), wants));
     }
-    Ok(())
-}
-
-/// Prints `value` to standard output.
-pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value);
-    println!("{}", text.map_err(|e| Error::malformed(Path::new("-"), "JSON", e.to_string()))?);
     Ok(())
 }

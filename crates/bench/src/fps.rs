@@ -3,7 +3,7 @@
 //! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
 //! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
 
-use super::{cli::print_json, scenes};
+use super::{machine::print_json, scenes};
 use glam::{UVec2, Vec3};
 use serde::Serialize;
 use std::path::PathBuf;

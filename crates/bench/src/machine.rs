@@ -95,3 +95,10 @@ pub(crate) fn measure(command: &[OsString]) -> Result<Usage> {
     }
     serde_json::from_slice(&done.stdout).map_err(|e| Error::malformed(&this, "measure", e.to_string()))
 }
+
+/// Prints `value` to standard output.
+pub(crate) fn print_json(value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value);
+    println!("{}", text.map_err(|e| Error::malformed("-", "JSON", e.to_string()))?);
+    Ok(())
+}

@@ -1,11 +1,8 @@
 //! The formats that are read: recognised by their first bytes, and by their name only where the bytes are
 //! ambiguous.
 
-use crate::gaussians;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::Error;
 use trisplat_scene::input::BYTE_ORDER_MARK;
 
 /// A format we read.
@@ -114,33 +111,6 @@ fn first_line(text: &[u8]) -> &[u8] {
 /// True for the words that can begin an OBJ.
 fn starts_like_obj(word: &[u8]) -> bool {
     matches!(word, b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl")
-}
-
-// ---- JSON files that are neither scenes nor lists of photos, recognised for a helpful message --------
-
-/// The keys that make a JSON file a tileset.
-#[derive(Deserialize)]
-struct TilesetKeys {
-    #[serde(rename = "geometricError")]
-    _geometric_error: IgnoredAny,
-    #[serde(rename = "root")]
-    _root: IgnoredAny,
-}
-
-/// Whether a JSON text is a tileset (3D Tiles).
-fn is_tileset_json(json: &[u8]) -> bool {
-    serde_json::from_slice::<TilesetKeys>(json).is_ok()
-}
-
-/// The refusal of a JSON file in place of a scene or a list of photos; `None` for an unknown kind.
-pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
-    if gaussians::is_sog_json(json) {
-        return Some(gaussians::refusal(path, "SOG"));
-    }
-    is_tileset_json(json).then(|| {
-        let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
-        Error::unsupported(path, reason)
-    })
 }
 
 #[cfg(test)]

@@ -4,9 +4,11 @@
 
 pub mod check;
 mod content;
+
 mod faces;
 mod far;
 mod finish;
+mod foreign;
 mod format;
 mod gaussians;
 pub mod gltf;
@@ -14,6 +16,7 @@ mod html;
 pub mod info;
 mod levels;
 mod lines;
+mod named;
 pub mod obj;
 pub mod off;
 pub mod output;
@@ -21,23 +24,25 @@ pub mod ply;
 mod provenance;
 pub mod pt;
 mod read;
+mod read_options;
 mod source;
 pub mod splats;
 mod target;
 mod tiles;
 mod usdz;
 
-pub use content::ReadOptions;
 pub use content::{Content, holds_splats, read_content};
 pub use content::{WrittenFiles, write};
 pub use faces::MAX_CORNERS;
 pub use far::{far_origin, is_far};
 pub use finish::finish;
-pub use format::{Format, foreign_json};
+pub use foreign::foreign_json;
+pub use format::Format;
+pub use named::named_files;
 pub use output::OutputOptions;
 pub use read::{read, read_bytes};
+pub use read_options::ReadOptions;
 pub use source::Source;
-pub use source::named_files;
 pub use target::{OutputTarget, TargetEncoding};
 pub use tiles::TilesetWriter;
 pub use tiles::{TilesetTile, bounds};

@@ -7,12 +7,12 @@
 
 mod materials;
 
-use super::content::ReadOptions;
 use super::faces::Faces;
 use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
 use super::provenance;
+use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::faces::Clamped;
 use crate::lines::write_blocks;

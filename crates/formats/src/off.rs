@@ -10,11 +10,11 @@
 //! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha below 1 at a
 //! face becomes opacity.
 
-use super::content::ReadOptions;
 use super::faces::{Faces, check_corners};
 use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
+use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::faces::Clamped;
 use glam::DVec3;

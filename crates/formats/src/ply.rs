@@ -1,21 +1,22 @@
 //! PLY: our soup PLY, and triangle meshes with vertex or face colours.
 
-use crate::content::ReadOptions;
 use crate::far::note_origin;
 use crate::finish::finish;
+use crate::read_options::ReadOptions;
 use crate::source::Source;
 use crate::splats::build;
 use crate::{gaussians, provenance};
+pub use column::Column;
 use glam::DVec3;
 use header::{Element, Header};
 pub use mesh::write_mesh;
 pub use soup::{SoupWriter, write_soup};
 use std::path::Path;
-pub use table::Column;
 use table::Table;
 use transcode::Wanted;
 use trisplat_scene::{Error, ImportedScene, ImportedSplats, Limits, Result, Scene};
 
+mod column;
 mod corners;
 pub mod header;
 mod mesh;

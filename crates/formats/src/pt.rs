@@ -23,9 +23,9 @@
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps every
 //! other one as an opaque name. `check_archive` checks the rest.
 
-use super::content::ReadOptions;
 use super::finish::finish;
 use super::gaussians;
+use super::read_options::ReadOptions;
 use super::source::Source;
 use bytemuck::Pod;
 use glam::Vec3;

@@ -7,8 +7,8 @@ mod spz;
 
 pub use build::{finish, unit, zeroed};
 
-use super::content::ReadOptions;
 use super::format::Format;
+use super::read_options::ReadOptions;
 use super::source::Source;
 use super::{gaussians, ply};
 use trisplat_scene::{ImportedSplats, Result, guard::guarded};

@@ -227,7 +227,8 @@ mod tests {
     fn a_view_matrix_gives_the_camera_that_looks_so() {
         let (eye, target) = (Vec3::new(3.0, -2.0, 1.0), Vec3::new(0.5, 0.25, -1.0));
         let looking = Camera::look_at(eye, target, Vec3::Y, 1.0, [64, 48]);
-        let viewing = Camera::from_view(glam::camera::rh::view::look_at_mat4(eye, target, Vec3::Y), 1.0, [64, 48]);
+        let viewing =
+            Camera::from_view(glam::camera::rh::view::look_at_mat4(eye, target, Vec3::Y), 1.0, [64, 48]);
         assert!(looking.rotation.abs_diff_eq(viewing.rotation, 1e-5));
         assert!(looking.translation.abs_diff_eq(viewing.translation, 1e-5));
         assert_eq!((looking.focal, looking.size), (viewing.focal, UVec2::new(64, 48)));

@@ -2,6 +2,7 @@
 
 use super::Recipe;
 use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
+use crate::counts::{count_levels, count_mesh};
 use crate::lit::lit;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
@@ -9,7 +10,6 @@ use crate::order::order;
 use crate::place::placement_of;
 use crate::place::up::Evidence;
 use crate::place::{PlaceDetails, place};
-use crate::run::{count_levels, count_mesh};
 use crate::viewpoint::viewpoint;
 use crate::views::Views;
 use crate::weld::weld;

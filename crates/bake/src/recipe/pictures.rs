@@ -2,8 +2,8 @@
 
 use super::Recipe;
 use crate::backdrop::{BackdropWhen, Sky, backdrop, closed, is_scattered, keep_backdrop, take_sky};
+use crate::counts::count_mesh;
 use crate::refit::{RefitColors, smooth_shell};
-use crate::run::count_mesh;
 use crate::shell::{cut, is_cut, middle, take_shell};
 use crate::views::Views;
 use glam::Vec3;

@@ -4,8 +4,8 @@
 mod advice;
 mod grid;
 
-use crate::cli::print_json;
 use crate::machine::Machine;
+use crate::machine::print_json;
 use advice::advice;
 use grid::{CostCell, CostRun, Grid, compare};
 use serde::Serialize;

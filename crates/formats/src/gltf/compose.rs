@@ -1,10 +1,10 @@
 //! The JSON document of a scene, composed of `gltf-json`'s types.
 
 use super::container::stream_offsets;
+use super::content::{Content, Picture};
 use super::document::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use super::write::{Content, Picture};
 use super::{encode, uri};
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};

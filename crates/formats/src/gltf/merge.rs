@@ -3,7 +3,7 @@
 use super::accessor::Accessors;
 use super::document::DRACO;
 use super::document::{Document, Material, Primitive};
-use super::read::MeshInstance;
+use super::nodes::MeshInstance;
 use super::textures::PaintedPrimitives;
 use crate::far::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};

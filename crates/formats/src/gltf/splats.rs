@@ -7,8 +7,7 @@ use super::buffers::Buffers;
 use super::compose;
 use super::container::ContainerFile;
 use super::document::{self, Document, limited};
-use super::read;
-use super::read::MeshInstance;
+use super::nodes::{self, MeshInstance};
 use crate::far::{origin_of, sampled};
 use crate::gaussians::GLTF_EXTENSION;
 use crate::splats::{cameras, finish, unit, zeroed};
@@ -93,7 +92,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
         let document: Document = document::parse(&path, &container.json, &limits)?;
         let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
         super::read::check_support(&path, &document)?;
-        let instances = read::instances(&path, &document, &limits)?;
+        let instances = nodes::instances(&path, &document, &limits)?;
         let buffers = Buffers::new(source, &container, &document.buffers, options);
         let mut reader =
             Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };

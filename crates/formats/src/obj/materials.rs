@@ -1,8 +1,8 @@
 //! The materials of an OBJ: the pictures or colours of its faces.
 
-use crate::content::ReadOptions;
 use crate::faces::{PaintedFaces, paint};
 use crate::lines::Lines;
+use crate::read_options::ReadOptions;
 use crate::source::Source;
 use glam::Vec2;
 use std::collections::BTreeMap;

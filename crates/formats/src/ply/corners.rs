@@ -1,7 +1,8 @@
 //! Vertices and corner numbers of a PLY, checked.
 
+use super::column::Column;
 use super::header::{Element, Header, Scalar};
-use super::table::{Column, Table};
+use super::table::Table;
 use crate::faces::{Faces, not_a_triangle};
 use crate::far::{origin_of, sampled};
 use crate::lines::write_blocks;

@@ -1,8 +1,8 @@
 //! PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk of 256.
 
+use super::column::Column;
 use super::header::Header;
 use super::splats::{rest_columns, rest_count};
-use super::table::Column;
 use super::table::Table;
 use crate::ply;
 use crate::splats::build::{sh0, unit, zeroed};

@@ -1,8 +1,8 @@
 //! Gaussians in a PLY, as the trainers of 3DGS, 2DGS and Mip-Splatting write them.
 
+use super::column::Column;
 use super::corners::{self, first_error, read_positions};
 use super::header::{Element, Header};
-use super::table::Column;
 use super::table::Table;
 use crate::ply;
 use crate::splats::build::{unit, zeroed};

@@ -2,8 +2,8 @@
 //!
 //! Memory grows with the rows read, not with the numbers in the header.
 
+use super::column::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
-use super::table::Column;
 use crate::faces::{check_corners, not_a_triangle};
 use crate::source::Source;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
