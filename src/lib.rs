@@ -58,6 +58,19 @@
 //! # Ok::<(), trisplat::Error>(())
 //! ```
 //!
+//! What a ray hits first:
+//!
+//! ```
+//! # use trisplat::{BakeOptions, Mesh, glam::Vec3};
+//! # let mesh = Mesh::from_triangles(&[[Vec3::NEG_X, Vec3::X, Vec3::Y]], &[[1.0, 0.5, 0.0]])?;
+//! # let asset = trisplat::bake(mesh, &BakeOptions::fast())?;
+//! # let (origin, direction) = (Vec3::new(0.0, 0.5, 4.0), Vec3::NEG_Z);
+//! if let Some(hit) = asset.raycast(origin, direction) {
+//!     println!("{} at {}", hit.face, hit.distance);
+//! }
+//! # Ok::<(), trisplat::Error>(())
+//! ```
+//!
 //! [`BakeJob`] bakes with photos. The folder `examples` has whole programs; everything else is in the crates of the workspace. The command line is behind the feature `cli`, a graphics card behind `gpu`, the window
 //! behind `view`; only `cli` is on unless `default-features = false`.
 
