@@ -280,7 +280,6 @@ fn outputs(args: &TrainArgs) -> RunOptions {
         evaluate_every: args.eval_every,
         preview: args.preview.clone().map(|folder| Preview { folder, pause }),
         max_cpu_secs: args.max_cpu_secs,
-        ..RunOptions::default()
     }
 }
 
