@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
 use trisplat_scene::{
     Error, Result,
-    report::{Report, StageEvent, StageReport},
+    report::{Report, StageEvent, StageReport, counted},
 };
 use trisplat_train::{TrainEvent, TrainSample, Trained};
 
@@ -123,4 +123,11 @@ pub(super) fn drew(observer: Observer<'_>) -> impl FnMut(usize, usize) {
     |done, all| {
         let _ = observer(Event::Drew { done, all });
     }
+}
+
+/// The error of a run that was stopped in `what`, a training that it needs.
+pub(super) fn stopped(what: &str, training: &Trained) -> Error {
+    let steps = counted(training.options.steps, "step");
+    let place = format!("stopped in {what}, after {} of {steps}", training.steps);
+    Error::Stopped { what: format!("{place}; nothing was written, and the same command begins again") }
 }

@@ -1,6 +1,6 @@
 //! A training job, from options to the trained scene: plan, preparation, run, report.
 
-use super::event::{Event, Observer, TrainBegins, TrainPart, begin};
+use super::event::{Event, Observer, TrainBegins, TrainPart, begin, stopped};
 use super::teacher::{self, TeacherPlan, TeacherSource};
 use super::watched::{self, TrialRun};
 use std::path::PathBuf;
@@ -229,8 +229,17 @@ impl TrainJob {
             return Ok(());
         }
         let clock = Instant::now();
-        let watched =
-            TrialRun::of(&self.dataset, &self.dataset_options, self.options.options.seed, observer)?;
+        let (how, seed) = (&self.dataset_options, self.options.options.seed);
+        let watched = TrialRun::of(&self.dataset, seed, |small, options| {
+            let begins = TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
+            // A graphics card gains nothing on small photos.
+            let run = TrainRun::new(small, options).with_dataset_options(how);
+            let trained = run.run(&mut begin(observer, &begins)?)?;
+            match trained.stopped {
+                true => Err(stopped("a short training that leaves some photos out", &trained)),
+                false => Ok(trained),
+            }
+        })?;
         // The teacher or the run, which come next, ask whether to go on.
         let _ = observer(Event::Watched(&watched));
         self.watch_secs = clock.elapsed().as_secs_f64();
@@ -361,13 +370,6 @@ fn with_fewer_steps(options: &TrainOptions, most: Option<u64>, triangles_given: 
     let fewer = options.max_triangles as f64 * steps as f64 / options.steps as f64;
     let max_triangles = if triangles_given { options.max_triangles } else { (fewer as u64).max(1) };
     TrainOptions { steps: steps.max(1), max_triangles, ..options.clone() }
-}
-
-/// The error of a run that was stopped in `what`, a training that it needs.
-pub(super) fn stopped(what: &str, training: &Trained) -> Error {
-    let steps = counted(training.options.steps, "step");
-    let place = format!("stopped in {what}, after {} of {steps}", training.steps);
-    Error::Stopped { what: format!("{place}; nothing was written, and the same command begins again") }
 }
 
 /// Options for reading the data set of a resumed run: a budget may have chosen the size of its photos.

@@ -4,18 +4,16 @@
 //! Two solid scenes train on small photos, the second with three times the steps. If training finds surfaces, the watched photos gain a
 //! decibel or more; if it memorises photos, they gain little or lose, and a teacher helps. See docs/benchmarks/few-photos.md.
 
-use super::event::{Observer, TrainBegins, TrainPart, begin};
-use super::training::stopped;
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
+use trisplat_dataset::{Dataset, Photo, View};
 use trisplat_scene::{
     Error, Result,
     report::{Counts, StageDetails, StageReport, counted, to_json},
 };
 use trisplat_train::{
-    TrainOptions, TrainRun,
+    TrainOptions, Trained,
     budget::{CostModel, Workload, part_secs},
 };
 
@@ -65,14 +63,13 @@ impl StageDetails for TrialRun {
 }
 
 impl TrialRun {
-    /// Trains both scenes on small copies of `photos`, which were read with `how`.
+    /// The scenes of two lengths that `train` makes of small copies of `photos`, some of them marked as held out.
     ///
-    /// Errors: photos that cannot be decoded; a training that was stopped.
+    /// Errors: photos that cannot be decoded; those of `train`.
     pub(super) fn of(
         photos: &Dataset,
-        how: &DatasetOptions,
         seed: u64,
-        observer: Observer<'_>,
+        mut train: impl FnMut(&Dataset, &TrainOptions) -> Result<Trained>,
     ) -> Result<Self> {
         let count = photos.train().count();
         let view = |(i, view): (usize, &View)| {
@@ -84,21 +81,14 @@ impl TrialRun {
         let small = Dataset { views, ..photos.clone() };
         let pixels = small.views.iter().map(|view| u64::from(view.camera.size.element_product())).max();
         let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
-        let mut train = |steps_per_photo: u64| {
+        let mut scored = |steps_per_photo: u64| {
             let steps = steps_per_photo * count as u64;
-            let options = TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() };
-            let begins = TrainBegins { part: TrainPart::Trial, steps, ..TrainBegins::default() };
-            // A graphics card gains nothing on small photos.
-            let run = TrainRun::new(&small, &options).with_dataset_options(how);
-            let trained = run.run(&mut begin(observer, &begins)?)?;
-            if trained.stopped {
-                return Err(stopped("a short training that leaves some photos out", &trained));
-            }
+            let trained = train(&small, &TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() })?;
             let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
             Ok(WatchedTraining { steps, psnr })
         };
         let [few, many] = SOLID_STEPS;
-        let solid = [train(few)?, train(many)?];
+        let solid = [scored(few)?, scored(many)?];
         Ok(Self { photos: small.test().map(|view| view.name.clone()).collect(), solid })
     }
 
@@ -178,6 +168,7 @@ pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use trisplat_dataset::DatasetOptions;
     use trisplat_synthetic::SyntheticOptions;
 
     fn gaining(gain: f64) -> TrialRun {
