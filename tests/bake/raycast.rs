@@ -8,22 +8,22 @@ use trisplat_scene::{Asset, Hit, Provenance, Rng, Scene, mesh::Mesh};
 
 /// The nearest hit by looking at every face; the plane equation and three edge tests, unlike the library.
 fn brute_force(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<Hit> {
-    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3().normalize());
+    let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
     let mut best: Option<Hit> = None;
     for face in 0..mesh.face_count() {
         let [a, b, c] = mesh.corners(face).map(|v| v.as_dvec3());
         let normal = (b - a).cross(c - a);
         let t = normal.dot(a - origin) / normal.dot(direction);
-        let p = origin + t * direction;
+        let (p, distance) = (origin + t * direction, t * direction.length());
         let left = |from: DVec3, to: DVec3| (to - from).cross(p - from).dot(normal) >= 0.0;
         if t >= 0.0
             && t.is_finite()
             && left(a, b)
             && left(b, c)
             && left(c, a)
-            && best.is_none_or(|h| t < h.distance)
+            && best.is_none_or(|h| distance < h.distance)
         {
-            best = Some(Hit { face: face as u32, distance: t });
+            best = Some(Hit { face: face as u32, distance });
         }
     }
     best

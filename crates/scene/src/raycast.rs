@@ -46,11 +46,13 @@ impl Asset {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;
         }
-        let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3().normalize());
+        let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+        let length = direction.length();
         let faces = self.scene_faces();
         let mut nearest: Option<Hit> = None;
         let mut test = |face: u32| {
-            let found = intersect(origin, direction, self.mesh.corners(face as usize));
+            // Along the direction as it was given: products of f32 are exact in f64, so rounding gives no face without area a hit.
+            let found = intersect(origin, direction, self.mesh.corners(face as usize)).map(|t| t * length);
             if let Some(distance) = found
                 && nearest
                     .is_none_or(|hit| distance < hit.distance || distance == hit.distance && face < hit.face)
@@ -60,14 +62,14 @@ impl Asset {
             found
         };
         let tree = self.rays.0.get_or_init(|| Tree::new(&self.mesh, faces));
-        if tree.faces != faces || !tree.search(origin, direction, &mut test) {
+        if tree.faces != faces || !tree.search(origin, direction / length, &mut test) {
             (0..faces as u32).for_each(|face| _ = test(face));
         }
         nearest
     }
 }
 
-/// Distance to a triangle seen from either side (Möller and Trumbore 1997), edges included.
+/// Distance, in lengths of `direction`, to a triangle seen from either side (Möller and Trumbore 1997), edges included.
 fn intersect(origin: DVec3, direction: DVec3, corners: [Vec3; 3]) -> Option<f64> {
     let [a, b, c] = corners.map(|v| v.as_dvec3());
     let (ab, ac, from_a) = (b - a, c - a, origin - a);
