@@ -11,7 +11,7 @@ use trisplat_scene::{
     Budget, Error, ImportedScene, Result, Seconds, Spending,
     layered::{Layered, Origin},
     process::cpu_secs,
-    report::{Report, StageDetails, StageReport, counted},
+    report::{Report, StageDetails, StageReport},
 };
 use trisplat_train::{
     BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
@@ -231,7 +231,8 @@ impl TrainJob {
         let clock = Instant::now();
         let (how, seed) = (&self.dataset_options, self.options.options.seed);
         let watched = TrialRun::of(&self.dataset, seed, |small, options| {
-            let begins = TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
+            let begins =
+                TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
             // A graphics card gains nothing on small photos.
             let run = TrainRun::new(small, options).with_dataset_options(how);
             let trained = run.run(&mut begin(observer, &begins)?)?;

@@ -83,7 +83,8 @@ impl TrialRun {
         let max_triangles = (pixels.unwrap_or(0) / PIXELS_PER_TRIANGLE).clamp(1, TRIANGLES);
         let mut scored = |steps_per_photo: u64| {
             let steps = steps_per_photo * count as u64;
-            let trained = train(&small, &TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() })?;
+            let trained =
+                train(&small, &TrainOptions { steps, max_triangles, seed, ..TrainOptions::default() })?;
             let psnr = trained.quality().map_or(f64::NAN, |quality| quality.psnr);
             Ok(WatchedTraining { steps, psnr })
         };
