@@ -21,7 +21,7 @@ const SHOWN: &[(&str, &str)] = &[
     ("eval", "as split save_renders sheet report json force max_size"),
     ("render", "output dataset split orbit width show as force max_size"),
     ("plan", "output force status blocks memory steps max_triangles preset config sets max_size"),
-    ("merge", "output force report evaluate against"),
+    ("merge", "output force"),
     ("view", "dataset size screenshots max_size"),
     ("info", "json max_size masks"),
 ];
