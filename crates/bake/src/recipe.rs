@@ -1,7 +1,9 @@
 //! The recipe: the stages in their order, with reasons.
 
+mod behind;
 mod package;
 mod pictures;
+mod shared;
 
 use super::backdrop::BackdropWhen;
 use super::background::{BackgroundDetails, BackgroundFrom, background};
@@ -26,8 +28,8 @@ use super::views::Views;
 use crate::counts::{count, count_mesh};
 use crate::order::arrange;
 use crate::solid::color;
-use package::{Seen, Shared};
 use pictures::{Cameras, Pictures};
+use shared::{Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,

@@ -29,15 +29,17 @@ use crate::views::Views;
 use equations::Fit;
 use photo_equations::Accumulator;
 pub(super) use shell_colors::smooth_shell;
+use trisplat_scene::Result;
 use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::ranges::Called;
 use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
-use trisplat_scene::{Result, ranges};
 
 mod equations;
+mod options;
 mod photo_equations;
 mod shell_colors;
+
+pub use options::{RefitColors, RefitOptions};
 
 /// Progress of the stage when all photos but the held-out ones are added, and ...
 const OTHERS_PART: f64 = 0.7;
@@ -238,51 +240,6 @@ fn outliers(means: &[[f32; 3]]) -> Vec<usize> {
         |v: &usize| means[*v].iter().zip(limits).any(|(e, (middle, most))| (e - middle).abs() > most);
     let far: Vec<usize> = (0..means.len()).filter(is_far).collect();
     if 2 * far.len() < means.len() { far } else { Vec::new() }
-}
-
-// ---- Which colours are fitted, and how ---------------------------------------------------------------
-
-/// Which colours are fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum RefitColors {
-    /// Whichever is best on held-out photos: one colour per triangle, three, or the scene's own
-    Auto,
-    /// One colour per triangle
-    Flat,
-    /// One colour per corner
-    Corner,
-    /// Colours do not change
-    Off,
-}
-
-/// How colours are taken from the photos.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct RefitOptions {
-    /// Which colours are fitted to the photos
-    pub refit: RefitColors,
-    /// λ: pull of corner colours towards their triangle's mean, equivalent to this many pixels
-    #[schemars(range(min = 0.0, max = 1e9))]
-    pub refit_flatness: f64,
-    /// Passes over the photos
-    #[schemars(range(min = 1, max = 1000))]
-    pub refit_passes: u32,
-}
-
-impl RefitOptions {
-    /// Chooses the best colours; one pass.
-    pub const DEFAULT: Self = Self { refit: RefitColors::Auto, refit_flatness: 4.0, refit_passes: 1 };
-
-    pub(super) fn validate(&self) -> Result<()> {
-        ranges::check(self, Called::ByFlag)
-    }
-}
-
-impl Default for RefitOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
 }
 
 // ---- Scores of colours on photos that the fit has not seen, and the choice of the best colours -------

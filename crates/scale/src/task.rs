@@ -104,7 +104,7 @@ impl Task {
     /// The run on `dataset`, that of [`Task::dataset`]: from its checkpoint if there is one, else from the beginning. With the warning
     /// that a checkpoint cannot be read, when that is so.
     ///
-    /// Errors: those of [`Task::start`].
+    /// Errors: a plan that is not whole, photos that cannot be read, and those of the training.
     pub fn run<'a>(
         &self,
         dataset: &'a Dataset,

@@ -1,6 +1,7 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
+use super::shared::{Frame, Seen, Shared};
 use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
 use crate::counts::{count_levels, count_mesh};
 use crate::lit::lit;
@@ -14,7 +15,7 @@ use crate::viewpoint::viewpoint;
 use crate::views::Views;
 use crate::weld::weld;
 use glam::DVec3;
-use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{Outcome, Report, StageProgress, generator};
 use trisplat_scene::{Asset, Placement, Provenance, Result, placed};
@@ -178,31 +179,4 @@ impl Recipe<'_> {
 fn evaluate(mesh: &Mesh, views: Option<&mut Views>) -> Result<Option<f64>> {
     let views = views.filter(|views| !views.is_empty());
     views.map(|views| views.mean_psnr(mesh, &views.evenly_spaced(EVALUATION_VIEWS))).transpose()
-}
-
-// ---- What a scene and its levels of detail have in common --------------------------------------------
-
-/// What is known of a scene besides its triangles, in the frame of the input.
-#[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
-    /// Cameras that see it.
-    pub watching: &'a [Camera],
-    /// The surface for smooth normals.
-    pub facing: Option<&'a Mesh>,
-}
-
-/// The frame of a file, and its first viewpoint.
-#[derive(Clone, Copy)]
-pub(super) struct Frame {
-    pub placement: Placement,
-    pub viewpoint: Option<Viewpoint>,
-}
-
-/// What levels have in common with their scene.
-pub(super) struct Shared<'a> {
-    pub provenance: Provenance,
-    pub seen: Seen<'a>,
-    pub frame: Frame,
-    /// Before placement.
-    pub backdrop: Option<Mesh>,
 }

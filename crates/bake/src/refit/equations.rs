@@ -1,6 +1,6 @@
 //! The normal equations, 3 x 3 per triangle, and the colours that solve them.
 
-use super::RefitColors;
+use super::options::RefitColors;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
