@@ -10,6 +10,7 @@
 
 use crate::views::Views;
 use glam::Vec3;
+use limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 pub(super) use sky::{Sky, closed, is_scattered, take_sky};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
@@ -19,6 +20,7 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::{Outcome, StageDetails};
 
 mod known;
+mod limits;
 mod sky;
 mod surface;
 
@@ -202,16 +204,6 @@ fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
     let (corners, faces) = octasphere(subdivisions);
     faces.into_iter().map(|[a, b, c]| [a, c, b].map(|corner| corners[corner as usize])).collect()
 }
-
-// ---- What a backdrop and a sky have in common --------------------------------------------------------
-
-/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
-/// background.
-pub(super) const LEAST_COVERED: f64 = 0.8;
-/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
-pub(super) const RADIUS_FACTOR: f32 = 1.2;
-/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
-pub(super) const MOST_SUBDIVISIONS: u32 = 4;
 
 #[cfg(test)]
 mod tests {

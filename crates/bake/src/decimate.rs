@@ -11,6 +11,7 @@
 //!
 //! Without cameras only size decides: see [`rank_by_size`] and [`enlarge`].
 
+use super::trial::with_moved_corner;
 use compare::{Comparison, Round};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -225,30 +226,4 @@ impl CellGrid {
         faces.for_each(|f| *sums.entry(self.of(mesh.centroid(f))).or_default() += mesh.area(f));
         sums
     }
-}
-
-// ---- Searches by trial: a corner of each triangle is moved at random, and one drawing decides about a gro ----
-
-/// Number of groups.
-pub(super) const GROUPS: usize = 4;
-/// How far a corner is moved outwards and inwards, as shares of its distance from the middle of the opposite edge.
-const MOVES: [f32; 3] = [0.3, 0.3, -0.18];
-/// Largest sideways move, as a share of the opposite edge.
-const ASIDE: f32 = 0.25;
-
-/// The group of a face in a round; it changes every round. `purpose` names the random sequence.
-pub(super) fn group_of(purpose: &str, face: u32, round: u32) -> u8 {
-    (Rng::new(0, purpose, round.into()).bits(face.into()) % GROUPS as u64) as u8
-}
-
-/// The triangle with one of its corners moved; corner and move depend only on the face and the round.
-pub(super) fn with_moved_corner(mut corners: [Vec3; 3], face: u32, round: u32) -> [Vec3; 3] {
-    let which = (Rng::new(0, "corner", 0).bits(face.into()) % 3 + u64::from(round)) as usize % 3;
-    let across = (corners[(which + 1) % 3] + corners[(which + 2) % 3]) / 2.0;
-    let edge = corners[(which + 1) % 3] - corners[(which + 2) % 3];
-    let draw = Rng::new(0, "move", round.into());
-    let [out, aside] = [0, 1].map(|k| draw.uniform(2 * u64::from(face) + k));
-    let out = MOVES[((out * MOVES.len() as f32) as usize).min(MOVES.len() - 1)];
-    corners[which] += (corners[which] - across) * out + edge * (ASIDE * (2.0 * aside - 1.0));
-    corners
 }

@@ -42,6 +42,7 @@ mod solid;
 mod teacher;
 mod texture;
 mod tiles;
+mod trial;
 pub mod unseen;
 mod viewpoint;
 mod views;

@@ -11,11 +11,12 @@
 mod atlas;
 mod best;
 mod charts;
+mod of_colors;
 mod options;
 mod texels;
 
+pub(super) use of_colors::texture_all;
 pub use options::{TextureDetail, TextureOptions, TextureWhen};
-pub(super) use texels::texture_all;
 
 use super::refit::UnseenColors;
 use super::views::{Scores, Views};

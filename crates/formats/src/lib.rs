@@ -7,6 +7,7 @@ mod content;
 
 mod faces;
 mod far;
+mod findings;
 mod finish;
 mod foreign;
 mod format;

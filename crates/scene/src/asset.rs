@@ -3,7 +3,7 @@
 use crate::camera::Viewpoint;
 use crate::image::RgbImage;
 use crate::mesh::Mesh;
-use crate::raycast::RayTree;
+use crate::raycast::{Hit, RayTree};
 use crate::report::Counts;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use schemars::JsonSchema;
@@ -79,6 +79,14 @@ impl Tile {
 }
 
 impl Asset {
+    /// The first face of the scene, without its backdrop, on a ray; faces are hit from both sides. Ties go to the
+    /// lowest number. `None` for no hit, a zero direction, or numbers that are not finite.
+    ///
+    /// The first call builds a tree; see [`RayTree`].
+    pub fn raycast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.rays.first_hit(&self.mesh, self.scene_faces(), origin, direction)
+    }
+
     /// Number of faces of the scene itself; later ones are the backdrop.
     pub fn scene_faces(&self) -> usize {
         self.mesh.face_count().saturating_sub(self.provenance.backdrop as usize)

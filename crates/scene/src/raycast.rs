@@ -2,7 +2,7 @@
 //!
 //! `obvhs` finds candidates in f32, in the scene moved to the unit cube; distances are f64 in the scene's own units.
 
-use crate::{Asset, Rng, mesh::Mesh};
+use crate::{Rng, mesh::Mesh};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -19,7 +19,7 @@ pub struct Hit {
     pub distance: f64,
 }
 
-/// The tree that [`Asset::raycast`] builds at its first ray. A clone is empty.
+/// The tree that [`Asset::raycast`](crate::Asset::raycast) builds at its first ray. A clone is empty.
 ///
 /// After a change of positions or indices in place, set it to its default: it is of the old triangles.
 #[derive(Default)]
@@ -37,22 +37,18 @@ impl std::fmt::Debug for RayTree {
     }
 }
 
-impl Asset {
-    /// The first face of the scene, without its backdrop, on a ray; faces are hit from both sides. Ties go to the
-    /// lowest number. `None` for no hit, a zero direction, or numbers that are not finite.
-    ///
-    /// The first call builds a tree; see [`RayTree`].
-    pub fn raycast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+impl RayTree {
+    /// The first of the first `faces` faces of `mesh` on a ray.
+    pub(crate) fn first_hit(&self, mesh: &Mesh, faces: usize, origin: Vec3, direction: Vec3) -> Option<Hit> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;
         }
         let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
         let length = direction.length();
-        let faces = self.scene_faces();
         let mut nearest: Option<Hit> = None;
         let mut test = |face: u32| {
             // Along the direction as it was given: products of f32 are exact in f64, so rounding gives no face without area a hit.
-            let found = intersect(origin, direction, self.mesh.corners(face as usize)).map(|t| t * length);
+            let found = intersect(origin, direction, mesh.corners(face as usize)).map(|t| t * length);
             if let Some(distance) = found
                 && nearest
                     .is_none_or(|hit| distance < hit.distance || distance == hit.distance && face < hit.face)
@@ -61,7 +57,7 @@ impl Asset {
             }
             found
         };
-        let tree = self.rays.0.get_or_init(|| Tree::new(&self.mesh, faces));
+        let tree = self.0.get_or_init(|| Tree::new(mesh, faces));
         if tree.faces != faces || !tree.search(origin, direction / length, &mut test) {
             (0..faces as u32).for_each(|face| _ = test(face));
         }

@@ -5,8 +5,8 @@
 
 use super::known::Known;
 use super::known::fill;
+use super::limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use super::surface::{direction, place, surface};
-use super::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};

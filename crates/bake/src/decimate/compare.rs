@@ -3,7 +3,7 @@
 //! A camera draws a scene once, with a z-buffer for each group of faces. The nearest face among some groups
 //! gives the picture of a scene with only those groups. So one drawing shows the scene and all its variants.
 
-use super::{GROUPS, group_of};
+use crate::trial::{GROUPS, group_of};
 use crate::views;
 use glam::Vec3;
 use std::sync::atomic::Ordering::Relaxed;

@@ -1,6 +1,6 @@
 //! The triangles while they are fitted.
 
-use crate::decimate::with_moved_corner;
+use crate::trial::with_moved_corner;
 use glam::Vec3;
 use std::sync::atomic::AtomicI64;
 use std::sync::atomic::Ordering::Relaxed;

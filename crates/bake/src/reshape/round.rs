@@ -2,7 +2,7 @@
 
 use super::reshaped::ReshapedFaces;
 use super::reshaped::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, UNITS, add};
-use crate::decimate::{GROUPS, group_of};
+use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
 use std::sync::Arc;
 use std::sync::atomic::AtomicI64;

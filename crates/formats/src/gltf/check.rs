@@ -8,7 +8,7 @@ use super::document::QUANTIZATION;
 use super::document::{self, Document};
 use super::document::{MAX_SHORT_VERTICES, READABLE_BYTES};
 use super::textures;
-use crate::check::{Findings, Severity};
+use crate::findings::{Findings, Severity};
 use crate::{ReadOptions, Source};
 use trisplat_scene::{Error, Result};
 

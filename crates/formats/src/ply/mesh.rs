@@ -1,11 +1,11 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
-use super::Tables;
 use super::column::Column;
 use super::corners::{read_faces, read_positions};
 use super::header::Scalar;
 use super::table;
 use super::table::Table;
+use super::tables::Tables;
 use crate::faces::Clamped;
 use crate::lines::write_blocks;
 use crate::provenance::to_comment;

@@ -4,7 +4,7 @@ use super::column::Column;
 use super::header::Header;
 use super::splats::{rest_columns, rest_count};
 use super::table::Table;
-use crate::ply;
+use super::tables;
 use crate::splats::build::{sh0, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::DVec3;
@@ -33,7 +33,7 @@ type Ranges = [[f64; 2]; RANGES.len()];
 pub(super) fn read(source: &Source, header: &Header, options: &ReadOptions) -> Result<Splats> {
     let path = &source.path;
     let missing = |name: &str| Error::malformed(path, "header", format!("has no element {name}"));
-    let [chunks, vertices, sh] = ply::some(source, header, ["chunk", "vertex", "sh"], &options.limits)?;
+    let [chunks, vertices, sh] = tables::some(source, header, ["chunk", "vertex", "sh"], &options.limits)?;
     let (chunks, vertices) =
         (chunks.ok_or_else(|| missing("chunk"))?, vertices.ok_or_else(|| missing("vertex"))?);
     let count = vertices.rows();

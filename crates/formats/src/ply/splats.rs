@@ -4,7 +4,7 @@ use super::column::Column;
 use super::corners::{self, first_error, read_positions};
 use super::header::{Element, Header};
 use super::table::Table;
-use crate::ply;
+use super::tables;
 use crate::splats::build::{unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
@@ -18,7 +18,7 @@ pub(super) fn are_in(vertices: &Element) -> bool {
 
 /// The Gaussians, and the origin that was subtracted from their positions.
 pub(super) fn read(source: &Source, header: &Header, options: &ReadOptions) -> Result<(Splats, DVec3)> {
-    let vertices = ply::points(source, header, &options.limits)?;
+    let vertices = tables::points(source, header, &options.limits)?;
     let rest = header.element("vertex").map_or(0, rest_count);
     let columns = Columns::of(source, &vertices, rest, options.sh_degree)?;
     let origin = corners::origin(&vertices)?;
