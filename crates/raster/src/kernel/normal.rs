@@ -5,7 +5,7 @@
 //! N = -(∂P/∂x × ∂P/∂y) normalised, by central differences
 //! loss = mean over pixels of A (1 - n · N), the factor A held constant;  n: Σ w n as drawn
 //! ```
-//! Pixels on the border, or next to one whose coverage is below [`MIN_COVERAGE`], have no N and no loss.
+//! Pixels on the border, or next to one whose coverage is below `MIN_COVERAGE`, have no N and no loss.
 
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{math::real::Real, math::vec::V3};

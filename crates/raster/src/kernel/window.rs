@@ -34,7 +34,7 @@ pub fn nearest<R: Real>(ratios: &[R; 3]) -> [R::Mask; 3] {
     [first, second, first.or(second).not()]
 }
 
-/// The smallest ratio that is drawn: where o · I falls to `cutoff`, never below [`RATIO_FLOOR`].
+/// The smallest ratio that is drawn: where o · I falls to `cutoff`, never below `RATIO_FLOOR`.
 ///
 /// The region {ratio >= floor} is the triangle shrunk about its incenter by 1 - floor.
 #[inline(always)]
@@ -42,7 +42,7 @@ pub fn ratio_floor<R: Real>(log2_opacity: R, sigma: R, log2_cutoff: R) -> R {
     ((log2_cutoff - log2_opacity) / sigma).max(R::of(-30.0)).exp2().max(R::of(RATIO_FLOOR))
 }
 
-/// Alpha before the cap, o · ratio^σ. Domain: ratio >= [`RATIO_FLOOR`].
+/// Alpha before the cap, o · ratio^σ. Domain: ratio >= `RATIO_FLOOR`.
 ///
 /// On a needle, rounding may raise the ratio above 1, and a large σ then leaves the domain of exp2. Alpha
 /// never exceeds 1, so clamping the exponent there changes nothing.

@@ -33,7 +33,7 @@ impl Default for SolidRasterOptions {
 }
 
 impl SolidRasterOptions {
-    /// Checks the ranges, and that a picture of `size` has at most [`MAX_SAMPLES`] along each axis.
+    /// Checks the ranges, and that a picture of `size` has at most `MAX_SAMPLES` along each axis.
     pub fn validate(&self, size: UVec2) -> Result<()> {
         if !matches!(self.samples, 1 | 2 | 4) {
             return Err(Error::invalid("samples", self.samples, "1, 2 or 4"));
