@@ -7,12 +7,12 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 root=$PWD
 
-# Reports without what differs from run to run: times, memory, the folder.
+# Reports without what differs from run to run: times, memory, paths.
 plain_report='
 import json, sys
 def plain(value):
     if isinstance(value, dict):
-        timed = ("seconds", "secs", "peak_memory", "peak_bytes", "inputs", "generator", "started")
+        timed = ("seconds", "secs", "peak_memory", "peak_bytes", "inputs", "dataset", "file", "generator", "started")
         return {k: plain(v) for k, v in value.items() if not any(word in k for word in timed)}
     return [plain(v) for v in value] if isinstance(value, list) else value
 for path in sys.argv[1:]:
