@@ -152,7 +152,7 @@ impl MovedCorners {
     }
 }
 
-// ---- Without cameras: triangles are ranked by their size, and the remaining ones are enlarged to cover th ----
+// ---- Without cameras: the largest triangles stay, enlarged over the gaps --------------------------
 
 /// About how many kept triangles a neighbourhood holds.
 const PER_CELL: u32 = 24;

@@ -77,7 +77,7 @@ pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
     along_curve(&centroids).into_iter().map(|place| faces[place as usize]).collect()
 }
 
-// ---- Puts triangles that are near in space near in memory, for the stages that draw the scene repeatedly: ----
+// ---- Triangles that are near in space become near in memory ---------------------------------------
 
 /// Scenes with fewer triangles are left unchanged: the caches of a CPU hold them in any order.
 const FEWEST: usize = 16_384;

@@ -229,7 +229,7 @@ fn area(v: &[Vec3; 3]) -> f64 {
     0.5 * (v[1] - v[0]).as_dvec3().cross((v[2] - v[0]).as_dvec3()).length()
 }
 
-// ---- Turns spherical harmonics of degree 0 into linear face colours, which engines multiply and blend ----
+// ---- Spherical harmonics of degree 0 become linear face colours -----------------------------------
 
 /// What the conversion clamped.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

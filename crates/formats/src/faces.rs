@@ -240,7 +240,7 @@ impl Clamped {
     }
 }
 
-// ---- Textures of an input mesh: kept if pictures paint the whole mesh, else turned into a colour per face ----
+// ---- Textures of an input mesh --------------------------------------------------------------------
 
 /// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
 const MOST_PAGES: usize = 256;

@@ -4,7 +4,6 @@
 
 pub mod check;
 mod content;
-
 mod faces;
 mod far;
 mod findings;
@@ -32,8 +31,7 @@ mod target;
 mod tiles;
 mod usdz;
 
-pub use content::{Content, holds_splats, read_content};
-pub use content::{WrittenFiles, write};
+pub use content::{Content, WrittenFiles, holds_splats, read_content, write};
 pub use faces::MAX_CORNERS;
 pub use far::{far_origin, is_far};
 pub use finish::finish;
@@ -45,5 +43,4 @@ pub use read::{read, read_bytes};
 pub use read_options::ReadOptions;
 pub use source::Source;
 pub use target::{OutputTarget, TargetEncoding};
-pub use tiles::TilesetWriter;
-pub use tiles::{TilesetTile, bounds};
+pub use tiles::{TilesetTile, TilesetWriter, bounds};

@@ -265,7 +265,7 @@ fn is_tile(name: &str) -> bool {
     (in_tree || place == "backdrop" || place == "shell") && hashed
 }
 
-// ---- 3D Tiles 1.1: a JSON file that names tiles of a scene, or its levels of detail, each replacing a coa ----
+// ---- The JSON of a tileset (3D Tiles 1.1) ---------------------------------------------------------
 
 /// A tile: drawn as long as a viewer does not need more detail.
 #[derive(Debug, Clone, PartialEq)]

@@ -107,14 +107,6 @@ impl AtomicFile {
         &self.path
     }
 
-    /// The path of its flushed bytes during construction.
-    pub fn aside(&self) -> &Path {
-        match &self.to {
-            Destination::Temporary(file) => &file.get_ref().path,
-            _ => &self.path,
-        }
-    }
-
     /// Gives the file its name when its bytes are on the disk: after a power cut, the old file or the whole
     /// new one exists. Returns its size in bytes.
     ///

@@ -118,7 +118,7 @@ fn check(mesh: &Mesh, most: usize) -> bool {
         && mesh.validate().is_ok()
 }
 
-// ---- Vertex clustering: all vertices of one cell of a grid become one of them (Rossignac and Borrel 1993) ----
+// ---- Vertex clustering (Rossignac and Borrel 1993) ------------------------------------------------
 
 /// Most cells along an axis: three such numbers fit into one of 64 bits.
 const MOST_CELLS: f32 = (1 << 20) as f32;
@@ -227,7 +227,7 @@ fn chosen(mesh: &Mesh, cells: &[u32]) -> (Vec<u32>, f64) {
     (best.into_iter().map(|(_, vertex)| vertex).collect(), most.sqrt())
 }
 
-// ---- Takes the noise of depths off a surface: its vertices move towards the middle of their neighbours an ----
+// ---- Smoothing: vertices move towards the middle of their neighbours ------------------------------
 
 /// The way towards the middle of the neighbours, and ...
 const SHRINK: f32 = 0.5;

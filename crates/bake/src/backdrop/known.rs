@@ -209,7 +209,7 @@ impl Shown<'_> {
     }
 }
 
-// ---- Continues a picture of everything around to directions that nobody looked at, without an edge ----
+// ---- Directions that nobody looked at -------------------------------------------------------------
 
 /// Rounds at each size.
 const ROUNDS: usize = 16;

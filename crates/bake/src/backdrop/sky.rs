@@ -200,7 +200,7 @@ fn mixed(picture: &RgbImage, corners: [(u32, u32); 4], part: Vec2) -> [u8; 3] {
     [mix(0), mix(1), mix(2)].map(|code| (code + 0.5) as u8)
 }
 
-// ---- One closed surface in place of a shell whose triangles hardly touch: opaque, these would be shards w ----
+// ---- One closed surface in place of a shell of shards ---------------------------------------------
 
 /// Shells of more triangles show more detail than the surface would.
 const MOST_FACES: usize = 8192;

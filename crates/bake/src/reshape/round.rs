@@ -169,7 +169,7 @@ impl PictureSums<'_> {
     }
 }
 
-// ---- The effort of each round: its cost is that of its drawings, so large scenes get fewer pictures ----
+// ---- Pictures per round ---------------------------------------------------------------------------
 
 /// Preferred number of pictures per round; the next round uses others if there are more. A round judges each
 /// triangle alone, so few pictures mislead it: with 12, scenes of 8,000 to 20,000 triangles lost up to 1.9 dB

@@ -236,7 +236,7 @@ impl<L: Layout> Observation<'_, L> {
     }
 }
 
-// ---- The picture that texels become: what no triangle shows is filled, so that samples and mip levels bes ----
+// ---- The picture of the texels, filled where no triangle shows it ---------------------------------
 
 /// Texels around those of triangles that get their colour.
 const DILATION: usize = 4;

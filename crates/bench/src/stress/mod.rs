@@ -211,7 +211,7 @@ fn measure(args: &StressArgs) -> Result<StressReport> {
         for index in (thread..args.cases).step_by(threads as usize) {
             let (seed, index) = (args.seed.wrapping_add(index % args.seeds), index / args.seeds);
             let random = StressCase::random(seed, index);
-            // Of each kind of stretch, of which there are four, the first and every so many.
+            // Cases go through four kinds of stretch in turn: of each kind, one in `KEPT_EVERY` is written.
             let kept = (index / 4).is_multiple_of(KEPT_EVERY).then_some(path.as_path());
             let promised = matches!(random.1, Stretch::PromisedPair(..) | Stretch::Promised);
             let gradients = promised && (index / 4).is_multiple_of(GRADIENTS_EVERY);

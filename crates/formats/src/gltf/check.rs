@@ -4,9 +4,7 @@
 use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::QUANTIZATION;
-use super::document::{self, Document};
-use super::document::{MAX_SHORT_VERTICES, READABLE_BYTES};
+use super::document::{self, Document, MAX_SHORT_VERTICES, QUANTIZATION, READABLE_BYTES};
 use super::textures;
 use crate::findings::{Findings, Severity};
 use crate::{ReadOptions, Source};

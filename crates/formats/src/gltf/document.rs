@@ -298,7 +298,7 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer.deserialize_seq(Limited(PhantomData))
 }
 
-// ---- The glTF extensions read and written: their names, and the objects without types in `gltf-json` ----
+// ---- The glTF extensions read and written ---------------------------------------------------------
 
 /// The material shows its colour without lights.
 pub(crate) const UNLIT: &str = "KHR_materials_unlit";

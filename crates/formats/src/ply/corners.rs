@@ -175,7 +175,7 @@ pub(super) fn first_error<T: Default>(blocks: Vec<Result<T>>) -> Result<()> {
     blocks.into_iter().try_for_each(|block| block.map(|_| ()))
 }
 
-// ---- The element `view` of a soup PLY: the cameras of the photos that a scene was trained on, after its f ----
+// ---- The element `view` of a soup PLY: the cameras of its photos ----------------------------------
 
 pub(super) const NAME: &str = "view";
 /// R by rows, t, focal lengths and principal point; then the size, as integers.
