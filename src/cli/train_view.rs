@@ -90,7 +90,6 @@ fn window_options(args: &TrainArgs) -> WindowOptions {
         size: SIZE,
         background: args.dataset_options.background.to_f32(),
         msaa: MSAA,
-        fps: None,
         vsync: true,
         screenshots: folder(args),
         remedy: "--preview writes pictures without a window",

@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
@@ -31,10 +31,6 @@ pub struct ViewArgs {
     /// Samples per pixel at edges (MSAA): 1 or 4.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     pub msaa: u32,
-    /// Frames per second to hold in motion: if the graphics card is slower, it draws fewer samples and then
-    /// fewer pixels. At rest it draws all.
-    #[arg(long, value_name = "FPS", value_parser = fps)]
-    pub fps: Option<f64>,
     /// Show pictures without waiting for the display, for the highest FPS.
     #[arg(long)]
     pub no_vsync: bool,
@@ -47,12 +43,6 @@ pub struct ViewArgs {
     /// How the data set is read.
     #[command(flatten, next_help_heading = "Data set")]
     pub dataset_options: DatasetOptions,
-}
-
-/// 60 as frames per second.
-fn fps(text: &str) -> std::result::Result<f64, String> {
-    let number: Option<f64> = text.parse().ok();
-    number.filter(|fps| (1.0..=1000.0).contains(fps)).ok_or_else(|| "expected 1 to 1000".to_owned())
 }
 
 /// Opens the window; returns when it is closed.
@@ -68,7 +58,6 @@ pub fn run(args: &ViewArgs) -> Result<()> {
         size: args.size,
         background: args.dataset_options.background.to_f32(),
         msaa: args.msaa,
-        fps: args.fps,
         vsync: !args.no_vsync,
         screenshots: args.screenshots.clone(),
         remedy: "`trisplat render` makes pictures without a window",
@@ -131,13 +120,14 @@ pub(super) fn window_scene(
             Some(splats) => SceneRenderer::splats(splats, &Placement::IDENTITY, None, background),
             None => SceneRenderer::soft(soup, &Placement::IDENTITY, None, background),
         };
-        let renderer = Box::new(move |camera: &Camera| {
+        let renderer = Arc::new(Mutex::new(move |camera: &Camera| {
             scene.color(&placed::to_world(camera, &bake_placement, DVec3::ZERO))
-        });
+        }));
         SoupSource { renderer, rest: 0.0 }
     });
     let (file, folder) = (file.to_owned(), folder.to_owned());
     let save_crop = Arc::new(move |region: &Region| save_crop(&file, &folder, region));
+    let asset = Arc::new(asset);
     Ok(WindowScene { asset, up: Vec3::Y, photos, source, placement: bake_placement, save_crop, status: None })
 }
 

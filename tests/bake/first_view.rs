@@ -7,9 +7,8 @@ use trisplat_formats::{
     self as formats, ReadOptions,
     gltf::{GltfOptions, to_glb_bytes},
 };
-use trisplat_raster::framing::Surroundings;
+use trisplat_raster::framing::{Surroundings, orbit};
 use trisplat_scene::{Asset, ImportedScene, Scene};
-use trisplat_view::orbit;
 
 /// The README's first file, as its first command bakes it, without the slow part that changes no place.
 fn studio() -> Asset {
@@ -61,7 +60,7 @@ fn an_orbit_of_any_soup_keeps_the_subject_in_the_picture_and_stays_inside_the_sh
     assert!(subject.len() > 1000);
     for size in [UVec2::new(960, 720), UVec2::new(390, 844)] {
         let towards = |way: Vec3| surroundings.room_towards(target, way);
-        for camera in orbit::around_viewpoint(&viewpoint, Vec3::NEG_Y, &towards, size, 12) {
+        for camera in orbit(&viewpoint, Vec3::NEG_Y, &towards, size, 12) {
             let away = camera.position() - target;
             assert!(away.length() < towards(away.normalize()));
             let inside = subject.iter().filter(|p| camera.frames(**p)).count();

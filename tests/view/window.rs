@@ -259,38 +259,6 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     assert_eq!(desk.close(), Some(0));
 }
 
-/// Right of the panel.
-const PANE: usize = 340;
-
-/// Mean squared difference of neighbours along the rows, right of the panel: less in a picture of fewer pixels that is stretched, as its edges are ramps.
-fn sharpness(picture: &RgbImage) -> f64 {
-    let difference =
-        |pair: &[[u8; 3]]| (0..3).map(|c| f64::from(pair[0][c].abs_diff(pair[1][c])).powi(2)).sum::<f64>();
-    let rows = picture.rgb.chunks(picture.size.x as usize).map(|row| &row[PANE..]);
-    rows.map(|row| row.windows(2).map(difference).sum::<f64>()).sum()
-}
-
-#[test]
-fn frames_that_would_take_too_long_have_fewer_pixels_until_nothing_moves() {
-    let Some(mut desk) = Desk::new() else { return };
-    samples::studio(desk.at("studio.ply"), 4000);
-    desk.run(&["bake", "studio.ply", "-o", "studio.glb", "--teacher", "off"]);
-    write_photos(&desk.at("photos"));
-    // No card draws a frame in a thousandth of a second in software.
-    desk.open(&["view", "studio.glb", "--dataset", "photos", "--size", "640x480", "--fps", "1000"]);
-    let whole = wait_for("the scene", || {
-        let seen = desk.seen();
-        (sharpness(&seen) > 0.0).then_some(sharpness(&seen))
-    });
-    // The box before "draw continuously", in the panel.
-    let switch = |desk: &Desk| desk.xdotool("mousemove 15 187 click 1");
-    switch(&desk);
-    wait_for("fewer pixels", || (sharpness(&desk.seen()) < 0.7 * whole).then_some(()));
-    switch(&desk);
-    wait_for("all pixels again", || (sharpness(&desk.seen()) > 0.95 * whole).then_some(()));
-    assert_eq!(desk.close(), Some(0));
-}
-
 /// CPU seconds that a process has taken, in ticks of the system.
 #[cfg(target_os = "linux")]
 fn ticks(child: &Child) -> u64 {

@@ -12,12 +12,13 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_gpu::{AdapterOptions, Timer};
 use trisplat_job::BakedScene;
+use trisplat_raster::framing::orbit;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh,
     process,
 };
-use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, HeadlessOptions, Model, orbit};
+use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, HeadlessOptions, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
@@ -147,19 +148,16 @@ fn flythrough(args: &FpsArgs, triangles: Option<usize>) -> Result<Flythrough> {
             ("studio".into(), ImportedScene::from(Scene::Soup(soup)))
         }
     };
-    let mut baked = BakedScene::new(loaded)?;
+    let baked = BakedScene::new(loaded)?;
     let path = match &args.dataset {
         Some(path) => {
             let dataset = Dataset::load(path, &args.dataset_options)?;
             dataset.views.iter().map(|view| baked.place(&view.camera, dataset.origin)).collect()
         }
         None => {
-            let scene = Scene::Mesh(std::mem::take(&mut baked.asset.mesh));
-            let path = orbit::around_scene(&scene, Vec3::Y, 1280, 36);
-            if let Scene::Mesh(mesh) = scene {
-                baked.asset.mesh = mesh;
-            }
-            path
+            let open = |_| f32::INFINITY;
+            let around = |viewpoint| orbit(viewpoint, Vec3::Y, &open, UVec2::new(1280, 960), 36);
+            baked.asset.provenance.viewpoint.iter().flat_map(around).collect()
         }
     };
     Ok(Flythrough { name, asset: baked.asset, path })

@@ -80,7 +80,9 @@ pub fn random_points(views: &[&View], count: usize, seed: u64) -> Vec<Point> {
         let view = views[index % views.len()];
         let place =
             |attempt: u64| on_ray(view, distance, Rng::new(seed, "random cloud", attempt), index as u64);
-        let shared = |at: &Vec3| views.iter().any(|other| !std::ptr::eq(*other, view) && sees(other, *at));
+        let shared = |at: &Vec3| {
+            views.iter().any(|other| !std::ptr::eq(*other, view) && other.camera.shows(*at).is_some())
+        };
         let position = (0..TRIES).map(place).find(shared).unwrap_or_else(|| place(0));
         Point { position, rgb: [128; 3], error: None }
     };
@@ -95,14 +97,6 @@ fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
     let depth = distance * 0.3 * 10f32.powf(draw(2));
     let seen = ((pixel - camera.center) / camera.focal).extend(1.0) * depth;
     camera.rotation.transpose() * (seen - camera.translation)
-}
-
-/// True when a world point lands inside the photo.
-fn sees(view: &View, at: Vec3) -> bool {
-    let camera = &view.camera;
-    let v = camera.rotation * at + camera.translation;
-    let q = camera.focal * v.truncate() / v.z + camera.center;
-    v.z > 0.0 && q.cmpge(Vec2::ZERO).all() && q.cmplt(camera.size.as_vec2()).all()
 }
 
 /// The viewing distance: the median distance of the cameras to their common focus; without one, twice the

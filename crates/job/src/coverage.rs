@@ -88,17 +88,10 @@ struct DepthPicture {
 
 impl DepthPicture {
     fn sees(&self, point: Vec3) -> bool {
-        let q = self.camera.rotation * point + self.camera.translation;
-        if !(q.z > 0.0) {
-            return false;
-        }
-        let at = q.truncate() / q.z * self.camera.focal + self.camera.center;
-        let inside = at.cmpge(Vec2::ZERO).all() && at.cmplt(self.camera.size.as_vec2()).all();
-        let depth = || self.depths[at.y as usize * self.camera.size.x as usize + at.x as usize];
-        inside && {
-            let depth = depth();
-            depth <= 0.0 || q.z <= depth * (1.0 + DEPTH_TOLERANCE)
-        }
+        self.camera.shows(point).is_some_and(|(at, z)| {
+            let depth = self.depths[at.y as usize * self.camera.size.x as usize + at.x as usize];
+            depth <= 0.0 || z <= depth * (1.0 + DEPTH_TOLERANCE)
+        })
     }
 }
 

@@ -6,13 +6,12 @@ use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_formats::{self as formats, Content, splats::cameras};
-use trisplat_raster::{framing::Surroundings, framing::up_of};
+use trisplat_raster::framing::{Surroundings, orbit, up_of};
 use trisplat_scene::{
     Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
     image::RgbImage, placed,
 };
 use trisplat_train::BackendOptions;
-use trisplat_view::orbit;
 
 /// Default share of triangles in a random subset.
 pub const SHARE: f64 = 0.1;
@@ -295,10 +294,9 @@ fn orbit_cameras(
     })?;
     let target = DVec3::from(viewpoint.target).as_vec3();
     let room = |way: Vec3| surroundings.room_towards(target, way);
-    let orbit =
-        orbit::around_viewpoint(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
-            Some(_) => placed::to_world(&camera, placement, origin),
-            None => camera,
-        });
-    Ok(orbit.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
+    let cameras = orbit(&viewpoint, up, &room, size, count).into_iter().map(|camera| match dataset {
+        Some(_) => placed::to_world(&camera, placement, origin),
+        None => camera,
+    });
+    Ok(cameras.enumerate().map(|(i, camera)| (format!("orbit_{i:04}.png"), camera)).collect())
 }

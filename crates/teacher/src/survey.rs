@@ -1,6 +1,6 @@
 //! Measures the view of a scene from a place, on a small picture of fewer, larger triangles.
 
-use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use trisplat_raster::{soft::SoftOptions, soft::SoftRasterizer, soft::SoupRef};
 use trisplat_scene::{Soup, camera::Camera, math::curve::along_curve};
 
@@ -56,17 +56,11 @@ impl Survey {
         let camera = camera.resized(UVec2::splat(SIDE));
         let frame = self.soft.frame();
         let is_seen = |middle: &Vec3| {
-            let q = camera.rotation * *middle + camera.translation;
-            if !(q.z > NEAR) {
-                return false;
-            }
-            let pixel = (q.truncate() / q.z * camera.focal + camera.center).floor();
-            let side = SIDE as f32;
-            if !(pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < side && pixel.y < side) {
-                return false;
-            }
-            let depth = frame.median_depth[(pixel.y * side + pixel.x) as usize];
-            depth == 0.0 || q.z < depth * BEHIND
+            let shown = camera.shows(*middle).filter(|(_, z)| *z > NEAR);
+            shown.is_some_and(|(at, z)| {
+                let depth = frame.median_depth[at.y as usize * SIDE as usize + at.x as usize];
+                depth == 0.0 || z < depth * BEHIND
+            })
         };
         self.middles.iter().map(is_seen).collect()
     }
@@ -97,15 +91,7 @@ impl Survey {
 
 /// A square camera at `eye` that looks at `target`.
 pub(super) fn camera(eye: Vec3, target: Vec3, up: Vec3, fov_degrees: f32, side: u32) -> Camera {
-    let focal = side as f32 / 2.0 / (fov_degrees.to_radians() / 2.0).tan();
-    let lens = Camera {
-        rotation: Mat3::IDENTITY,
-        translation: Vec3::ZERO,
-        focal: Vec2::splat(focal),
-        center: Vec2::splat(side as f32 / 2.0),
-        size: UVec2::splat(side),
-    };
-    lens.looking(eye, target, up)
+    Camera::look_at(eye, target, up, fov_degrees.to_radians(), UVec2::splat(side))
 }
 
 /// One of `count` directions that are spread evenly over the sphere.

@@ -1,17 +1,13 @@
-//! Viewing scenes: camera orbits, pictures of depth, normals and layers, and drawing on a graphics card as an
-//! engine does.
+//! Viewing scenes: pictures of depth, normals and wires, and drawing on a graphics card as an engine does.
 //!
 //! In: scenes and assets. Out: pictures drawn as an engine draws them, and a window.
 
-#[cfg(feature = "view")]
-mod frame_rate;
 #[cfg(feature = "gpu")]
 mod headless;
 #[cfg(feature = "gpu")]
 mod layout;
 #[cfg(feature = "gpu")]
 mod model;
-pub mod orbit;
 #[cfg(feature = "gpu")]
 mod renderer;
 pub mod show;

@@ -4,7 +4,8 @@
 use super::subject::orbit_range;
 use super::subject::{MOST_POINTS, Subject};
 use super::subject::{Sight, Survey};
-use glam::{Mat3, UVec2, Vec2, Vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3};
+use std::f32::consts::TAU;
 use trisplat_scene::{camera::Camera, camera::Viewpoint};
 
 /// Share of the picture that a subject should fill at least.
@@ -145,6 +146,33 @@ pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     Camera { focal: camera.focal.min(Vec2::splat(most)), ..camera }
 }
 
+/// `count` cameras for pictures of `size` on the circle that begins at `viewpoint` and goes around its subject. All of the
+/// subject stays in the picture. `up` is the axis that points up; `room` gives the distance from the target at which something closes
+/// the scene in a direction: a camera behind that moves closer.
+pub fn orbit(
+    viewpoint: &Viewpoint,
+    up: Vec3,
+    room: &dyn Fn(Vec3) -> f32,
+    size: UVec2,
+    count: u32,
+) -> Vec<Camera> {
+    let target = DVec3::from(viewpoint.target).as_vec3();
+    let from = DVec3::from(viewpoint.eye).as_vec3() - target;
+    let (height, start) = (from.dot(up), from.reject_from(up));
+    let x = start.try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+    let (y, lens) = (up.cross(x), camera_holding(viewpoint, size));
+    let place = |k: u32| {
+        let (sin, cos) = (TAU * k as f32 / count as f32).sin_cos();
+        let on_circle = target + up * height + (x * cos + y * sin) * start.length();
+        let away = lens.looking(on_circle, target, up).position() - target;
+        let way = away.normalize_or(up.any_orthonormal_vector());
+        let eye = target + way * away.length().min(ROOM * room(way));
+        let held = Viewpoint { eye: eye.as_dvec3().to_array(), ..*viewpoint };
+        camera_holding(&held, size).looking(eye, target, up)
+    };
+    (0..count).map(place).collect()
+}
+
 /// Widest lens for a narrow picture: the sine of half its angle.
 const MOST_SINE: f32 = 0.85;
 
@@ -200,19 +228,13 @@ pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32
     // The lens that shows the whole subject from there, if it must be wider.
     let tangent = half_tangent(MARGIN * subject.radius, distance, MOST_SINE_AROUND);
     let focal = Vec2::splat(SIZE.y as f32 / (2.0 * tangent.max(HALF_FOV_TAN)));
-    let lens = Camera {
-        rotation: Mat3::IDENTITY,
-        translation: Vec3::ZERO,
-        focal,
-        center: SIZE.as_vec2() / 2.0,
-        size: SIZE,
-    };
     let x = up.any_orthonormal_vector();
     let (y, cosine) = (up.cross(x), (1.0 - sine * sine).sqrt());
     directions()
         .map(|[cos, sin]| {
             let eye = subject.center + distance * (up * sine + (x * cos + y * sin) * cosine);
-            Candidate { camera: lens.looking(eye, subject.center, up), photo: None }
+            let lens = Camera::look_at(eye, subject.center, up, 1.0, SIZE);
+            Candidate { camera: Camera { focal, ..lens }, photo: None }
         })
         .collect()
 }
@@ -329,6 +351,7 @@ mod tests {
 #[cfg(test)]
 mod candidates_tests {
     use super::*;
+    use glam::Mat3;
 
     #[test]
     fn a_ring_holds_the_subject_and_stays_in_its_room() {
@@ -365,5 +388,56 @@ mod candidates_tests {
             assert!((candidate.camera.rotation * Vec3::Y).x.abs() < 1e-5, "level");
         }
         assert!(unseen.camera.rotation.row(2).z < 0.0, "looks where it looked");
+    }
+}
+
+#[cfg(test)]
+mod orbit_tests {
+    use super::*;
+
+    const VIEWPOINT: Viewpoint = Viewpoint {
+        eye: [3.0, 2.0, 1.0],
+        target: [1.0, 0.5, 0.0],
+        up: [0.0, 1.0, 0.0],
+        fov: 60.0,
+        radius: None,
+        orbit: None,
+    };
+
+    #[test]
+    fn an_orbit_of_a_viewpoint_begins_there() {
+        let orbit = orbit(&VIEWPOINT, Vec3::Y, &|_| f32::INFINITY, UVec2::new(400, 300), 4);
+        assert_eq!((orbit.len(), orbit[0].size), (4, UVec2::new(400, 300)));
+        assert!(orbit[0].position().distance(Vec3::new(3.0, 2.0, 1.0)) < 1e-5);
+        assert!(orbit[2].position().distance(Vec3::new(-1.0, 2.0, -1.0)) < 1e-5, "opposite, as high");
+        assert!(orbit.iter().all(|c| (c.rotation * Vec3::Y).x.abs() < 1e-6), "the horizon is level");
+    }
+
+    #[test]
+    fn an_orbit_keeps_the_subject_in_the_picture_and_stays_inside_the_shell() {
+        let (target, radius) = (Vec3::new(1.0, 0.5, 0.0), 0.8);
+        let viewpoint = Viewpoint { radius: Some(0.8), fov: 20.0, ..VIEWPOINT };
+        for (room, size) in [(f32::INFINITY, UVec2::new(400, 300)), (1.5, UVec2::new(150, 300))] {
+            for camera in orbit(&viewpoint, Vec3::Y, &|_| room, size, 9) {
+                assert!(camera.position().distance(target) <= 0.91 * room);
+                for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                    let inside = |p: Vec3| camera.frames(p);
+                    assert!(
+                        inside(target + 0.7 * radius * axis) && inside(target - 0.7 * radius * axis),
+                        "{room} {size}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_wall_behind_the_subject_brings_only_the_cameras_there_nearer() {
+        // A subject on a wall: behind it there is half a unit of room.
+        let room = |way: Vec3| if way.x < 0.0 { 0.5 } else { 9.0 };
+        let orbit = orbit(&VIEWPOINT, Vec3::Y, &room, UVec2::new(400, 300), 4);
+        let away: Vec<f32> =
+            orbit.iter().map(|camera| camera.position().distance(Vec3::new(1.0, 0.5, 0.0))).collect();
+        assert!((away[0] - 7.25_f32.sqrt()).abs() < 1e-5 && (away[2] - 0.45).abs() < 1e-5, "{away:?}");
     }
 }

@@ -1,13 +1,14 @@
 //! Events in, pictures out.
 
-use super::background::{self, LoadedScene, Message, MessageSender, SceneMessage, Screenshot};
-use super::scene::{SceneFiles, SceneLoader, WindowOptions};
+use super::scene;
+use super::scene::{Message, MessageSender, SceneMessage, ShownScene};
+use super::scene::{SceneFiles, SceneLoader, SoupSource, WindowOptions};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
 use crate::renderer::DisplayMode;
 use glam::{UVec2, Vec2};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 use trisplat_scene::{Error, Result};
 use winit::application::ApplicationHandler;
@@ -130,7 +131,7 @@ impl ApplicationHandler<SceneMessage> for App {
         match message {
             Message::Progress(what) => session.notify(what),
             Message::ImportedScene(result) => self.loaded(events, scene, result),
-            Message::Changed(Ok(changed)) => session.change(*changed),
+            Message::Changed(Ok(changed)) => session.change(changed),
             Message::Final(Some(what)) => session.status = Some(what),
             Message::Final(None) => events.exit(),
             // Results for a scene that is no longer shown.
@@ -151,11 +152,7 @@ impl ApplicationHandler<SceneMessage> for App {
                 let texture = session::texture(&context, "soft", &picture);
                 (session.soft, session.soft_is_old) = (Some((camera, texture, picture)), false);
             }
-            Message::Rested(renderer) => {
-                if let Some(shown) = &mut session.shown {
-                    shown.soft_renderer = Some(renderer);
-                }
-            }
+            Message::Rested => session.drawing_soft = false,
             Message::Cropped(Ok(model)) => {
                 (session.cropped, session.cropping) = (Some(Arc::from(model)), false);
             }
@@ -179,14 +176,14 @@ impl App {
 
     /// Shows the loaded scene. A failed first scene is an error; a failed dropped file keeps the present
     /// scene.
-    fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<LoadedScene>>) {
+    fn loaded(&mut self, events: &ActiveEventLoop, scene: u32, result: Result<Box<ShownScene>>) {
         let Some((screen, session)) = &mut self.window else { return };
         session.loading = None;
         match result {
             Ok(loaded) => {
                 session.scene = scene;
                 screen.window.set_title(&loaded.files.title());
-                session.show(*loaded);
+                session.show(loaded);
                 if scene == 0 {
                     let sender = MessageSender { proxy: self.proxy.clone(), scene };
                     let files = self.files.clone();
@@ -231,15 +228,12 @@ impl App {
 
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let Some((screen, session)) = &mut self.window else { return Ok(()) };
-        let moving = session.is_moving();
-        let secs = session.meter.tick(moving || self.mouse.down.is_some());
+        let secs = session.meter.tick(session.keys.any() || self.mouse.down.is_some());
         session.controls.fly(&session.keys, secs as f32);
-        let again = screen.draw(session, moving || self.mouse.down.is_some_and(|(_, _, moved)| moved))?;
+        let again = screen.draw(session)?;
         self.start_work();
         let Some((screen, session)) = &self.window else { return Ok(()) };
-        // A picture of fewer pixels, drawn in motion, is drawn again.
-        let dragged = self.mouse.down.is_some();
-        if session.is_moving() || again.is_zero() || (session.reduced.is_some() && !dragged) {
+        if session.keys.any() || again.is_zero() {
             screen.window.request_redraw();
             events.set_control_flow(ControlFlow::Wait);
         } else if again < Duration::from_secs(3600) {
@@ -260,7 +254,7 @@ impl App {
             && session.settings.photo != PhotoPlacement::Off
             && session.decoding.is_none()
             && session.photo.as_ref().is_none_or(|(shown, _)| *shown != index)
-            && let Some(photo) = shown.photos.get(index)
+            && let Some(photo) = shown.scene.photos.get(index)
         {
             session.decoding = Some(index);
             let load = photo.load.clone();
@@ -277,14 +271,17 @@ impl App {
             let wanted = of_pane.resized(small.as_uvec2());
             let is_drawn = session.soft.as_ref().is_some_and(|(drawn, ..)| *drawn == wanted);
             if (!is_drawn || session.soft_is_old)
-                && let Some(mut renderer) = shown.soft_renderer.take()
+                && !session.drawing_soft
+                && let Some(SoupSource { renderer, rest }) = shown.scene.source.clone()
             {
-                let (messages, rest) = (sender.clone(), shown.soft_rest);
+                session.drawing_soft = true;
+                let messages = sender.clone();
                 sender.spawn(move || {
                     let clock = Instant::now();
-                    messages.send(Message::Soft(wanted, renderer(&wanted)));
+                    let picture = renderer.lock().unwrap_or_else(PoisonError::into_inner)(&wanted);
+                    messages.send(Message::Soft(wanted, picture));
                     std::thread::sleep(clock.elapsed().mul_f64(rest));
-                    Message::Rested(renderer)
+                    Message::Rested
                 });
             }
         }
@@ -293,15 +290,15 @@ impl App {
             && session.cropped_to != region
         {
             let (gpu, groups) = (screen.gpu.clone(), screen.groups());
-            let (asset, placement) = (shown.asset.clone(), shown.placement);
+            let (asset, placement) = (shown.scene.asset.clone(), shown.scene.placement);
             (session.cropped_to, session.cropping) = (region, true);
-            let part = move || background::cropped(&gpu, &groups, &asset, &placement, &wanted);
+            let part = move || scene::cropped(&gpu, &groups, &asset, &placement, &wanted);
             sender.spawn(move || Message::Cropped(part().map(Box::new)));
         }
         if std::mem::take(&mut session.saving_crop)
             && let Some(region) = shown.crop.region()
         {
-            let save = shown.save_crop.clone();
+            let save = shown.scene.save_crop.clone();
             sender.spawn(move || Message::SavedCrop(save(&region)));
         }
     }
@@ -334,12 +331,13 @@ impl App {
             KeyCode::KeyN => session.step(1),
             KeyCode::KeyP => session.step(-1),
             KeyCode::KeyO => session.next_photo_placement(),
-            KeyCode::KeyH => settings.panel = !settings.panel,
+            KeyCode::KeyH => settings.no_panel = !settings.no_panel,
             KeyCode::Digit1 => settings.display = DisplayMode::Color,
             KeyCode::Digit2 => settings.display = DisplayMode::Normals,
             KeyCode::Digit3 => settings.wireframe = !settings.wireframe,
             KeyCode::Digit4 => {
-                settings.soft = !settings.soft && session.shown.as_ref().is_some_and(|s| s.has_soft)
+                settings.soft =
+                    !settings.soft && session.shown.as_ref().is_some_and(|s| s.scene.source.is_some())
             }
             KeyCode::KeyX => {
                 if let Some(shown) = &mut session.shown {
@@ -376,8 +374,6 @@ impl App {
                 self.mouse.down = Some((button, self.mouse.at, false));
             }
             WindowEvent::MouseInput { state: ElementState::Released, .. } => {
-                // A picture of fewer pixels, drawn during a drag, is drawn again.
-                screen.window.request_redraw();
                 self.mouse.down = None;
             }
             WindowEvent::MouseWheel { delta, .. } if !consumed => {
@@ -403,27 +399,15 @@ impl App {
         let Some(model) = session.model().cloned() else { return };
         // The current camera: the last picture may still show the one before.
         let size = screen.window.inner_size();
-        let camera = session.controls.camera(UVec2::new(size.width, size.height), session.pane);
+        let params = session.frame_params(UVec2::new(size.width, size.height), self.options.background);
         let folder = self.options.screenshots.clone();
         if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
             let picture = soft.clone();
-            sender.spawn(move || Message::Saved(background::save(&folder, &picture)));
+            sender.spawn(move || Message::Saved(scene::save(&folder, &picture)));
             return;
         }
-        let screenshot = Screenshot {
-            model,
-            camera,
-            near: session.controls.near(),
-            background: self.options.background,
-            display: session.settings.display,
-            wireframe: session.settings.wireframe,
-            msaa: self.options.msaa,
-        };
-        let gpu = screen.gpu.clone();
-        sender.spawn(move || {
-            Message::Saved(
-                background::draw_screenshot(&gpu, &screenshot).and_then(|p| background::save(&folder, &p)),
-            )
-        });
+        let (gpu, msaa) = (screen.gpu.clone(), self.options.msaa);
+        let draw = move || scene::draw_screenshot(&gpu, &model, &params, msaa);
+        sender.spawn(move || Message::Saved(draw().and_then(|p| scene::save(&folder, &p))));
     }
 }

@@ -10,7 +10,6 @@
 //! The window's thread only draws: longer work runs on other threads, which send messages.
 
 mod app;
-mod background;
 mod controls;
 mod crop;
 mod panel;

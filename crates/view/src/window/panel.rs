@@ -4,7 +4,7 @@ use super::controls::Pane;
 use super::crop::CropClick;
 use super::session::{PhotoPlacement, Session, Settings};
 use crate::renderer::DisplayMode;
-use egui::{Color32, LayerId, Pos2, Rect, Stroke, TextureId, Ui};
+use egui::{Color32, Pos2, Rect, Stroke, Ui};
 use glam::{Vec2, Vec3};
 use indicatif::HumanCount;
 use trisplat_scene::camera::Camera;
@@ -13,6 +13,8 @@ use trisplat_scene::camera::Camera;
 const WIDTH: f32 = 320.0;
 const EVERYTHING: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
 const ORANGE: Color32 = Color32::from_rgb(255, 160, 40);
+/// Opacity of a photo over the picture.
+const PHOTO_OPACITY: f32 = 0.5;
 
 /// What docs/viewer.md explains.
 const KEYS: &str = "drag left, right, middle: orbit, turn, pan
@@ -27,10 +29,7 @@ F12: screenshot; H: hide this panel; Esc: quit";
 /// Draws everything and takes input; sets the session's pane, in pixels.
 pub(super) fn draw(ui: &mut Ui, session: &mut Session) {
     let scale = ui.ctx().pixels_per_point();
-    if let Some((id, _)) = session.reduced {
-        stretched(ui, id);
-    }
-    if session.settings.panel {
+    if !session.settings.no_panel {
         egui::Panel::left("panel").exact_size(WIDTH).resizable(false).show(ui, |ui| side(ui, session));
     }
     let free = ui.available_rect_before_wrap();
@@ -82,18 +81,6 @@ fn figures(ui: &mut Ui, session: &Session) {
             bytes / all.max(1) as f64
         ));
     }
-    if let Some((fps, would_do)) = session.held {
-        let size =
-            session.reduced.map_or("all pixels".into(), |(_, size)| format!("{}×{} px", size.x, size.y));
-        let held = match (would_do, &session.shown) {
-            (Some(share), Some(shown)) => {
-                let few = (share * shown.model.triangles() as f64 / 1000.0).floor() * 1000.0;
-                format!("{fps:.0} FPS need about {} triangles: bake --max-triangles", HumanCount(few as u64))
-            }
-            _ => format!("{size} for {fps:.0} FPS"),
-        };
-        ui.label(held);
-    }
     if let Some(status) = &session.status {
         ui.label(status);
     }
@@ -101,15 +88,14 @@ fn figures(ui: &mut Ui, session: &Session) {
 }
 
 fn settings(ui: &mut Ui, session: &mut Session) {
-    let has_soft = session.shown.as_ref().is_some_and(|s| s.has_soft);
-    let Settings { soft, display, wireframe, continuous, .. } = &mut session.settings;
+    let has_soft = session.shown.as_ref().is_some_and(|s| s.scene.source.is_some());
+    let Settings { soft, display, wireframe, .. } = &mut session.settings;
     ui.horizontal_wrapped(|ui| {
         ui.radio_value(display, DisplayMode::Color, "colour");
         ui.radio_value(display, DisplayMode::Normals, "normals");
     });
     ui.checkbox(wireframe, "wireframe");
     ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
-    ui.checkbox(continuous, "draw continuously");
 }
 
 fn crop(ui: &mut Ui, session: &mut Session) {
@@ -124,13 +110,14 @@ fn crop(ui: &mut Ui, session: &mut Session) {
 
 fn photos(ui: &mut Ui, session: &mut Session) {
     let Some(shown) = &session.shown else { return };
-    if shown.photos.is_empty() {
+    if shown.scene.photos.is_empty() {
         return;
     }
     ui.separator();
-    let name = session.current.and_then(|i| shown.photos.get(i)).map_or("free view", |p| p.name.as_str());
+    let name =
+        session.current.and_then(|i| shown.scene.photos.get(i)).map_or("free view", |p| p.name.as_str());
     let place = session.current.map_or("–".to_owned(), |i| (i + 1).to_string());
-    ui.label(format!("{name} ({place} of {})", shown.photos.len()));
+    ui.label(format!("{name} ({place} of {})", shown.scene.photos.len()));
     let mut step = 0;
     ui.horizontal_wrapped(|ui| {
         step -= isize::from(ui.button("previous").clicked());
@@ -143,9 +130,6 @@ fn photos(ui: &mut Ui, session: &mut Session) {
         ui.radio_value(photo, PhotoPlacement::Beside, "beside");
         ui.radio_value(photo, PhotoPlacement::Over, "over");
     });
-    if session.settings.photo == PhotoPlacement::Over {
-        ui.add(egui::Slider::new(&mut session.settings.photo_opacity, 0.0..=1.0).text("opacity"));
-    }
     if step != 0 {
         session.step(step);
     }
@@ -165,7 +149,7 @@ fn photo(painter: &egui::Painter, session: &Session, pane: Pane, scale: f32) {
     match session.settings.photo {
         PhotoPlacement::Off => {}
         PhotoPlacement::Over => {
-            let tint = Color32::WHITE.gamma_multiply(session.settings.photo_opacity);
+            let tint = Color32::WHITE.gamma_multiply(PHOTO_OPACITY);
             painter.image(photo.id(), rect(session.controls.picture(session.pane), scale), EVERYTHING, tint);
         }
         PhotoPlacement::Beside => {
@@ -190,15 +174,9 @@ fn region(painter: &egui::Painter, session: &Session, scale: f32) {
     }
     let painter = painter.with_clip_rect(rect(session.pane, scale));
     for ends in shown.crop.lines() {
-        let ends = ends.map(|p| shown.placement.to_file(p.as_vec3()));
+        let ends = ends.map(|p| shown.scene.placement.to_file(p.as_vec3()));
         line(&painter, camera, session.controls.near(), ends, Stroke::new(1.5, ORANGE), scale);
     }
-}
-
-/// Shows a picture of fewer pixels in the whole window, behind everything.
-fn stretched(ui: &Ui, id: TextureId) {
-    let all = ui.ctx().content_rect();
-    ui.ctx().layer_painter(LayerId::background()).image(id, all, EVERYTHING, Color32::WHITE);
 }
 
 /// A line of the world, clipped at the near plane.

@@ -1,10 +1,18 @@
 //! How a window looks, its content, and what loads it.
 
-use glam::{DVec3, UVec2, Vec3};
+use super::crop::CropEditor;
+use crate::headless::Canvas;
+use crate::layout::Aabb;
+use crate::model::{Model, ModelGroups};
+use crate::renderer::{FrameParams, Renderer};
+use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use trisplat_gpu::AdapterOptions;
-use trisplat_scene::{Asset, Placement, Region, Result, camera::Camera, image::RgbImage};
+use std::sync::{Arc, Mutex};
+use trisplat_gpu::{AdapterOptions, Gpu};
+use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::{Asset, Error, Placement, Region, Result};
+use winit::event_loop::EventLoopProxy;
 
 /// How a window looks.
 #[derive(Debug, Clone)]
@@ -15,8 +23,6 @@ pub struct WindowOptions {
     pub background: [f32; 3],
     /// Samples per pixel at edges (MSAA): 1 or 4.
     pub msaa: u32,
-    /// Frames per second to hold while something moves; `None` to draw every pixel always.
-    pub fps: Option<f64>,
     /// Show pictures at the vertical blank of the screen.
     pub vsync: bool,
     /// Folder for screenshots.
@@ -30,7 +36,7 @@ pub struct WindowOptions {
 /// What a window shows.
 pub struct WindowScene {
     /// The triangles.
-    pub asset: Asset,
+    pub asset: Arc<Asset>,
     /// The axis of the asset that points up.
     pub up: Vec3,
     /// Posed photos, in the frame of the asset.
@@ -43,14 +49,6 @@ pub struct WindowScene {
     pub save_crop: CropSaver,
     /// Its present state, as a line of the panel.
     pub status: Option<String>,
-}
-
-impl WindowScene {
-    /// From the frame of the asset to that of the file.
-    pub(super) fn to_file(&self) -> impl Fn(Vec3) -> DVec3 + use<> {
-        let placement = self.placement;
-        move |point| placement.to_world_f64(point)
-    }
 }
 
 /// The files to open: a scene, and photos of it.
@@ -92,6 +90,7 @@ pub struct WindowPhoto {
 }
 
 /// The soup behind an asset.
+#[derive(Clone)]
 pub struct SoupSource {
     /// Draws it with the soft rasteriser for a camera in the frame of the asset; called on a thread of its own.
     pub renderer: SoftRenderer,
@@ -103,7 +102,7 @@ pub struct SoupSource {
 pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
 
 /// Draws what a camera sees.
-pub type SoftRenderer = Box<dyn FnMut(&Camera) -> RgbImage + Send>;
+pub type SoftRenderer = Arc<Mutex<dyn FnMut(&Camera) -> RgbImage + Send>>;
 
 /// Loads what a window shows.
 #[derive(Clone)]
@@ -127,6 +126,178 @@ pub enum SceneChange {
     Final(String),
     /// There is nothing more to show: the window closes.
     Gone,
+}
+
+// ---- Work on other threads than the window's, and their messages -------------------------------------
+
+/// A message from a thread to the window.
+pub(super) enum Message {
+    /// What the loader is doing.
+    Progress(String),
+    /// The scene is loaded and in GPU memory.
+    ImportedScene(Result<Box<ShownScene>>),
+    /// The first scene has changed; the new state is in GPU memory.
+    Changed(Result<Box<ShownScene>>),
+    /// The scene will not change any more, with a final note; `None`: there is nothing more to show.
+    Final(Option<String>),
+    /// A photo is decoded.
+    Photo(usize, Result<RgbImage>),
+    /// A soft picture is drawn.
+    Soft(Camera, RgbImage),
+    /// The renderer of soft pictures is free again.
+    Rested,
+    /// The triangles in a region are in GPU memory.
+    Cropped(Result<Box<Model>>),
+    /// A region is saved.
+    SavedCrop(Result<String>),
+    /// A screenshot is saved.
+    Saved(Result<PathBuf>),
+}
+
+/// A scene in GPU memory.
+pub(super) struct ShownScene {
+    pub(super) files: SceneFiles,
+    pub(super) scene: WindowScene,
+    pub(super) model: Arc<Model>,
+    /// The box of most of it, without outliers.
+    pub(super) bounds: Aabb,
+    /// The first viewpoint, if the file has one, and the distance from its target at which the scene is closed.
+    pub(super) viewpoint: Option<(Viewpoint, f32)>,
+    pub(super) crop: CropEditor,
+}
+
+impl ShownScene {
+    /// The photo taken nearest to the first viewpoint; the first one when there is none.
+    pub(super) fn first_photo(&self) -> Option<usize> {
+        let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
+        let away = |i: &usize| eye.map_or(0.0, |eye| self.scene.photos[*i].camera.position().distance(eye));
+        (0..self.scene.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+}
+
+/// Sends messages of other threads to the window.
+#[derive(Clone)]
+pub(super) struct MessageSender {
+    pub(super) proxy: EventLoopProxy<SceneMessage>,
+    /// The scene it works on.
+    pub(super) scene: u32,
+}
+
+/// A message and the number of its scene; messages about an earlier scene are ignored.
+pub(super) struct SceneMessage {
+    pub(super) scene: u32,
+    pub(super) message: Message,
+}
+
+impl MessageSender {
+    /// Runs `work` on another thread and sends its message.
+    pub(super) fn spawn(&self, work: impl FnOnce() -> Message + Send + 'static) {
+        let sender = self.clone();
+        std::thread::spawn(move || sender.send(work()));
+    }
+
+    pub(super) fn send(&self, message: Message) {
+        // The receiver no longer exists if the window was closed meanwhile.
+        let _ = self.proxy.send_event(SceneMessage { scene: self.scene, message });
+    }
+
+    /// Loads the scene and uploads it to GPU memory.
+    pub(super) fn load(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: SceneLoader, files: SceneFiles) {
+        let sender = self.clone();
+        self.spawn(move || {
+            let progress = |what: &str| sender.send(Message::Progress(what.to_owned()));
+            let load = || {
+                let scene = (loader.load)(&files, &progress)?;
+                progress("uploading to the graphics card");
+                uploaded(&gpu, &groups, files, scene)
+            };
+            Message::ImportedScene(load())
+        });
+    }
+
+    /// Shows changes of the scene of `files`, until it has ended.
+    pub(super) fn follow(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: &SceneLoader, files: SceneFiles) {
+        let sender = self.clone();
+        let Some(follow) = loader.follow.clone() else { return };
+        self.spawn(move || {
+            loop {
+                let changed = match follow() {
+                    Ok(SceneChange::Changed(scene)) => uploaded(&gpu, &groups, files.clone(), *scene),
+                    Ok(SceneChange::Final(what)) => return Message::Final(Some(what)),
+                    Ok(SceneChange::Gone) => return Message::Final(None),
+                    Err(error) => Err(error),
+                };
+                sender.send(Message::Changed(changed));
+            }
+        });
+    }
+}
+
+/// `scene` in GPU memory.
+fn uploaded(
+    gpu: &Gpu,
+    groups: &ModelGroups,
+    files: SceneFiles,
+    scene: WindowScene,
+) -> Result<Box<ShownScene>> {
+    let layout = Renderer::best_layout(gpu, &scene.asset);
+    let model = Arc::new(Model::upload(gpu, groups, &scene.asset, layout)?);
+    let bounds = central_box(&scene.asset);
+    let room = |v: Viewpoint| scene.asset.room(glam::DVec3::from(v.target).as_vec3());
+    let viewpoint = scene.asset.provenance.viewpoint.map(|viewpoint| (viewpoint, room(viewpoint)));
+    let crop = CropEditor::around(&bounds, |point| scene.placement.to_world_f64(point));
+    Ok(Box::new(ShownScene { files, scene, model, bounds, viewpoint, crop }))
+}
+
+/// The triangles of `asset` in a region of its file, in GPU memory.
+pub(super) fn cropped(
+    gpu: &Gpu,
+    groups: &ModelGroups,
+    asset: &Asset,
+    placement: &Placement,
+    region: &Region,
+) -> Result<Model> {
+    let inside = |face: &u32| region.holds(placement.to_world_f64(asset.mesh.centroid(*face as usize)), &[]);
+    let mut mesh = asset.mesh.clone();
+    mesh.select(&(0..mesh.face_count() as u32).filter(inside).collect::<Vec<_>>());
+    let part = Asset::from(mesh);
+    Model::upload(gpu, groups, &part, Renderer::best_layout(gpu, &part))
+}
+
+/// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.
+fn central_box(asset: &Asset) -> Aabb {
+    let faces = asset.scene_faces();
+    let step = (faces / 33_333).max(1);
+    let corners = || (0..faces).step_by(step).flat_map(|face| asset.mesh.corners(face));
+    let axis = |axis: usize| {
+        let mut values: Vec<f32> = corners().map(|p| p[axis]).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let last = values.len().saturating_sub(1);
+        let at = |i: usize| values.get(i).copied().unwrap_or(0.0);
+        (at(last / 50), at(last - last / 50))
+    };
+    let [x, y, z] = [0, 1, 2].map(axis);
+    Aabb { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
+}
+
+/// Draws the scene again, without the panel.
+pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams, msaa: u32) -> Result<RgbImage> {
+    let mut renderer = Renderer::new(gpu)?;
+    let canvas = Canvas::new(gpu, params.camera.size, msaa)?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    canvas.draw(gpu, &mut renderer, &mut encoder, model, params, None)?;
+    gpu.queue.submit([encoder.finish()]);
+    canvas.pixels(gpu)
+}
+
+/// Saves a picture under the first free name of trisplat-0001.png, trisplat-0002.png, …
+pub(super) fn save(folder: &Path, picture: &RgbImage) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let free = (1..10_000).map(|i| folder.join(format!("trisplat-{i:04}.png"))).find(|p| !p.exists());
+    let path = free
+        .ok_or_else(|| Error::invalid("screenshots", folder.display(), "a folder with fewer screenshots"))?;
+    picture.save_png(&path)?;
+    Ok(path)
 }
 
 #[cfg(test)]

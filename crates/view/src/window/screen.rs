@@ -1,12 +1,10 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
 use super::super::model::ModelGroups;
-use super::super::renderer::{Attachments, FrameOutput, FrameParams, Renderer, clear, texture};
+use super::super::renderer::{Attachments, FrameOutput, Renderer, clear};
 use super::panel;
 use super::scene::WindowOptions;
 use super::session::Session;
-use crate::frame_rate::FrameRate;
-use egui::TextureId;
 use glam::UVec2;
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,8 +21,6 @@ pub(super) struct Screen {
     pub(super) input: egui_winit::State,
     renderer: Renderer,
     timer: Option<Timer>,
-    rate: Option<FrameRate>,
-    reduced: Option<Reduced>,
     surface: Surface<'static>,
     config: SurfaceConfiguration,
     attachments: Attachments,
@@ -63,16 +59,12 @@ impl Screen {
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
         let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
         let (msaa, background) = (options.msaa, options.background);
-        // Only timestamps tell the duration of a frame.
-        let rate = options.fps.filter(|_| timer.is_some()).map(|fps| FrameRate::new(fps, msaa));
         Ok(Self {
             window,
             gpu,
             input,
             renderer,
             timer,
-            rate,
-            reduced: None,
             surface,
             config,
             attachments,
@@ -100,10 +92,8 @@ impl Screen {
         self.gpu.check()
     }
 
-    /// Draws a picture and shows it; when `moving` is too slow, with fewer pixels. Returns how long the panel
-    /// can wait for the next.
-    pub(super) fn draw(&mut self, session: &mut Session, moving: bool) -> Result<Duration> {
-        self.reduce(session, moving)?;
+    /// Draws a picture and shows it. Returns how long the panel can wait for the next.
+    pub(super) fn draw(&mut self, session: &mut Session) -> Result<Duration> {
         let mut output = self.run_panel(session);
         for (id, deltas) in output.textures_delta.set.drain() {
             for delta in deltas {
@@ -144,38 +134,10 @@ impl Screen {
         }
         // Timestamps arrive later; this does not wait.
         let _ = self.gpu.device.poll(PollType::Poll);
-        for ms in self.timer.as_mut().map(Timer::collect).unwrap_or_default() {
-            session.meter.gpu_ms = Some(ms);
-            if let Some(rate) = &mut self.rate {
-                rate.took(ms);
-            }
-        }
+        let times = self.timer.as_mut().map(Timer::collect).unwrap_or_default();
+        session.meter.gpu_ms = times.last().copied().or(session.meter.gpu_ms);
         self.gpu.check()?;
         Ok(again)
-    }
-
-    /// Makes a picture of a size that is fast enough, and lets the panel show it; none when all pixels are
-    /// drawn.
-    fn reduce(&mut self, session: &mut Session, moving: bool) -> Result<()> {
-        let Some(rate) = &mut self.rate else { return Ok(()) };
-        if !moving {
-            rate.rests();
-        }
-        session.held = Some((rate.fps(), rate.triangles_that_would_do()));
-        let size = rate.size(self.attachments.size).filter(|_| moving && session.shown.is_some());
-        session.reduced = None;
-        if let Some(size) = size {
-            let reduced = match self.reduced.take() {
-                Some(reduced) if reduced.size() == size => reduced,
-                other => {
-                    other.into_iter().for_each(|reduced| self.panel.free_texture(&reduced.id));
-                    Reduced::new(&self.gpu, &mut self.panel, size)?
-                }
-            };
-            session.reduced = Some((reduced.id, size));
-            self.reduced = Some(reduced);
-        }
-        Ok(())
     }
 
     fn run_panel(&mut self, session: &mut Session) -> egui::FullOutput {
@@ -194,21 +156,9 @@ impl Screen {
         view: &TextureView,
         session: &mut Session,
     ) -> Result<bool> {
-        let camera = session.controls.camera(self.attachments.size, session.pane);
-        session.camera = Some(camera);
-        let reduced = self.reduced.as_ref().filter(|_| session.reduced.is_some());
-        if reduced.is_some() {
-            clear(encoder, view, &self.attachments, self.background);
-        }
-        let (view, attachments) =
-            reduced.map_or((view, &self.attachments), |reduced| (&reduced.view, &reduced.attachments));
-        let params = FrameParams {
-            camera: camera.resized(attachments.size),
-            near: session.controls.near(),
-            background: self.background,
-            display: session.settings.display,
-            wireframe: session.settings.wireframe,
-        };
+        let attachments = &self.attachments;
+        let params = session.frame_params(attachments.size, self.background);
+        session.camera = Some(params.camera);
         let Some(model) = session.model() else {
             clear(encoder, view, attachments, self.background);
             return Ok(false);
@@ -247,33 +197,6 @@ impl Screen {
         });
         self.panel.render(&mut pass.forget_lifetime(), &primitives, &screen);
         more
-    }
-}
-
-/// The format for the panel's renderer: encoded colours.
-const REDUCED: TextureFormat = TextureFormat::Rgba8Unorm;
-
-/// A picture of fewer pixels than the window, which the panel stretches over it, and its name in the panel.
-struct Reduced {
-    id: TextureId,
-    view: TextureView,
-    attachments: Attachments,
-}
-
-impl Reduced {
-    /// Of `size`, with one sample per pixel. Errors: no memory on the card.
-    fn new(gpu: &Gpu, panel: &mut egui_wgpu::Renderer, size: UVec2) -> Result<Self> {
-        let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let attachments = Attachments::new(gpu, size, REDUCED, 1)?;
-        let view =
-            texture(gpu, "reduced", size, REDUCED, 1, usage).create_view(&TextureViewDescriptor::default());
-        gpu.check()?;
-        let id = panel.register_native_texture(&gpu.device, &view, FilterMode::Linear);
-        Ok(Self { id, view, attachments })
-    }
-
-    fn size(&self) -> UVec2 {
-        self.attachments.size
     }
 }
 

@@ -1,113 +1,39 @@
 //! The present content of the window, and its settings.
 
 use super::super::model::Model;
-use super::super::renderer::{DisplayMode, DrawStats};
-use super::background::LoadedScene;
+use super::super::renderer::{DisplayMode, DrawStats, FrameParams};
 use super::controls::{CameraControls, Keys, Pane};
-use super::crop::CropEditor;
-use super::scene::{CropSaver, SceneFiles, SoftRenderer, WindowPhoto, WindowScene};
+use super::scene::SceneFiles;
+use super::scene::ShownScene;
 use crate::layout::Aabb;
-use egui::{ColorImage, Context, TextureHandle, TextureId, TextureOptions};
+use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use trisplat_scene::{
-    Asset, Placement, Region,
-    camera::{Camera, Viewpoint},
-    image::RgbImage,
-};
+use trisplat_scene::{Region, camera::Camera, image::RgbImage};
 
 /// Duration of a note.
 const NOTE_TIME: Duration = Duration::from_secs(4);
 
 /// What the user can set.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Settings {
     /// The soup as it was trained instead of the solid triangles.
     pub(super) soft: bool,
     pub(super) display: DisplayMode,
     pub(super) wireframe: bool,
     pub(super) photo: PhotoPlacement,
-    /// Opacity of the photo over the picture.
-    pub(super) photo_opacity: f32,
-    pub(super) panel: bool,
-    /// Draw continuously.
-    pub(super) continuous: bool,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            soft: false,
-            display: DisplayMode::Color,
-            wireframe: false,
-            photo: PhotoPlacement::Off,
-            photo_opacity: 0.5,
-            panel: true,
-            continuous: false,
-        }
-    }
+    /// The panel is hidden.
+    pub(super) no_panel: bool,
 }
 
 /// Where a photo is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum PhotoPlacement {
+    #[default]
     Off,
     Beside,
     Over,
-}
-
-/// The scene that is shown.
-pub(super) struct ShownScene {
-    pub(super) model: Arc<Model>,
-    pub(super) bounds: Aabb,
-    /// The first viewpoint, and the distance from its target at which the scene is closed.
-    pub(super) viewpoint: Option<(Viewpoint, f32)>,
-    pub(super) photos: Vec<WindowPhoto>,
-    /// Not here while it draws.
-    pub(super) soft_renderer: Option<SoftRenderer>,
-    pub(super) has_soft: bool,
-    /// Pause after a picture, as a multiple of its duration.
-    pub(super) soft_rest: f64,
-    pub(super) asset: Arc<Asset>,
-    /// From the file's frame to the asset's.
-    pub(super) placement: Placement,
-    pub(super) crop: CropEditor,
-    pub(super) save_crop: CropSaver,
-}
-
-impl ShownScene {
-    /// `scene`, whose triangles are in `model`.
-    fn new(
-        scene: WindowScene,
-        model: Model,
-        bounds: Aabb,
-        viewpoint: Option<(Viewpoint, f32)>,
-        crop: CropEditor,
-    ) -> Self {
-        let (soft_renderer, soft_rest) =
-            scene.source.map_or((None, 0.0), |source| (Some(source.renderer), source.rest));
-        Self {
-            model: Arc::new(model),
-            bounds,
-            viewpoint,
-            photos: scene.photos,
-            has_soft: soft_renderer.is_some(),
-            soft_renderer,
-            soft_rest,
-            asset: Arc::new(scene.asset),
-            placement: scene.placement,
-            crop,
-            save_crop: scene.save_crop,
-        }
-    }
-
-    /// The photo taken nearest to the first viewpoint; the first one when there is none.
-    fn first_photo(&self) -> Option<usize> {
-        let eye = self.viewpoint.map(|(viewpoint, _)| glam::DVec3::from(viewpoint.eye).as_vec3());
-        let away = |i: &usize| eye.map_or(0.0, |eye| self.photos[*i].camera.position().distance(eye));
-        (0..self.photos.len()).min_by(|a, b| away(a).total_cmp(&away(b)))
-    }
 }
 
 /// The state of the window, except what is on the graphics card.
@@ -115,7 +41,7 @@ pub(super) struct Session {
     pub(super) settings: Settings,
     pub(super) controls: CameraControls,
     pub(super) keys: Keys,
-    pub(super) shown: Option<ShownScene>,
+    pub(super) shown: Option<Box<ShownScene>>,
     /// The files shown, or loaded first.
     pub(super) files: SceneFiles,
     /// The number of the shown scene or state: 0 for the first.
@@ -138,6 +64,8 @@ pub(super) struct Session {
     pub(super) soft: Option<(Camera, TextureHandle, RgbImage)>,
     /// That picture shows an older state of the scene.
     pub(super) soft_is_old: bool,
+    /// The renderer of soft pictures works or rests.
+    pub(super) drawing_soft: bool,
     /// The triangles in the region.
     pub(super) cropped: Option<Arc<Model>>,
     /// The region of these, or of those being uploaded.
@@ -148,10 +76,6 @@ pub(super) struct Session {
     pub(super) saving_crop: bool,
     pub(super) meter: Meter,
     pub(super) drawn: DrawStats,
-    /// The frame rate to hold, and the share of the triangles that would reach it otherwise.
-    pub(super) held: Option<(f64, Option<f64>)>,
-    /// The picture of fewer pixels that is shown, and its size.
-    pub(super) reduced: Option<(TextureId, UVec2)>,
     pub(super) gpu_name: String,
     /// The camera of the last picture.
     pub(super) camera: Option<Camera>,
@@ -178,14 +102,13 @@ impl Session {
             decoding: None,
             soft: None,
             soft_is_old: false,
+            drawing_soft: false,
             cropped: None,
             cropped_to: None,
             cropping: false,
             saving_crop: false,
             meter: Meter::default(),
             drawn: DrawStats::default(),
-            held: None,
-            reduced: None,
             gpu_name,
             camera: None,
             pane: Pane { min: Vec2::ZERO, size: Vec2::ONE },
@@ -193,21 +116,17 @@ impl Session {
     }
 
     /// Shows a scene: from the photo nearest to its first viewpoint, from there, or as a whole.
-    pub(super) fn show(&mut self, loaded: LoadedScene) {
-        let LoadedScene { files, mut scene, model, bounds, viewpoint } = loaded;
-        let status = scene.status.take();
-        let same = self.files.file == files.file;
-        self.files = files;
-        (self.photo, self.soft, self.current, self.decoding) = (None, None, None, None);
-        (self.cropped, self.cropped_to, self.cropping) = (None, None, false);
+    pub(super) fn show(&mut self, mut loaded: Box<ShownScene>) {
         // The same scene may come again with other photos.
-        let kept = self.shown.take().filter(|_| same).map(|shown| shown.crop);
-        let crop = kept.unwrap_or_else(|| CropEditor::around(&bounds, scene.to_file()));
-        self.controls = CameraControls::new(&bounds, scene.up);
-        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
-        self.shown = Some(ShownScene::new(scene, model, bounds, viewpoint, crop));
-        (self.note, self.status) = (None, status);
-        if let Some(nearest) = self.shown.as_ref().and_then(ShownScene::first_photo) {
+        if let Some(before) = self.shown.take_if(|_| self.files.file == loaded.files.file) {
+            loaded.crop = before.crop;
+        }
+        self.files = loaded.files.clone();
+        (self.photo, self.soft, self.current, self.note) = (None, None, None, None);
+        self.controls = CameraControls::new(&loaded.bounds, loaded.scene.up);
+        let (viewpoint, nearest) = (loaded.viewpoint, loaded.first_photo());
+        self.put(loaded);
+        if let Some(nearest) = nearest {
             self.jump(nearest);
         } else if let Some((viewpoint, _)) = viewpoint {
             self.controls.move_to(&viewpoint.camera(UVec2::new(1600, 1000)));
@@ -216,16 +135,22 @@ impl Session {
     }
 
     /// Shows the new state of the scene, from the present view.
-    pub(super) fn change(&mut self, changed: LoadedScene) {
-        let LoadedScene { files, mut scene, model, bounds, viewpoint } = changed;
+    pub(super) fn change(&mut self, mut changed: Box<ShownScene>) {
         // Another file may have been dropped on the window meanwhile.
-        let Some(before) = self.shown.take_if(|_| self.files == files) else { return };
+        let Some(before) = self.shown.take_if(|_| self.files == changed.files) else { return };
         self.scene = self.next_number();
+        self.soft_is_old = true;
+        self.controls.change_frame(&before.scene.placement, &changed.scene.placement);
+        changed.crop = before.crop;
+        self.put(changed);
+    }
+
+    /// Shows a scene or a state of it, and forgets the work on the one before.
+    fn put(&mut self, mut shown: Box<ShownScene>) {
         (self.cropped, self.cropped_to, self.cropping) = (None, None, false);
-        (self.decoding, self.soft_is_old, self.status) = (None, true, scene.status.take());
-        self.controls.change_frame(&before.placement, &scene.placement);
-        viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
-        self.shown = Some(ShownScene::new(scene, model, bounds, viewpoint, before.crop));
+        (self.decoding, self.drawing_soft, self.status) = (None, false, shown.scene.status.take());
+        shown.viewpoint.iter().for_each(|(viewpoint, _)| self.controls.stay_within(viewpoint));
+        self.shown = Some(shown);
     }
 
     /// The number of the next scene or state.
@@ -248,7 +173,7 @@ impl Session {
     /// Moves the region to the pivot of the view.
     pub(super) fn move_crop_here(&mut self) {
         if let Some(shown) = &mut self.shown {
-            shown.crop.move_to(shown.placement.to_world_f64(self.controls.pivot()));
+            shown.crop.move_to(shown.scene.placement.to_world_f64(self.controls.pivot()));
         }
     }
 
@@ -269,7 +194,7 @@ impl Session {
 
     /// Takes the camera of photo `index`.
     pub(super) fn jump(&mut self, index: usize) {
-        let Some(photo) = self.shown.as_ref().and_then(|s| s.photos.get(index)) else { return };
+        let Some(photo) = self.shown.as_ref().and_then(|s| s.scene.photos.get(index)) else { return };
         self.controls.move_to(&photo.camera);
         if let Some((viewpoint, _)) = self.shown.as_ref().and_then(|shown| shown.viewpoint) {
             self.controls.orbit_at_depth_of(glam::DVec3::from(viewpoint.target).as_vec3());
@@ -279,7 +204,7 @@ impl Session {
 
     /// Jumps to the next photo, or with -1 to the previous one.
     pub(super) fn step(&mut self, by: isize) {
-        let count = self.shown.as_ref().map_or(0, |s| s.photos.len());
+        let count = self.shown.as_ref().map_or(0, |s| s.scene.photos.len());
         if count > 0 {
             let from = self.current.map_or(if by > 0 { -1 } else { 0 }, |i| i as isize);
             self.jump((from + by).rem_euclid(count as isize) as usize);
@@ -291,7 +216,7 @@ impl Session {
         if let Some(shown) = &self.shown {
             let of_crop = || {
                 let ends = shown.crop.lines().into_iter().flatten();
-                let at = |p: glam::DVec3| shown.placement.to_file(p.as_vec3());
+                let at = |p: glam::DVec3| shown.scene.placement.to_file(p.as_vec3());
                 ends.map(at).fold(Aabb::EMPTY, |all, p| all.union(Aabb { min: p, max: p }))
             };
             let subject = shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
@@ -314,16 +239,18 @@ impl Session {
         };
     }
 
+    /// How a picture of `size` is drawn over `background`.
+    pub(super) fn frame_params(&self, size: UVec2, background: [f32; 3]) -> FrameParams {
+        let Settings { display, wireframe, .. } = self.settings;
+        let camera = self.controls.camera(size, self.pane);
+        FrameParams { camera, near: self.controls.near(), background, display, wireframe }
+    }
+
     /// The part of a pane for the picture beside a photo.
     pub(super) fn picture_pane(&self, pane: Pane) -> Pane {
         let beside = self.settings.photo == PhotoPlacement::Beside && self.current.is_some();
         let share = if beside { Vec2::new(0.5, 1.0) } else { Vec2::ONE };
         Pane { size: pane.size * share, ..pane }
-    }
-
-    /// Whether the next picture will differ from this one.
-    pub(super) fn is_moving(&self) -> bool {
-        self.settings.continuous || self.keys.any()
     }
 }
 
