@@ -126,7 +126,7 @@ both = dict(few, teacher="auto")
 refused(KeyboardInterrupt, "", trisplat.train, photos, folder / "interrupted.ply", **both, callback=interrupt)
 assert not (folder / "interrupted.ply").exists()
 trisplat.bake(folder / "trained.ply", folder / "trained.glb", preset="fast")
-scores = trisplat.eval(folder / "trained.glb", photos, ssaa=1, coverage=False, dataset_options=how)
+scores = trisplat.eval(folder / "trained.glb", photos, ssaa=1, dataset_options=how)
 [solid] = scores["steps"]
 assert solid["name"] == "solid" and 8 < solid["mean"]["psnr"] < 40, solid["mean"]
 pictures = trisplat.render(folder / "trained.glb", dataset=photos, ssaa=1, dataset_options=how)

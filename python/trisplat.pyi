@@ -81,7 +81,6 @@ def eval(
     split: _Split = "test",
     mode: Optional[_Mode] = None,
     ssaa: Literal[1, 2, 4] = 4,
-    coverage: bool = True,
     dataset_options: Optional[Mapping[str, Any]] = None,
 ) -> dict[str, Any]:
     """Scores a scene on photos: PSNR, SSIM and FLIP of every photo and means."""

@@ -24,5 +24,5 @@ for blocks in ${BLOCKS:-1 2 4 8}; do
   done
   "$trisplat" plan --status "$city"
   "$trisplat" merge "$city" -o "$city.ply" --force
-  "$trisplat" eval "$city.ply" "$photos" --as soft --no-coverage -q
+  "$trisplat" eval "$city.ply" "$photos" --as soft -q
 done

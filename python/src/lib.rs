@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 use trisplat::{BakeJob, BakeOptions, Dataset, EvalJob, ReadOptions, RenderJob};
 use trisplat_formats::output::Output;
-use trisplat_job::{BakeInput, HardenOptions};
+use trisplat_job::{BakeInput, HARDEN_STEPS};
 use trisplat_scene::{Budget, Seconds};
 
 /// A scene of any format as arrays.
@@ -53,7 +53,7 @@ fn bake<'py>(
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = BakeJob::new(sources(source)?, options::resolve(py, options, BakeOptions::preset)?.options);
-    job.harden = harden.then(HardenOptions::default);
+    job.harden = harden.then_some(HARDEN_STEPS);
     job.max_bytes = max_bytes;
     let output = output.map(|path| job.options.plan_output(&path, None)).transpose().map_err(raised)?;
     let there = output.iter().flat_map(Output::paths).find(|path| !force && path.exists());
@@ -78,13 +78,11 @@ fn bake<'py>(
 /// photo and means.
 ///
 /// `split` is "test", the photos held out, "train" or "all"; `mode` "soft" or "solid" for a soup; `ssaa` 1, 2
-/// or 4 samples along each axis of a pixel; `dataset_options` as in `train`. `coverage` measures the share of
-/// pixels that at least two training photos see.
+/// or 4 samples along each axis of a pixel; `dataset_options` as in `train`.
 ///
 /// Raises OSError, ValueError.
 #[pyfunction]
-#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, coverage=true, dataset_options=None))]
-#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+#[pyo3(signature = (file, dataset, *, split="test", mode=None, ssaa=4, dataset_options=None))]
 fn eval<'py>(
     py: Python<'py>,
     file: PathBuf,
@@ -92,14 +90,13 @@ fn eval<'py>(
     split: &str,
     mode: Option<&str>,
     ssaa: u32,
-    coverage: bool,
     dataset_options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut job = EvalJob::new(file);
     job.dataset_options = options::plain(py, dataset_options)?;
     job.split = options::named("split", split)?;
     job.render.mode = mode.map(|mode| options::named("mode", mode)).transpose()?;
-    (job.render.ssaa, job.coverage) = (options::samples(ssaa)?, coverage);
+    job.render.ssaa = options::samples(ssaa)?;
     let work = || job.clone().run(&Dataset::load(&dataset, &job.dataset_options)?);
     let report = py.detach(work).map_err(raised)?;
     options::to_python(py, &serde_json::to_value(&report).unwrap_or_default())

@@ -45,7 +45,7 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         options,
         photos,
         dataset_options: args.dataset_options.clone(),
-        harden: args.harden.options(),
+        harden: args.harden.harden,
         max_bytes: args.max_bytes.map(|size| size.0),
         began: Some(clock),
     };

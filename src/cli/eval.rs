@@ -55,10 +55,6 @@ pub struct EvalArgs {
     /// Print all scores as JSON instead of a table.
     #[arg(long)]
     pub json: bool,
-    /// Do not measure coverage, the share of pixels that at least two training photos see. It draws the scene
-    /// once for every training photo.
-    #[arg(long)]
-    pub no_coverage: bool,
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
@@ -104,7 +100,7 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
 impl EvalArgs {
     fn job(&self) -> EvalJob {
         let mut job = EvalJob::new(&self.file);
-        (job.render, job.split, job.coverage) = (self.render, self.split, !self.no_coverage);
+        (job.render, job.split) = (self.render, self.split);
         job.backend = self.backend_options.clone();
         job.dataset_options = self.dataset_options.clone();
         job
@@ -160,20 +156,8 @@ impl Table {
     }
 
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
-        report.steps.iter().try_for_each(|step| self.mean(out, step, report))?;
-        match report.coverage {
-            Some(coverage) => self.line(out, &coverage_line(coverage, &report.steps)),
-            None => Ok(()),
-        }
+        report.steps.iter().try_for_each(|step| self.mean(out, step, report))
     }
-}
-
-/// The coverage, and the score of covered pixels.
-fn coverage_line(coverage: f64, steps: &[StepScore]) -> String {
-    let psnr = |step: &StepScore| step.psnr_covered.map(|psnr| format!("{} {psnr:.3} dB", step.name));
-    let psnr: Vec<String> = steps.iter().filter_map(psnr).collect();
-    let seen = format!("at least two training photos see {:.1}% of the pixels", 100.0 * coverage);
-    if psnr.is_empty() { seen } else { format!("{seen}; PSNR there: {}", psnr.join(", ")) }
 }
 
 /// The line after the means of a step.

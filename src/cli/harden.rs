@@ -4,7 +4,7 @@ use super::Global;
 use super::progress::Progress;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_job::{HardenOptions, MOST_PICTURES};
+use trisplat_job::MOST_PICTURES;
 use trisplat_scene::{ImportedScene, Result};
 use trisplat_teacher as teacher;
 use trisplat_train::TrainOptions;
@@ -19,13 +19,6 @@ pub struct HardenArgs {
     #[arg(long, value_name = "STEPS", num_args = 0..=1, require_equals = true, default_missing_value = "2000",
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub harden: Option<u64>,
-}
-
-impl HardenArgs {
-    /// The options of the training, if any.
-    pub(super) fn options(&self) -> Option<HardenOptions> {
-        self.harden.map(HardenOptions::of_steps)
-    }
 }
 
 /// A share below 1, which leaves some steps to the photos.

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
-use trisplat_job::{BakeInput, BakeJob, HardenOptions, SceneRenderer, describe};
+use trisplat_job::{BakeInput, BakeJob, HARDEN_STEPS, SceneRenderer, describe};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,
@@ -85,7 +85,7 @@ fn run(job: Job) -> Result<()> {
         }
         Job::Bake { inputs, output, options, harden, max_bytes } => {
             let mut job = BakeJob::new(inputs.into_iter().map(BakeInput::File), resolved(options)?);
-            job.harden = harden.then(HardenOptions::default);
+            job.harden = harden.then_some(HARDEN_STEPS);
             job.max_bytes = max_bytes;
             let mut lines = Lines::default();
             let done = job.save(&output, &mut |event| {

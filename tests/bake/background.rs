@@ -8,7 +8,7 @@ use trisplat_bake::{
     BackgroundDetails, BackgroundFrom, BackgroundOptions, BakeOptions, BakePreset, ReshapeOptions,
     refit::RefitColors,
 };
-use trisplat_job::{BakeInput, BakeJob, HardenOptions};
+use trisplat_job::{BakeInput, BakeJob};
 use trisplat_raster::{
     soft::SoftOptions,
     solid::{SolidRasterOptions, SolidRasterizer},
@@ -129,7 +129,7 @@ fn hardened(soup: Soup, background: BackgroundFrom) -> Asset {
     options.refit.refit = RefitColors::Off;
     let scene = ImportedScene { cameras: eyes(), ..ImportedScene::from(soup) };
     let mut job = BakeJob::new([BakeInput::scene(scene)], options);
-    job.harden = Some(HardenOptions::of_steps(400));
+    job.harden = Some(400);
     job.run(&mut |_| Continue(())).unwrap().asset
 }
 

@@ -91,7 +91,6 @@ fn the_scores_are_those_of_the_files_written() {
     for step in [soft, solid] {
         let (alone, renders) = evaluated(&soup, folder.path(), &step.name, &["--as", &step.name]);
         assert_eq!(alone.steps.len(), 1);
-        // Coverage is measured by the surface of the first step, which is another one here.
         let scores = |step: &StepScore| -> Vec<_> {
             step.images.iter().map(|image| (image.name.clone(), image.score)).collect()
         };
@@ -107,7 +106,7 @@ fn corrected_figures_do_not_depend_on_the_light_of_a_held_out_photo() {
     let scored = |dataset: &Path, name: &str| -> EvalReport {
         let report = folder.path().join(name);
         let [scene, dataset, text] = [&scene, dataset, &report].map(|p| p.to_str().unwrap());
-        succeed(&["eval", scene, dataset, "--as", "solid", "--no-coverage", "-q", "--report", text]);
+        succeed(&["eval", scene, dataset, "--as", "solid", "-q", "--report", text]);
         serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap()
     };
     let plain = scored(&sample("dataset"), "plain.json");

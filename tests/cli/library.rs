@@ -8,7 +8,7 @@ use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
-use trisplat_job::{BakeDone, BakeInput, Event, HardenOptions, TeacherSource, TrainDone};
+use trisplat_job::{BakeDone, BakeInput, Event, TeacherSource, TrainDone};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::Trained;
@@ -212,7 +212,7 @@ fn a_bake_of_a_hardened_scene() {
     let folder = folder.path();
     let soft = soft(folder);
     let mut job = bake(&soft);
-    job.harden = Some(HardenOptions::of_steps(40));
+    job.harden = Some(40);
     let (bytes, done) = library(folder, job);
     assert!(bytes == baked(folder, &soft, &["--harden=40"]));
     let first = done.report.stages[..2].iter().map(|stage| stage.name.as_str());

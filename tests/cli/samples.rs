@@ -96,7 +96,7 @@ fn file_psnr(loaded: &ImportedScene, dataset: &Dataset, mut views: Option<Views>
     let file = folder.path().join("scene.glb");
     let smallest = OutputOptions { target: OutputTarget::Web, ..OutputOptions::SMALL };
     formats::write(&asset, &file, &smallest).unwrap();
-    let job = EvalJob { coverage: false, ..EvalJob::new(file) };
+    let job = EvalJob::new(file);
     job.run(dataset).unwrap().steps[0].mean.psnr
 }
 

@@ -157,11 +157,11 @@ fn figures_of_photos_that_were_shrunk_name_their_size() {
     let means = |text: &str| {
         text.lines().filter(|line| line.starts_with("mean")).map(str::to_owned).collect::<Vec<_>>()
     };
-    let small = means(&eval(&["--max-size", "80", "--no-coverage"]));
+    let small = means(&eval(&["--max-size", "80"]));
     assert!(!small.is_empty() && small.iter().all(|line| line.contains(", photos at 80x60")), "{small:?}");
     let json: serde_json::Value = serde_json::from_str(&eval(&["--max-size", "80", "--json"])).unwrap();
     assert_eq!(json["photo_size"], "80x60");
-    let full = means(&eval(&["--no-coverage"]));
+    let full = means(&eval(&[]));
     assert!(!full.is_empty() && full.iter().all(|line| !line.contains("photos at")), "{full:?}");
 }
 

@@ -174,7 +174,6 @@ pub(crate) fn eval() -> Case {
         "out/renders",
         "--split",
         "all",
-        "--no-coverage",
         "--ssaa",
         "1",
         "--force",

@@ -3,7 +3,7 @@
 use super::event::{Observer, add, stages};
 use super::fitted::fitted;
 use super::gaussians::{self, Effort};
-use super::harden::{self, HardenOptions, Hardened};
+use super::harden::{self, Hardened};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, count, merge};
@@ -59,8 +59,8 @@ pub struct BakeJob {
     pub photos: Option<Dataset>,
     /// Options for reading photos and input files.
     pub dataset_options: DatasetOptions,
-    /// Trains a soft scene solid before the bake.
-    pub harden: Option<HardenOptions>,
+    /// Steps of a training that makes a soft scene solid before the bake; [`HARDEN_STEPS`](super::HARDEN_STEPS) suit most.
+    pub harden: Option<u64>,
     /// Limit on the bytes of all files together.
     pub max_bytes: Option<u64>,
     /// Start of the report's clock; `None`: the moment the job runs.
@@ -173,16 +173,15 @@ impl BakeJob {
             Inputs::Scenes(scenes) => scenes,
             Inputs::Splats(splats) => return self.solid_of(&splats, views, report, observer),
         };
-        let Some(hardening) = &self.harden else {
+        let Some(steps) = self.harden else {
             return Ok(Scenes { scenes: inputs, views });
         };
-        hardening.validate()?;
         let soft = merge(inputs)?;
         let hardened = match harden::needless(&soft) {
             Some(why) => Hardened::needless(soft, why),
             None => {
                 let most = self.options.prune.max_triangles;
-                let training = hardening.training(soft.scene.triangle_count(), most);
+                let training = harden::training(steps, soft.scene.triangle_count(), most);
                 let photos = self.photos.as_ref();
                 let (options, has_photos) = (&self.options.background, photos.is_some());
                 let soft = report.stage(
@@ -207,9 +206,8 @@ impl BakeJob {
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<Scenes> {
-        self.harden.as_ref().map_or(Ok(()), HardenOptions::validate)?;
         report.warnings.extend(splats.warnings.iter().cloned());
-        let effort = Effort::of(self.options.preset, self.harden.as_ref());
+        let effort = Effort::of(self.options.preset, self.harden);
         let amount = (effort, self.options.prune.max_triangles);
         let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
         let solid = gaussians::solid((self.path(), splats), photos, how, amount, observer)?;

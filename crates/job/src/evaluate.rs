@@ -1,6 +1,5 @@
-//! An evaluation job, from options to report: photos, forms of the scene, coverage, scores.
+//! An evaluation job, from options to report: photos, forms of the scene, scores.
 
-use super::coverage;
 use super::renderer::RenderOptions;
 use super::scores::{self, EvalReport, ImageScore, ScoredPicture, StepScore};
 use super::steps::{self, EvalStep};
@@ -40,8 +39,6 @@ pub struct EvalJob {
     pub render: RenderOptions,
     /// The photos to compare with.
     pub split: Split,
-    /// Measure coverage: the share of pixels whose surface at least two training photos see. It draws the scene once per photo. Gaussians have no surface, so theirs is not measured.
-    pub coverage: bool,
     /// Backend for soft drawings.
     pub backend: BackendOptions,
     /// Options that the data set was read with.
@@ -59,13 +56,12 @@ pub struct ReadyEval<'a> {
 }
 
 impl EvalJob {
-    /// Evaluates on held-out photos, with coverage, for data sets read with [`DatasetOptions::default`].
+    /// Evaluates on held-out photos, for data sets read with [`DatasetOptions::default`].
     pub fn new(file: impl Into<PathBuf>) -> Self {
         Self {
             file: file.into(),
             render: RenderOptions::default(),
             split: Split::default(),
-            coverage: true,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
         }
@@ -133,16 +129,7 @@ impl<'a> ReadyEval<'a> {
         on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
-        let first = &mut self.steps[0].renderer;
-        let covered = match self.job.coverage && first.splat_count().is_none() {
-            true => {
-                let training: Vec<&View> = self.dataset.train().collect();
-                coverage::covered(&self.views, &training, photo_bytes, |camera| first.surface_depth(camera))
-            }
-            false => Vec::new(),
-        };
-        let steps = self.scores(photo_bytes, &covered, on_view)?;
-        let images = steps.first().map_or(&[][..], |step| &step.images);
+        let steps = self.scores(photo_bytes, on_view)?;
         Ok(EvalReport {
             generator: generator(),
             file: self.job.file.display().to_string(),
@@ -150,17 +137,15 @@ impl<'a> ReadyEval<'a> {
             split: self.job.split.name().to_owned(),
             ssaa: self.job.render.ssaa,
             photo_size: ShrunkSize::of(self.views.iter().copied()),
-            coverage: scores::mean_of(images.iter().filter_map(|image| image.coverage)),
             steps,
             warnings: self.warnings,
         })
     }
 
-    /// The scores, step by step. `covered` flags the covered pixels of each view; empty if coverage is off.
+    /// The scores, step by step.
     fn scores(
         &mut self,
         photo_bytes: u64,
-        covered: &[Vec<bool>],
         mut on_view: impl FnMut(&RgbImage, &[ScoredPicture]) -> Result<()>,
     ) -> Result<Vec<StepScore>> {
         let views = &self.views;
@@ -176,12 +161,8 @@ impl<'a> ReadyEval<'a> {
             let mut drawn = Vec::with_capacity(self.steps.len());
             for (step, secs) in self.steps.iter_mut().zip(&mut secs) {
                 let clock = Instant::now();
-                let mut drawing = step.measured(view, &photo);
+                drawn.push(step.measured(view, &photo));
                 *secs += clock.elapsed().as_secs_f64();
-                if let Some(covered) = covered.get(i) {
-                    drawing.measure_covered(&photo, covered);
-                }
-                drawn.push(drawing);
             }
             on_view(&photo, &drawn)?;
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
@@ -195,7 +176,6 @@ impl<'a> ReadyEval<'a> {
                 splats: step.renderer.splat_count(),
                 bytes: step.bytes,
                 mean,
-                psnr_covered: scores::mean_of(images.iter().filter_map(|image| image.psnr_covered)),
                 change: scores.last().map(|before| mean.minus(&before.mean)),
                 images,
                 draw_secs,

@@ -1,7 +1,7 @@
 //! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of them.
 
 use super::event::{Observer, drew};
-use super::harden::{HardenOptions, Hardened, train};
+use super::harden::{Hardened, train};
 use glam::{UVec2, Vec3};
 use std::path::Path;
 use std::time::Instant;
@@ -20,6 +20,9 @@ const SHARE_BETWEEN: f64 = 0.5;
 /// Rate of the corners, as a share of that from points: the first triangles lie about right. Three times as much costs one object up to 1.6 dB
 /// and another up to 5.5, half as much up to 0.4 (docs/benchmarks/splats.md).
 const CALM: f64 = 0.5;
+
+/// Steps of hardening from Gaussians, as a multiple of those from soft triangles: their first triangles are only near the surface.
+const GAUSSIANS_NEED: u64 = 4;
 
 /// How often cameras are put between neighbours, while there is room for more pictures.
 const ROUNDS_BETWEEN: usize = 3;
@@ -57,10 +60,10 @@ impl Effort {
     }
 
     /// Of a bake with this preset, hardened or not.
-    pub(super) fn of(preset: BakePreset, harden: Option<&HardenOptions>) -> Self {
+    pub(super) fn of(preset: BakePreset, harden: Option<u64>) -> Self {
         match (harden, preset) {
             (Some(harden), _) => {
-                let steps = harden.steps_from_gaussians();
+                let steps = harden.saturating_mul(GAUSSIANS_NEED);
                 Self::alike(200, Work { steps, triangles: 100_000, longer_px: 800 })
             }
             (None, BakePreset::Fast) => Self::FAST,

@@ -19,49 +19,15 @@ pub const MOST_PICTURES: f64 = 0.9;
 /// Most triangles of a hardened scene, as a multiple of the soft scene's.
 const GROWTH: f64 = 1.25;
 
-/// Steps from Gaussians, as a multiple of those from soft triangles.
-const GAUSSIANS_NEED: u64 = 4;
+/// Steps of hardening that suit most soft scenes.
+pub const HARDEN_STEPS: u64 = 2000;
 
-/// Options for hardening a soft scene.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HardenOptions {
-    /// Steps, 1 or more.
-    pub harden_steps: u64,
-}
-
-impl Default for HardenOptions {
-    fn default() -> Self {
-        Self { harden_steps: 2000 }
-    }
-}
-
-impl HardenOptions {
-    /// Options with this number of steps.
-    pub fn of_steps(harden_steps: u64) -> Self {
-        Self { harden_steps }
-    }
-
-    /// Steps that Gaussians need: their first triangles are only near the surface.
-    pub(super) fn steps_from_gaussians(&self) -> u64 {
-        self.harden_steps.saturating_mul(GAUSSIANS_NEED)
-    }
-
-    /// Checks the ranges.
-    pub fn validate(&self) -> Result<()> {
-        if self.harden_steps == 0 {
-            return Err(Error::invalid("harden_steps", 0, "1 or more"));
-        }
-        Ok(())
-    }
-
-    /// Training options for a scene of `triangles`; the file may have `max_triangles`. The training comes down to them early: a scene
-    /// that is trained with all of its triangles and cut afterwards loses up to 0.9 dB and takes a third more seconds.
-    pub fn training(&self, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
-        let grown = (triangles as f64 * GROWTH) as u64;
-        let most = max_triangles.unwrap_or(LEAST_BUDGET.max(grown));
-        let preset = TrainOptions::from_scene(TrainPreset::Solid);
-        TrainOptions { steps: self.harden_steps, max_triangles: most, ..preset }
-    }
+/// Training options of `steps` for a scene of `triangles`; the file may have `max_triangles`. The training comes down to them early: a scene
+/// that is trained with all of its triangles and cut afterwards loses up to 0.9 dB and takes a third more seconds.
+pub(super) fn training(steps: u64, triangles: usize, max_triangles: Option<u64>) -> TrainOptions {
+    let grown = (triangles as f64 * GROWTH) as u64;
+    let max_triangles = max_triangles.unwrap_or(LEAST_BUDGET.max(grown));
+    TrainOptions { steps, max_triangles, ..TrainOptions::from_scene(TrainPreset::Solid) }
 }
 
 /// A hardened scene.

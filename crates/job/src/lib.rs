@@ -8,7 +8,6 @@
 //! In: a request and options in layers. Out: a finished run with its report.
 
 mod baking;
-mod coverage;
 mod describe;
 mod evaluate;
 mod event;
@@ -31,7 +30,7 @@ pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use describe::describe;
 pub use evaluate::{EvalJob, ReadyEval};
 pub use event::{Event, MakePart, Observer, TrainBegins, TrainPart};
-pub use harden::{HardenOptions, MOST_PICTURES};
+pub use harden::{HARDEN_STEPS, MOST_PICTURES};
 pub use inputs::files_of;
 pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;

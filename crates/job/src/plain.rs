@@ -140,9 +140,7 @@ impl Renderer {
 ///
 /// Errors: an unreadable file; no held-out photos.
 pub fn score(path: impl AsRef<Path>, photos: &Dataset) -> Result<Scores> {
-    let mut job = EvalJob::new(path.as_ref());
-    job.coverage = false;
-    let report = job.run(photos)?;
+    let report = EvalJob::new(path.as_ref()).run(photos)?;
     let file = report.steps.last().map(|step| step.mean);
     file.ok_or_else(|| Error::invalid("scene", path.as_ref().display(), "a scene that can be drawn"))
 }

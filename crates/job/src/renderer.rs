@@ -244,23 +244,6 @@ impl SceneRenderer {
         Ok(show::wires(scene.solid.visibility(&scene.mesh, camera, &scene.options), camera.size))
     }
 
-    /// Depth z of the surface at every pixel, in units of the cameras' world; 0 for empty pixels. The surface
-    /// of a soup is where half of the light is stopped; Gaussians have none. `[H * W]`
-    pub(super) fn surface_depth(&mut self, camera: &Camera) -> Vec<f32> {
-        match self {
-            Self::Soft(scene) => {
-                let unit = 1.0 / scene.space.scale;
-                scene.draw(camera, true).median_depth.iter().map(|depth| depth * unit).collect()
-            }
-            Self::Solid(scene) => {
-                let options = SolidRasterOptions { samples: 1, ..scene.options };
-                let seen = scene.solid.visibility(&scene.mesh, camera, &options);
-                seen.depth.iter().map(|depth| if depth.is_finite() { *depth } else { 0.0 }).collect()
-            }
-            Self::Splats(_) => vec![0.0; camera.size.element_product() as usize],
-        }
-    }
-
     fn geometry(&mut self, camera: &Camera) -> Result<&Frame> {
         match self {
             Self::Soft(scene) => Ok(scene.draw(camera, true)),

@@ -26,10 +26,6 @@ pub struct EvalReport {
     pub photo_size: Option<ShrunkSize>,
     /// The scores at each step from scene to file, in order. A mesh has one, "solid", and Gaussians "splats".
     pub steps: Vec<StepScore>,
-    /// Share of the pixels whose surface at least two other training photos see; mean over the photos. The
-    /// surface is that of the scene at its first step. Absent when it was not measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coverage: Option<f64>,
     /// Notes for the user, one sentence each.
     pub warnings: Vec<String>,
 }
@@ -50,9 +46,6 @@ pub struct StepScore {
     pub bytes: Option<u64>,
     /// Means over the photos, each photo counting once.
     pub mean: Scores,
-    /// PSNR of the covered pixels alone, mean over the photos that have any, dB.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub psnr_covered: Option<f64>,
     /// The mean minus that of the previous step: the loss of this step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<Scores>,
@@ -90,12 +83,6 @@ pub struct ImageScore {
     /// How close the drawing comes.
     #[serde(flatten)]
     pub score: Scores,
-    /// Share of the pixels whose surface at least two training photos see.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coverage: Option<f64>,
-    /// PSNR of only those pixels, dB; absent when there are none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub psnr_covered: Option<f64>,
 }
 
 /// The drawing of a view at one step, and its scores.
@@ -133,7 +120,7 @@ fn measure_with(
     let mean = metric::mean_error(&flip, photo.alpha.as_deref());
     let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
-    let score = ImageScore { name, size, score, coverage: None, psnr_covered: None };
+    let score = ImageScore { name, size, score };
     ScoredPicture { step, picture, flip, score }
 }
 
@@ -167,27 +154,6 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     };
     let alpha = black.rgb.iter().zip(&white.rgb).map(opacity).collect();
     RgbImage { alpha: Some(alpha), ..black.clone() }.undimmed()
-}
-
-impl ScoredPicture {
-    /// Adds the scores of the covered pixels; the photo's alpha is the weight of each pixel.
-    pub(super) fn measure_covered(&mut self, photo: &RgbImage, covered: &[bool]) {
-        let weight = |i: usize| photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[i]);
-        let weights: Vec<u8> =
-            covered.iter().enumerate().map(|(i, covered)| if *covered { weight(i) } else { 0 }).collect();
-        let sum = |weights: &mut dyn Iterator<Item = u8>| weights.map(u64::from).sum::<u64>() as f64;
-        let all = sum(&mut (0..covered.len()).map(weight));
-        let share = sum(&mut weights.iter().copied()) / all.max(1.0);
-        self.score.coverage = Some(share);
-        self.score.psnr_covered =
-            (share > 0.0).then(|| metric::psnr(&self.picture.rgb, &photo.rgb, Some(&weights)));
-    }
-}
-
-/// `None` of none.
-pub(super) fn mean_of(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The mean of some scores; zeros without any.

@@ -13,9 +13,7 @@ use trisplat_formats::{
     self as formats, OutputTarget, ReadOptions,
     output::{self, Output, OutputOptions},
 };
-use trisplat_scene::{
-    Asset, Error, ImportedScene, ImportedSplats, Provenance, Result, Scene, Soup, report::Report,
-};
+use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, Scene, Soup, report::Report};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]
@@ -40,30 +38,33 @@ pub(super) fn steps(
     background: [f32; 3],
 ) -> Result<Vec<EvalStep>> {
     let ImportedScene { scene, provenance, cameras, .. } = loaded;
-    let factory = StepFactory { dataset, background, samples: options.ssaa };
-    let whole = |soup: Soup| ImportedScene {
-        provenance: provenance.clone(),
-        cameras: cameras.clone(),
-        ..soup.into()
+    let soft = |soup: Soup| EvalStep {
+        name: "soft",
+        triangles: soup.len() as u64,
+        bytes: None,
+        renderer: SceneRenderer::soft(soup, &provenance.placement, Some(dataset), background),
+    };
+    let solid = |name, asset: Asset, bytes| {
+        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
+        let triangles = mesh.face_count() as u64;
+        let renderer = SceneRenderer::solid(mesh, &placement, Some(dataset), background, options.ssaa);
+        EvalStep { name, triangles, bytes, renderer }
+    };
+    let baked = |soup: Soup| {
+        baked(ImportedScene { provenance: provenance.clone(), cameras: cameras.clone(), ..soup.into() })
     };
     match (scene, options.mode) {
         (Scene::Mesh(_), Some(RenderMode::Soft)) => Err(no_soup(path)),
         (Scene::Mesh(mesh), _) => {
             let provenance = provenance.clone();
-            Ok(vec![factory.solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
+            Ok(vec![solid("solid", Asset { mesh, provenance, ..Asset::default() }, None)])
         }
-        (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![factory.soft(soup, &provenance)]),
-        (Scene::Soup(soup), Some(RenderMode::Solid)) => {
-            Ok(vec![factory.solid("solid", baked(whole(soup))?, None)])
-        }
+        (Scene::Soup(soup), Some(RenderMode::Soft)) => Ok(vec![soft(soup)]),
+        (Scene::Soup(soup), Some(RenderMode::Solid)) => Ok(vec![solid("solid", baked(soup)?, None)]),
         (Scene::Soup(soup), None) => {
-            let solid = baked(whole(soup.clone()))?;
-            let (file, bytes) = reread(&solid, &SMALLEST)?;
-            Ok(vec![
-                factory.soft(soup, &provenance),
-                factory.solid("solid", solid, None),
-                factory.solid("file", file, Some(bytes)),
-            ])
+            let asset = baked(soup.clone())?;
+            let (file, bytes) = reread(&asset, &SMALLEST)?;
+            Ok(vec![soft(soup), solid("solid", asset, None), solid("file", file, Some(bytes))])
         }
     }
 }
@@ -117,27 +118,4 @@ fn reread(asset: &Asset, options: &OutputOptions) -> Result<(Asset, u64)> {
     let Scene::Mesh(mesh) = scene else { return Err(no_soup(&path)) };
     let bytes = report.outputs.iter().map(|file| file.bytes).sum();
     Ok((Asset { mesh, provenance, ..Asset::default() }, bytes))
-}
-
-/// Common settings of the renderers of all steps.
-struct StepFactory<'a> {
-    dataset: &'a Dataset,
-    background: [f32; 3],
-    samples: u32,
-}
-
-impl StepFactory<'_> {
-    fn soft(&self, soup: Soup, provenance: &Provenance) -> EvalStep {
-        let triangles = soup.len() as u64;
-        let renderer = SceneRenderer::soft(soup, &provenance.placement, Some(self.dataset), self.background);
-        EvalStep { name: "soft", triangles, bytes: None, renderer }
-    }
-
-    fn solid(&self, name: &'static str, asset: Asset, bytes: Option<u64>) -> EvalStep {
-        let (mesh, placement) = (asset.mesh, asset.provenance.placement);
-        let triangles = mesh.face_count() as u64;
-        let renderer =
-            SceneRenderer::solid(mesh, &placement, Some(self.dataset), self.background, self.samples);
-        EvalStep { name, triangles, bytes, renderer }
-    }
 }
