@@ -3,9 +3,9 @@
 //! Readers stop at the first fault; this check reports every fault with its place. Faults of one kind are one
 //! finding, with their number and the first few places.
 
-pub use crate::findings::{Finding, Severity};
+pub use crate::gltf::{Finding, Severity};
 
-use crate::findings::Findings;
+use crate::gltf::Findings;
 use crate::read::{detect, read_as};
 use crate::{Format, ReadOptions, Source, gltf, html};
 use glam::Vec3;

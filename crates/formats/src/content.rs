@@ -2,9 +2,11 @@
 
 use crate::output::{Beside, Output, OutputOptions};
 use crate::read::{detect, read_as};
-use crate::{Format, ReadOptions, Source, gltf, output, splats};
+use crate::source::is_packed;
+use crate::{Format, ReadOptions, Source, format, gltf, obj, output, ply, splats};
 use std::ops::ControlFlow::Continue;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use trisplat_scene::guard::guarded;
 use trisplat_scene::report::{OutputReport, Report};
 use trisplat_scene::{Asset, ImportedScene, ImportedSplats, Limits, Result, Splats};
 
@@ -54,22 +56,35 @@ pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
 
 /// The format of an open file when it holds Gaussians that are read.
 pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<Option<Format>> {
-    if let Some(format) = splats::format_of(source)? {
-        return Ok(Some(format));
+    let head = source.head()?;
+    match format::recognise(&head, &source.path) {
+        Some(format::SPZ) => return Ok(Some(Format::Spz)),
+        Some(format::SPLAT) => return Ok(Some(Format::Splat)),
+        _ => {}
     }
-    let format = Format::detect(&source.head()?, &source.named());
-    match format {
-        Some(Format::Glb | Format::Gltf) if gltf::holds_splats(source, limits)? => Ok(format),
-        _ => Ok(None),
-    }
+    let format = Format::detect(&head, &source.named());
+    Ok(match format {
+        Some(Format::Ply) if ply::holds_splats(source)? => format,
+        Some(Format::Pt) if splats::sog::is_sog(source)? => Some(Format::Sog),
+        Some(Format::Glb | Format::Gltf) if gltf::holds_splats(source, limits)? => format,
+        _ => None,
+    })
 }
 
 /// The Gaussians in an open file of that format, with the cameras in a list beside it.
 pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
-    match format {
-        Format::Glb | Format::Gltf => gltf::read_splats(source, options),
-        _ => splats::read_as(format, source, options),
-    }
+    let path = source.path.clone();
+    guarded(&path, || {
+        let mut loaded = match format {
+            Format::Splat => splats::read(source, options)?,
+            Format::Spz => splats::spz::read(source, options)?,
+            Format::Sog => splats::sog::read(source, options)?,
+            Format::Glb | Format::Gltf => gltf::read_splats(source, options)?,
+            _ => ply::read_splats(source, options)?,
+        };
+        splats::add_beside(&path, &mut loaded, &options.limits);
+        Ok(loaded)
+    })
 }
 
 // ---- The plain case of writing: an asset and a file name ---------------------------------------------
@@ -123,4 +138,72 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
     let mut report = Report::new("write");
     output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
     Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
+}
+
+// ---- The files that the file of a scene names: buffers, pictures, materials, cameras ------------------
+
+/// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
+/// reader reports the fault.
+pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
+    let mut files = Vec::from_iter(splats::beside(path).filter(|_| holds_splats(path, limits)));
+    // These hold everything themselves; a compressed one would be unpacked to be recognised.
+    let alone = |path: &Path| {
+        matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))
+    };
+    if path.as_os_str() == "-" || is_packed(path) && alone(&path.with_extension("")) {
+        return files;
+    }
+    let named = Source::open(path, limits).and_then(|mut source| {
+        let head = source.head()?;
+        match Format::detect(&head, &source.named()) {
+            Some(Format::Glb | Format::Gltf) => gltf::named_files(&mut source, limits),
+            Some(Format::Obj) => obj::named_files(&source, limits),
+            _ => Ok(Vec::new()),
+        }
+    });
+    files.extend(named.unwrap_or_default());
+    files
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Writes `text` as the file `name` and returns the names of the files that it names.
+    fn named(name: &str, text: &[u8], beside: &[(&str, &str)]) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        beside.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let files = named_files(&path, &Limits::DEFAULT);
+        files.iter().map(|file| file.strip_prefix(&folder).unwrap().display().to_string()).collect()
+    }
+
+    #[test]
+    fn gaussians_name_the_cameras_beside_them() {
+        let splat = [[0u8; 12], [1; 12], [200; 12]].concat()[..32].to_vec();
+        let cameras = ("cameras.json", "[]");
+        assert_eq!(named("a.splat", &splat, &[cameras]), ["cameras.json"]);
+        assert_eq!(named("a.splat", &splat, &[]), [""; 0]);
+        assert_eq!(named("a.off", b"OFF", &[cameras]), [""; 0]);
+    }
+
+    #[test]
+    fn a_gltf_names_its_buffers_and_pictures() {
+        let json = br#"{"asset": {"version": "2.0"},
+            "buffers": [{"byteLength": 4, "uri": "my%20data.bin"}, {"byteLength": 1, "uri": "data:;base64,AA=="}, {}],
+            "images": [{"uri": "a/wall.png"}, {"bufferView": 0}, {"uri": "https://example.org/b.png"}]}"#;
+        assert_eq!(named("a.gltf", json, &[]), ["my data.bin", "a/wall.png"]);
+        assert_eq!(named("a.txt", &[b"\xef\xbb\xbf", &json[..]].concat(), &[]).len(), 2);
+        assert_eq!(named("a.gltf", &json[..90], &[]), [""; 0]);
+    }
+
+    #[test]
+    fn an_obj_names_its_materials_and_their_pictures() {
+        let mtl = "newmtl a\nmap_Kd -clamp on a wall.jpg\nmap_Bump -bm 0.5 bump.png\nnewmtl b\nbump b.png\nKd 1 0 0\n";
+        let obj = b"v 0 0 0\nf 1 1 1\nmtllib my scene.mtl\n  mtllib missing.mtl\n";
+        let wants = ["my scene.mtl", "a wall.jpg", "bump.png", "b.png", "missing.mtl"];
+        assert_eq!(named("a.obj", obj, &[("my scene.mtl", mtl)]), wants);
+        assert_eq!(named("a.ply", b"ply\nformat ascii 1.0\n", &[]), [""; 0]);
+    }
 }

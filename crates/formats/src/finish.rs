@@ -1,11 +1,12 @@
 //! The end of every reader: drops triangles that are not finite, and validates the rest.
 
+use glam::{DVec3, Vec3};
+use std::fmt::Display;
 use std::path::Path;
-use trisplat_scene::{
-    Error, ImportedScene, Result, Scene, Soup,
-    mesh::{Colors, Mesh},
-    report::counted,
-};
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::counted;
+use trisplat_scene::{Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup};
 
 /// The scene without triangles that are not finite; a warning counts these.
 ///
@@ -68,6 +69,114 @@ fn drop_from_mesh(mesh: &mut Mesh) -> Result<Option<usize>> {
     mesh.retain(|face| keep[face]);
     mesh.validate()?;
     Ok(keep.iter().position(|keep| !keep))
+}
+
+// ---- Scenes far from the origin of their world: at 500 km, f32 has steps of 3 cm ----------------------
+//
+// Files with higher precision are read relative to an origin of their own, which the placement stores. So
+// the bake gives bitwise the same result as for the scene at the origin.
+
+/// Below this distance along every axis positions are read unchanged.
+const NEAR: f64 = 4096.0;
+/// A data set farther from the origin than this many times its own size loses a millionth of the size.
+const TIMES_SIZE: f64 = 100.0;
+/// A scene gets an origin of its own if it is farther from the origin than this many times its size.
+const TIMES_SPREAD: f64 = 16.0;
+/// Share of the positions that determine a scene's size, so that a few strays or a sky do not change it.
+const NEARLY_ALL: f64 = 0.9;
+/// Most positions to sample.
+const SAMPLE: usize = 1 << 12;
+
+/// Indices of the sampled positions among `count`.
+pub(crate) fn sampled(count: usize) -> impl Iterator<Item = usize> {
+    (0..count).step_by(count.div_ceil(SAMPLE).max(1))
+}
+
+/// The origin of a file, from a sample of its positions: whole numbers, and zero where f32 suffices.
+/// Positions that are not finite are ignored here and removed later.
+pub(crate) fn origin_of(mut sample: Vec<DVec3>) -> DVec3 {
+    sample.retain(|position| position.is_finite());
+    let along = |axis: usize| median(sample.iter().map(|p| p[axis]).collect(), f64::total_cmp);
+    let middle = DVec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)));
+    let mut distances: Vec<f64> = sample.iter().map(|p| p.distance(middle)).collect();
+    distances.sort_unstable_by(f64::total_cmp);
+    let last = distances.len().saturating_sub(1);
+    let spread = distances.get((NEARLY_ALL * last as f64).ceil() as usize).copied().unwrap_or(0.0);
+    if is_far(middle) && middle.length() > TIMES_SPREAD * spread { middle.round() } else { DVec3::ZERO }
+}
+
+/// The origin of a scene with this middle and size: zero, unless f32 lacks the digits for detail at that
+/// distance. Whole numbers, so that adding them back is exact.
+pub fn far_origin(middle: DVec3, size: f64) -> DVec3 {
+    if middle.is_finite() && middle.length() > TIMES_SIZE * size { middle.round() } else { DVec3::ZERO }
+}
+
+/// Whether a position is so far from the origin that f32 may be too coarse.
+pub fn is_far(position: DVec3) -> bool {
+    position.abs().max_element() >= NEAR
+}
+
+/// Positions with the digits that f32 lacks, if a file has them.
+#[derive(Debug, Default)]
+pub(super) struct FarPositions {
+    rounded: Vec<Vec3>,
+    /// The rounding residuals, from the first far position on. Empty, or as long as the positions.
+    rest: Vec<Vec3>,
+}
+
+impl FarPositions {
+    /// Reserves memory for `count` positions. Errors as for [`Limits::reserve`].
+    pub(super) fn reserve(&mut self, limits: &Limits, place: impl Display, count: usize) -> Result<()> {
+        limits.reserve(place, &mut self.rounded, count)
+    }
+
+    /// Number of positions.
+    pub(super) fn len(&self) -> usize {
+        self.rounded.len()
+    }
+
+    /// Adds a position.
+    pub(super) fn push(&mut self, position: DVec3) {
+        let rounded = position.as_vec3();
+        if !self.rest.is_empty() || is_far(position) {
+            self.rest.resize(self.rounded.len(), Vec3::ZERO);
+            let rest = position - rounded.as_dvec3();
+            self.rest.push(if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO });
+        }
+        self.rounded.push(rounded);
+    }
+
+    /// The positions, and the origin subtracted from them.
+    pub(super) fn relative(self) -> (Vec<Vec3>, DVec3) {
+        if self.rest.is_empty() {
+            return (self.rounded, DVec3::ZERO);
+        }
+        let whole = |i: usize| self.rounded[i].as_dvec3() + self.rest[i].as_dvec3();
+        let origin = origin_of(sampled(self.rounded.len()).map(whole).collect());
+        if origin == DVec3::ZERO {
+            return (self.rounded, origin);
+        }
+        let near = |(rounded, rest): (Vec3, Vec3)| (rounded.as_dvec3() - origin + rest.as_dvec3()).as_vec3();
+        (self.rounded.into_iter().zip(self.rest).map(near).collect(), origin)
+    }
+}
+
+/// Records the origin subtracted from a scene's positions.
+pub(crate) fn note_origin(loaded: &mut ImportedScene, origin: DVec3) {
+    note_in(&mut loaded.provenance, &mut loaded.warnings, origin);
+}
+
+/// The same for what is no scene of triangles.
+pub(super) fn note_in(provenance: &mut Provenance, warnings: &mut Vec<String>, origin: DVec3) {
+    if origin == DVec3::ZERO {
+        return;
+    }
+    let moved = Placement { center: origin.to_array(), ..Placement::IDENTITY };
+    provenance.placement = provenance.placement.then(&moved);
+    let [x, y, z] = origin.to_array();
+    warnings.push(format!(
+        "the scene is far from the origin of its world: {x} {y} {z} is subtracted from every position and stored in the file's placement"
+    ));
 }
 
 #[cfg(test)]
@@ -168,5 +277,53 @@ mod tests {
             let message = finish(Path::new("a"), loaded(Scene::Soup(none))).expect_err("none").to_string();
             assert!(message.contains("none"), "{message}");
         }
+    }
+}
+
+#[cfg(test)]
+mod far_tests {
+    use super::*;
+
+    fn read(offset: DVec3) -> (Vec<Vec3>, DVec3) {
+        let mut positions = FarPositions::default();
+        for p in [DVec3::new(0.125, 0.0, -0.5), DVec3::new(1.0, 2.0, 0.1), DVec3::new(-1.0, -2.0, 0.3)] {
+            positions.push(p + offset);
+        }
+        positions.relative()
+    }
+
+    #[test]
+    fn a_scene_far_away_is_the_scene_at_the_origin() {
+        let (near, none) = read(DVec3::ZERO);
+        assert_eq!(none, DVec3::ZERO);
+        let (far, origin) = read(DVec3::new(500_123.0, 5_412_345.0, 321.0));
+        assert_eq!(origin, DVec3::new(500_123.0, 5_412_345.0, 321.0));
+        for (near, far) in near.iter().zip(far) {
+            assert!(near.distance(far) < 1e-7, "{near} {far}");
+        }
+    }
+
+    #[test]
+    fn a_large_scene_and_one_a_little_off_stay_where_they_are() {
+        assert_eq!(read(DVec3::splat(4000.0)).1, DVec3::ZERO);
+        let mut large = FarPositions::default();
+        for p in [DVec3::splat(-90_000.0), DVec3::new(100_000.3, 5.0, 5.0), DVec3::NAN] {
+            large.push(p);
+        }
+        assert_eq!(large.len(), 3);
+        let (positions, origin) = large.relative();
+        assert_eq!((positions[1], origin), (Vec3::new(100_000.3, 5.0, 5.0), DVec3::ZERO));
+    }
+
+    #[test]
+    fn strays_and_a_sky_move_no_scene() {
+        let at = DVec3::new(500_123.0, 5_412_345.0, 321.0);
+        let scene = |i: usize| at + DVec3::new((i % 37) as f64, (i % 11) as f64, 0.5);
+        let mut positions: Vec<DVec3> = (0..2000).map(scene).collect();
+        positions.extend([DVec3::ZERO, DVec3::NAN, at + DVec3::X * 3e5]);
+        assert!(origin_of(positions).distance(at) < 30.0);
+        assert_eq!(origin_of(Vec::new()), DVec3::ZERO);
+        assert_eq!(sampled(0).count(), 0);
+        assert!((2000..=SAMPLE).contains(&sampled(1_000_003).count()));
     }
 }

@@ -8,15 +8,15 @@
 mod materials;
 
 use super::faces::Faces;
-use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
-use super::provenance;
-use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::faces::Clamped;
+use crate::finish::{FarPositions, note_origin};
+use crate::lines;
 use crate::lines::write_blocks;
 use crate::lines::{push_float, push_integer};
+use crate::source::ReadOptions;
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
 use trisplat_scene::{
@@ -54,7 +54,7 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     }
     let mut warnings = Vec::new();
     let comments = draft.comments.iter().map(String::as_str);
-    let provenance = provenance::from_comments(comments, &mut warnings);
+    let provenance = lines::from_comments(comments, &mut warnings);
     let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
     let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     note_origin(&mut loaded, origin);
@@ -276,7 +276,7 @@ pub fn write(
     if let Some((_, picture)) = texture {
         writeln!(mtl, "map_Kd -clamp on {picture}")?;
     }
-    let comment = provenance::to_comment(&asset.provenance);
+    let comment = lines::to_comment(&asset.provenance);
     if !comment.is_empty() {
         writeln!(out, "# {comment}")?;
     }

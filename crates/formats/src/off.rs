@@ -11,12 +11,12 @@
 //! face becomes opacity.
 
 use super::faces::{Faces, check_corners};
-use super::far::{FarPositions, note_origin};
 use super::finish::finish;
 use super::lines::{Lines, clip, number};
-use super::read_options::ReadOptions;
 use super::source::Source;
 use crate::faces::Clamped;
+use crate::finish::{FarPositions, note_origin};
+use crate::source::ReadOptions;
 use glam::DVec3;
 use std::path::Path;
 use trisplat_scene::{

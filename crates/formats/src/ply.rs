@@ -1,13 +1,9 @@
 //! PLY: our soup PLY, and triangle meshes with vertex or face colours.
 
-use crate::far::note_origin;
-use crate::finish::finish;
-use crate::read_options::ReadOptions;
-use crate::source::Source;
-use crate::splats::build;
-use crate::{gaussians, provenance};
-pub use column::Column;
+use crate::finish::{finish, note_origin};
+use crate::{ReadOptions, Source, format, lines};
 use glam::DVec3;
+pub use header::Column;
 use header::{Element, Header};
 pub use mesh::write_mesh;
 pub use soup::{SoupWriter, write_soup};
@@ -16,11 +12,9 @@ pub use tables::points;
 use transcode::Wanted;
 use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene};
 
-mod column;
 mod corners;
 pub mod header;
 mod mesh;
-mod packed_splats;
 mod soup;
 mod splats;
 mod table;
@@ -38,7 +32,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let faces = faces(path, &header)?;
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
-    let provenance = provenance::from_comments(comments, &mut warnings);
+    let provenance = lines::from_comments(comments, &mut warnings);
     let is_soup = soup::is_soup(faces);
     // Faces of a soup are triangles, because each has one opacity and one σ.
     let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
@@ -51,7 +45,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         let mut soup = soup::read(path, faces, &tables, origin, options)?;
         if soup.shell.is_empty() {
             let comments = header.comments.iter().map(String::as_str);
-            soup.set_shell(0..provenance::shell_of_comments(comments));
+            soup.set_shell(0..lines::shell_of_comments(comments));
         }
         Scene::Soup(soup)
     } else {
@@ -79,13 +73,13 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     let header = header::read(&mut source)?;
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
-    let provenance = provenance::from_comments(comments, &mut warnings);
+    let provenance = lines::from_comments(comments, &mut warnings);
     let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
     let (splats, origin) = match packed {
-        true => (packed_splats::read(&source, &header, options)?, DVec3::ZERO),
+        true => (splats::read_packed(&source, &header, options)?, DVec3::ZERO),
         false => splats::read(&source, &header, options)?,
     };
-    build::finish(&source.path, splats, provenance, warnings, origin)
+    crate::splats::finish(&source.path, splats, provenance, warnings, origin)
 }
 
 /// The face element, or why the file has no usable triangles.
@@ -96,7 +90,7 @@ fn faces<'h>(path: &Path, header: &'h Header) -> Result<&'h Element> {
     let faces = header.element("face").filter(|faces| faces.rows > 0);
     match faces {
         Some(faces) => Ok(faces),
-        None if splats::are_in(vertices) => Err(gaussians::refusal(path, "PLY")),
+        None if splats::are_in(vertices) => Err(format::refusal(path, "PLY")),
         None if header.element("tristrips").is_some() => {
             Err(Error::unsupported(path, "holds triangle strips; save it with separate triangles"))
         }

@@ -24,9 +24,9 @@
 //! other one as an opaque name. `check_archive` checks the rest.
 
 use super::finish::finish;
-use super::gaussians;
-use super::read_options::ReadOptions;
 use super::source::Source;
+use crate::format;
+use crate::source::ReadOptions;
 use bytemuck::Pod;
 use glam::Vec3;
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
@@ -215,8 +215,8 @@ impl TorchFile {
         self.tensors.get(key).ok_or_else(|| {
             let mut keys = self.tensors.keys();
             keys.sort();
-            if gaussians::are_parameters(&keys) {
-                return gaussians::refusal(&self.label, "a checkpoint");
+            if format::are_parameters(&keys) {
+                return format::refusal(&self.label, "a checkpoint");
             }
             keys.truncate(12);
             Error::unsupported(
@@ -293,8 +293,8 @@ fn check_archive(source: &mut Source) -> Result<()> {
     let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
     let mut archive = zip::ZipArchive::new(io::BufReader::new(&*source.file)).map_err(zip_error)?;
     let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
-    if gaussians::is_sog(&names) {
-        return Err(gaussians::refusal(&path, "SOG"));
+    if format::is_sog(&names) {
+        return Err(format::refusal(&path, "SOG"));
     }
     for index in 0..archive.len() {
         let entry = archive.by_index_raw(index).map_err(zip_error)?;

@@ -2,7 +2,7 @@
 
 use super::html;
 use crate::gltf;
-use crate::{Format, ReadOptions, Source, gaussians, obj, off, ply, pt};
+use crate::{Format, ReadOptions, Source, format, obj, off, ply, pt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::{Error, ImportedScene, Result, guard::guarded, input};
@@ -14,8 +14,8 @@ const ACCEPTED: &str =
 /// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let (head, named) = (source.head()?, source.named());
-    if let Some(kind) = gaussians::recognise(&head, &source.path) {
-        return Err(gaussians::refusal(&source.path, kind));
+    if let Some(kind) = format::recognise(&head, &source.path) {
+        return Err(format::refusal(&source.path, kind));
     }
     if head.starts_with(b"PK") && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
     {
@@ -79,7 +79,7 @@ pub(super) fn read_as(format: Format, source: Source, options: &ReadOptions) -> 
         Format::Ply => ply::read(source, options),
         Format::Pt => pt::read(source, options),
         Format::Off => off::read(source, options),
-        Format::Splat | Format::Spz | Format::Sog => Err(gaussians::refusal(&path, format.name())),
+        Format::Splat | Format::Spz | Format::Sog => Err(format::refusal(&path, format.name())),
         Format::Obj => obj::read(source, options),
         Format::Glb | Format::Gltf | Format::Html => gltf::read(source, options),
     })

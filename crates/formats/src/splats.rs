@@ -1,44 +1,201 @@
-//! Files of Gaussian splats: a reader per format. Those in PLY are in [`ply`].
+//! What readers of Gaussian splats share, the format `.splat`, and the cameras beside them.
+//!
+//! Arrays within limits, conversions, and the end of every reader. Readers of other formats: [`sog`], [`spz`], [`crate::ply`], [`crate::gltf`].
 
-pub(crate) mod build;
-pub mod cameras;
-mod sog;
-mod spz;
+use crate::finish::note_in;
+use crate::{ReadOptions, Source};
+use glam::{DMat3, DVec2, DVec3, Quat, UVec2, Vec3};
+use serde::Deserialize;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use trisplat_scene::report::counted;
+use trisplat_scene::{
+    Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, camera::Camera, input,
+};
 
-pub use build::{finish, unit, zeroed};
+pub(crate) mod sog;
+pub(crate) mod spz;
 
-use super::format::Format;
-use super::read_options::ReadOptions;
-use super::source::Source;
-use super::{gaussians, ply};
-use trisplat_scene::{ImportedSplats, Result, guard::guarded};
-
-/// The format of an open file when it holds Gaussians that we read.
-pub fn format_of(source: &mut Source) -> Result<Option<Format>> {
-    let head = source.head()?;
-    match gaussians::recognise(&head, &source.path) {
-        Some(gaussians::SPZ) => return Ok(Some(Format::Spz)),
-        Some(gaussians::SPLAT) => return Ok(Some(Format::Splat)),
-        _ => {}
-    }
-    Ok(match Format::detect(&head, &source.named()) {
-        Some(Format::Ply) if ply::holds_splats(source)? => Some(Format::Ply),
-        Some(Format::Pt) if sog::is_sog(source)? => Some(Format::Sog),
-        _ => None,
+/// As many Gaussians of zeros.
+pub(crate) fn zeroed(path: &Path, count: usize, sh_degree: u8, limits: &Limits) -> Result<Splats> {
+    limits.vertices(path.display(), count as u64)?;
+    let coefficients = count.saturating_mul((usize::from(sh_degree) + 1).pow(2));
+    Ok(Splats {
+        positions: limits.zeroed(path.display(), count)?,
+        scales: limits.zeroed(path.display(), count)?,
+        rotations: limits.zeroed(path.display(), count)?,
+        opacity: limits.zeroed(path.display(), count)?,
+        sh: limits.zeroed(path.display(), coefficients)?,
+        sh_degree,
+        ..Splats::default()
     })
 }
 
-/// The Gaussians in an open file of that format, with the cameras in a list beside it.
-pub fn read_as(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
-    let path = source.path.clone();
-    guarded(&path, || {
-        let mut loaded = match format {
-            Format::Splat => build::read(source, options)?,
-            Format::Spz => spz::read(source, options)?,
-            Format::Sog => sog::read(source, options)?,
-            _ => ply::read_splats(source, options)?,
+/// All bytes of a stream, at most `most`, within the limit of one array.
+pub(crate) fn read_all(path: &Path, from: impl Read, most: u64, limits: &Limits) -> Result<Vec<u8>> {
+    limits.reserve::<u8>(path.display(), &mut Vec::new(), 0)?;
+    let most = most.min(limits.array_bytes);
+    let mut bytes = Vec::new();
+    from.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| Error::io(path, e))?;
+    limits.reserve::<u8>(path.display(), &mut bytes, 0)?;
+    Ok(bytes)
+}
+
+/// The rotation of a quaternion w, x, y, z of any length; not finite where it has none.
+pub(crate) fn unit([w, x, y, z]: [f64; 4]) -> Quat {
+    let length = (w * w + x * x + y * y + z * z).sqrt();
+    let [w, x, y, z] = [w, x, y, z].map(|part| (part / length) as f32);
+    Quat::from_xyzw(x, y, z, w)
+}
+
+/// The coefficient of degree 0 of a channel, sRGB-encoded.
+pub(crate) fn sh0(channel: f64) -> f32 {
+    ((channel - 0.5) / f64::from(SH_C0)) as f32
+}
+
+/// The Gaussians without those that are not finite, which a warning counts. `origin` was subtracted from their positions.
+///
+/// Errors: none are left; numbers out of range.
+pub(crate) fn finish(
+    path: &Path,
+    mut splats: Splats,
+    mut provenance: Provenance,
+    mut warnings: Vec<String>,
+    origin: DVec3,
+) -> Result<ImportedSplats> {
+    let total = splats.len();
+    if total == 0 {
+        return Err(Error::malformed(path, "Gaussians", "there are none in the file"));
+    }
+    if splats.validate().is_err() {
+        splats.validate_shape()?;
+        let finite: Vec<bool> = (0..total).map(|i| splats.is_finite(i)).collect();
+        splats.retain(|i| finite[i]);
+        if splats.is_empty() {
+            let reason = format!(
+                "none of the {total} Gaussians is finite: they hold NaN or infinite numbers, or rotations of length 0"
+            );
+            return Err(Error::malformed(path, "values", reason));
+        }
+        splats.validate().map_err(|e| Error::malformed(path, "values", e.to_string()))?;
+        if let Some(first) = finite.iter().position(|finite| !finite) {
+            let dropped = counted((total - splats.len()) as u64, "Gaussian");
+            warnings.push(format!("dropped {dropped} with non-finite values (first: Gaussian {first})"));
+        }
+    }
+    note_in(&mut provenance, &mut warnings, origin);
+    Ok(ImportedSplats { splats, provenance, warnings, cameras: Vec::new() })
+}
+
+// ---- `.splat` (antimatter15/splat): 32 bytes per Gaussian, without a header --------------------------
+
+const BYTES: usize = 32;
+
+/// The Gaussians of the file.
+pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    let path = &source.path;
+    if !source.len.is_multiple_of(BYTES as u64) {
+        let reason =
+            format!("{} bytes are no whole number of Gaussians, {BYTES} bytes each: cut short", source.len);
+        return Err(Error::malformed(path, "its length", reason));
+    }
+    let bytes = read_all(path, &*source.file, source.len, &options.limits)?;
+    let mut splats = zeroed(path, bytes.len() / BYTES, 0, &options.limits)?;
+    for (i, record) in bytes.chunks_exact(BYTES).enumerate() {
+        let float = |at: usize| {
+            let mut four = [0; 4];
+            four.copy_from_slice(&record[4 * at..4 * at + 4]);
+            f32::from_le_bytes(four)
         };
-        cameras::add_beside(&path, &mut loaded, &options.limits);
-        Ok(loaded)
-    })
+        splats.positions[i] = Vec3::new(float(0), float(1), float(2));
+        splats.scales[i] = Vec3::new(float(3), float(4), float(5));
+        splats.sh[i] = [24, 25, 26].map(|at| sh0(f64::from(record[at]) / 255.0));
+        splats.opacity[i] = f32::from(record[27]) / 255.0;
+        splats.rotations[i] = unit([28, 29, 30, 31].map(|at| (f64::from(record[at]) - 128.0) / 128.0));
+    }
+    finish(path, splats, Provenance::default(), Vec::new(), DVec3::ZERO)
+}
+
+// ---- `cameras.json`: the cameras of the photos, as the trainers of 3DGS and OpenSplat write them ------
+//
+// [{"img_name", "width", "height", "position": eye, "rotation": rows of camera to world, "fx", "fy", "cx"?, "cy"?}]
+// The principal point is the middle of the picture unless the file has one.
+
+#[derive(Deserialize)]
+struct Entry {
+    img_name: String,
+    width: u32,
+    height: u32,
+    position: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    fx: f64,
+    fy: f64,
+    cx: Option<f64>,
+    cy: Option<f64>,
+}
+
+/// Names and cameras of the photos in the list at `path`; `origin` is subtracted from their positions.
+///
+/// Errors: no such list; a camera that is none; pictures beyond the limits.
+pub fn read_cameras(path: &Path, origin: DVec3, limits: &Limits) -> Result<Vec<(String, Camera)>> {
+    let text = input::read_text(path, limits)?;
+    let entries: Vec<Entry> = serde_json::from_str(&text).map_err(|e| {
+        let reason = format!("{e}; expected a list of cameras as the trainer of 3DGS writes it");
+        Error::malformed(path, "cameras", reason)
+    })?;
+    if entries.is_empty() {
+        return Err(Error::malformed(path, "cameras", "there are none in the list"));
+    }
+    limits.nodes(path.display(), entries.len() as u64)?;
+    entries.into_iter().enumerate().map(|(i, entry)| entry.camera(path, i, origin, limits)).collect()
+}
+
+impl Entry {
+    fn camera(self, path: &Path, i: usize, origin: DVec3, limits: &Limits) -> Result<(String, Camera)> {
+        let to_world = DMat3::from_cols_array_2d(&self.rotation).transpose();
+        let rotation = to_world.transpose();
+        let size = UVec2::new(self.width, self.height);
+        let middle = size.as_dvec2() / 2.0;
+        let center = DVec2::new(self.cx.unwrap_or(middle.x), self.cy.unwrap_or(middle.y));
+        let camera = Camera {
+            rotation: rotation.as_mat3(),
+            translation: -(rotation * (DVec3::from(self.position) - origin)).as_vec3(),
+            focal: DVec2::new(self.fx, self.fy).as_vec2(),
+            center: center.as_vec2(),
+            size,
+        };
+        limits.camera(format!("{}: camera {i}", path.display()), size)?;
+        let turns = (rotation * to_world).abs_diff_eq(DMat3::IDENTITY, 0.01) && rotation.determinant() > 0.0;
+        if !turns || camera.validate(limits).is_err() {
+            let reason =
+                "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
+            return Err(Error::malformed(path, format!("camera {i}"), reason));
+        }
+        Ok((self.img_name, camera))
+    }
+}
+
+/// Adds the cameras of a list beside the file; a warning says why one is not used.
+pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limits) {
+    let Some(list) = beside(path) else { return };
+    match read_cameras(&list, DVec3::from(loaded.provenance.placement.center), limits) {
+        Ok(cameras) => loaded.cameras = cameras,
+        Err(error) => loaded.warnings.push(format!("the cameras beside the file are not used: {error}")),
+    }
+}
+
+/// The list of a file's cameras: `NAME.cameras.json`, else `cameras.json` in its folder, or in that of the trainer's output.
+pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent()?;
+    let is_named = |folder: &Path, start: &str| {
+        folder.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.starts_with(start))
+    };
+    let output =
+        folder.parent().filter(|above| is_named(folder, "iteration_") && is_named(above, "point_cloud"));
+    let lists = [
+        Some(path.with_extension("cameras.json")),
+        Some(folder.join("cameras.json")),
+        output.and_then(Path::parent).map(|output| output.join("cameras.json")),
+    ];
+    lists.into_iter().flatten().find(|list| list.is_file())
 }

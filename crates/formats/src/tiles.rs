@@ -4,7 +4,7 @@
 //! A file's name in the folder holds a hash of its bytes. So an old tileset keeps its tiles until the new one
 //! is published, an unchanged tile keeps its name, and a cache may keep tiles for ever.
 
-use crate::gltf::{GltfOptions, to_glb_bytes, uri};
+use crate::gltf::{GltfOptions, from_file_name, to_glb_bytes};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -230,7 +230,7 @@ impl TileFiles {
     /// A file of the folder relative to the tileset.
     fn address(&self, name: &str) -> String {
         let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
-        format!("{}/{name}", uri::from_file_name(&folder))
+        format!("{}/{name}", from_file_name(&folder))
     }
 
     /// Call this after the tileset is published: keeps its tiles, and removes those of an earlier tileset.

@@ -5,7 +5,7 @@ use super::steps;
 use glam::{DVec3, UVec2, Vec3};
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_formats::{self as formats, Content, splats::cameras};
+use trisplat_formats::{self as formats, Content, read_cameras};
 use trisplat_raster::framing::{Surroundings, orbit, up_of};
 use trisplat_scene::{
     Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
@@ -141,7 +141,7 @@ impl RenderJob {
     fn listed_cameras(&self, placement: &Placement) -> Result<Vec<(String, Camera)>> {
         let Some(list) = &self.cameras else { return Ok(Vec::new()) };
         let origin = DVec3::from(placement.center);
-        let listed = cameras::read(list, origin, &self.dataset_options.limits)?;
+        let listed = read_cameras(list, origin, &self.dataset_options.limits)?;
         Ok(listed.into_iter().map(|(name, c)| (name, placed::to_file(&c, placement, origin))).collect())
     }
 

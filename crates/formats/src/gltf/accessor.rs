@@ -1,9 +1,8 @@
 //! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
-use super::document::CompressedView;
 use super::document::{Accessor, BufferView, Document, component_type};
-use super::meshopt;
+use super::meshopt::{self, CompressedView};
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
 use std::collections::VecDeque;

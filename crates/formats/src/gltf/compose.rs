@@ -1,11 +1,12 @@
 //! The JSON document of a scene, composed of `gltf-json`'s types.
 
 use super::container::stream_offsets;
-use super::content::{Content, Picture};
-use super::document::{CompressedView, CompressionMode, FallbackBuffer, MESHOPT, QUANTIZATION, UNLIT};
+use super::document::{QUANTIZATION, UNLIT};
+use super::encode::{Content, Picture};
+use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use super::{encode, uri};
+use super::{buffers, encode};
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf_json::buffer::{Stride, Target, View};
@@ -365,10 +366,8 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
             byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
             name: None,
             target: Some(Valid(match stream {
-                Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
-                    Target::ArrayBuffer
-                }
                 Stream::Indices => Target::ElementArrayBuffer,
+                _ => Target::ArrayBuffer,
             })),
             extensions: compressed_view(content, i, part, stream)?,
             extras: None,
@@ -381,9 +380,10 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
         extensions: None,
         extras: None,
     };
-    let mut buffers = vec![Buffer { uri: bin_name.map(uri::from_file_name), ..buffer(content.bin_bytes) }];
+    let mut buffers =
+        vec![Buffer { uri: bin_name.map(buffers::from_file_name), ..buffer(content.bin_bytes) }];
     if options.meshopt {
-        let others = object(MESHOPT, &FallbackBuffer { fallback: true })?;
+        let others = object(MESHOPT, &serde_json::json!({ "fallback": true }))?;
         let extensions = Some(extensions::buffer::Buffer { others });
         buffers.push(Buffer { extensions, ..buffer(decoded_bytes) });
     }
@@ -398,12 +398,7 @@ fn compressed_view(
     stream: Stream,
 ) -> Result<Option<extensions::buffer::View>> {
     let Some(streams) = &content.compressed else { return Ok(None) };
-    let mode = match stream {
-        Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
-            CompressionMode::Attributes
-        }
-        Stream::Indices => CompressionMode::Triangles,
-    };
+    let mode = if stream == Stream::Indices { "TRIANGLES" } else { "ATTRIBUTES" };
     let others = object(
         MESHOPT,
         &CompressedView {
@@ -412,7 +407,7 @@ fn compressed_view(
             byte_length: streams[i].len() as u64,
             byte_stride: part.stride(stream, content.options),
             count: part.count(stream) as u64,
-            mode: mode.name().to_owned(),
+            mode: mode.to_owned(),
             filter: None,
         },
     )?;

@@ -1,7 +1,7 @@
 //! The containers, written and read: a GLB's header and chunks, or a bare JSON file.
 
+use super::buffers;
 use super::document::{GLB_BYTES, Image, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES, parse};
-use super::uri;
 use crate::Source;
 use serde::Deserialize;
 use std::io;
@@ -248,6 +248,6 @@ pub fn named_files(source: &mut Source, limits: &Limits) -> Result<Vec<PathBuf>>
     let folder = source.path.parent().unwrap_or(Path::new(""));
     let uris = buffers.into_iter().chain(images).filter_map(|named| named.uri);
     // What has a scheme, as data has, is no file.
-    let beside = uris.filter(|uri| !uri::is_data(uri) && !uri.contains(':'));
-    Ok(beside.map(|uri| folder.join(uri::unescaped(&uri))).collect())
+    let beside = uris.filter(|uri| !buffers::is_data(uri) && !uri.contains(':'));
+    Ok(beside.map(|uri| folder.join(buffers::unescaped(&uri))).collect())
 }

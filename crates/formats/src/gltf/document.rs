@@ -12,13 +12,16 @@
 //!
 //! The crate `gltf` reads through these types, so it loses the same.
 
-use crate::gaussians;
+use super::meshopt::{CompressedView, MESHOPT, MESHOPT_KHR};
+use crate::finish::is_far;
+use crate::format;
+use glam::{DMat4, DQuat, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::material::AlphaMode;
 use gltf_json::validation::Checked;
 use gltf_json::{accessor, mesh};
+use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IgnoredAny, SeqAccess, Visitor};
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 use std::cell::Cell;
@@ -298,16 +301,132 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer.deserialize_seq(Limited(PhantomData))
 }
 
+// ---- The node tree, with the place of every mesh ------------------------------------------------------
+
+/// A mesh shown by a node.
+#[derive(Debug)]
+pub(crate) struct MeshInstance {
+    /// Number of the mesh.
+    pub(crate) mesh: usize,
+    /// Number of the node, for messages.
+    pub(crate) node: usize,
+    /// From the mesh to the scene; none for the identity.
+    pub(crate) transform: Option<DMat4>,
+}
+
+/// Every drawn mesh of the default scene, in the order of the tree, with its transform accumulated in f64.
+///
+/// # Errors
+/// `Malformed` for indices out of range, for a node with two parents or in a cycle, and for transforms that
+/// are not finite.
+pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Result<Vec<MeshInstance>> {
+    let mut seen = vec![false; document.nodes.len()];
+    let mut instances = Vec::new();
+    let mut stack: Vec<(usize, Option<DMat4>, u64)> =
+        roots(path, document)?.into_iter().rev().map(|n| (n, None, 0)).collect();
+    while let Some((index, parent, depth)) = stack.pop() {
+        limits.nesting(format_args!("{}: node {index}", path.display()), depth)?;
+        let place = || format!("node {index}");
+        let has = document.nodes.len();
+        let node = document
+            .nodes
+            .get(index)
+            .ok_or_else(|| Error::malformed(path, place(), format!("does not exist: the file has {has}")))?;
+        if std::mem::replace(&mut seen[index], true) {
+            return Err(Error::malformed(path, place(), "has two parents or is its own ancestor"));
+        }
+        let transform = match (parent, local(node)) {
+            (None, local) => local,
+            (parent, None) => parent,
+            (Some(parent), Some(local)) => Some(parent * local),
+        };
+        if transform.is_some_and(|t| !t.is_finite()) {
+            return Err(Error::malformed(path, place(), "has a transform that is not finite"));
+        }
+        if let Some(mesh) = node.mesh
+            && !is_for_collision(node)
+        {
+            instances.push(MeshInstance { mesh, node: index, transform });
+        }
+        stack.extend(node.children.iter().rev().map(|&child| (child, transform, depth + 1)));
+    }
+    Ok(instances)
+}
+
+/// Whether Godot's importer uses the mesh of a node only for collisions.
+fn is_for_collision(node: &Node) -> bool {
+    node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
+}
+
+/// The nodes the walk starts from: those of the default scene, or all without a parent.
+fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
+    let scene = match document.scene {
+        Some(index) => Some(document.scenes.get(index).ok_or_else(|| {
+            let has = document.scenes.len();
+            Error::malformed(path, format!("scene {index}"), format!("does not exist: the file has {has}"))
+        })?),
+        None => document.scenes.first(),
+    };
+    if let Some(scene) = scene {
+        return Ok(scene.nodes.clone());
+    }
+    let mut is_child = vec![false; document.nodes.len()];
+    for child in document.nodes.iter().flat_map(|node| &node.children) {
+        if let Some(flag) = is_child.get_mut(*child) {
+            *flag = true;
+        }
+    }
+    Ok((0..is_child.len()).filter(|&node| !is_child[node]).collect())
+}
+
+/// A node's own transform; none when it is the identity, so that positions keep their bits.
+fn local(node: &Node) -> Option<DMat4> {
+    let transform = match node.matrix {
+        Some(columns) => {
+            let rounded = DMat4::from_cols_array(&columns.map(|x| f64::from(x as f32)));
+            let moved = translation([columns[12], columns[13], columns[14]]);
+            DMat4 { w_axis: moved.extend(rounded.w_axis.w), ..rounded }
+        }
+        None => {
+            let to_f64 = |v: [f32; 3]| Vec3::from(v).as_dvec3();
+            let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]).map(f64::from);
+            let rotation = DQuat::from_xyzw(x, y, z, w);
+            // Four f32 numbers are a unit quaternion only nearly.
+            let rotation =
+                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            DMat4::from_scale_rotation_translation(
+                node.scale.map_or(DVec3::ONE, to_f64),
+                rotation,
+                node.translation.map_or(DVec3::ZERO, translation),
+            )
+        }
+    };
+    (transform != DMat4::IDENTITY).then_some(transform)
+}
+
+/// A translation in single precision, as in engines; far from the origin in double precision.
+fn translation(written: [f64; 3]) -> DVec3 {
+    let (written, rounded) = (DVec3::from(written), DVec3::from(written).as_vec3());
+    if rounded.is_finite() && is_far(written) { written } else { rounded.as_dvec3() }
+}
+
+/// Moves all nodes so that `origin` becomes (0, 0, 0).
+pub(crate) fn take_off(instances: &mut [MeshInstance], origin: DVec3) {
+    if origin == DVec3::ZERO {
+        return;
+    }
+    for instance in instances {
+        let placed = instance.transform.unwrap_or(DMat4::IDENTITY);
+        instance.transform = Some(DMat4::from_translation(-origin) * placed);
+    }
+}
+
 // ---- The glTF extensions read and written ---------------------------------------------------------
 
 /// The material shows its colour without lights.
 pub(crate) const UNLIT: &str = "KHR_materials_unlit";
 /// Integer positions.
 pub(crate) const QUANTIZATION: &str = "KHR_mesh_quantization";
-/// Compressed buffer views.
-pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
-/// The later name of [`MESHOPT`].
-pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
 /// Compressed primitives, which are not read.
 pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 /// Many copies of a node's mesh, which are not read.
@@ -315,7 +434,7 @@ pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that a file may require: those that are read, and those that only change the look of a surface.
 const READABLE: [&str; 10] = [
-    gaussians::GLTF_EXTENSION,
+    format::GLTF_EXTENSION,
     QUANTIZATION,
     MESHOPT,
     MESHOPT_KHR,
@@ -334,76 +453,6 @@ pub(crate) fn is_readable(name: &str) -> bool {
     READABLE.contains(&name) || name.starts_with("KHR_materials_")
 }
 
-/// [`MESHOPT`] on a buffer view: the place of its compressed bytes, and their decoded form.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct CompressedView {
-    pub(crate) buffer: usize,
-    #[serde(default)]
-    pub(crate) byte_offset: u64,
-    pub(crate) byte_length: u64,
-    pub(crate) byte_stride: u64,
-    pub(crate) count: u64,
-    /// One of [`CompressionMode`]'s names.
-    pub(crate) mode: String,
-    /// One of [`Filter`]'s names.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) filter: Option<String>,
-}
-
-/// [`MESHOPT`] on a buffer: true for a buffer that exists only after decoding.
-#[derive(Debug, Serialize)]
-pub(crate) struct FallbackBuffer {
-    pub(crate) fallback: bool,
-}
-
-/// How a view is compressed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum CompressionMode {
-    Attributes,
-    Triangles,
-    Indices,
-}
-
-/// What is undone after decompression.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Filter {
-    None,
-    Exponential,
-    Color,
-}
-
-impl CompressionMode {
-    /// The name in a document.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Attributes => "ATTRIBUTES",
-            Self::Triangles => "TRIANGLES",
-            Self::Indices => "INDICES",
-        }
-    }
-}
-
-impl CompressedView {
-    /// The mode, or the reason why it is invalid.
-    pub(crate) fn mode(&self) -> std::result::Result<CompressionMode, String> {
-        [CompressionMode::Attributes, CompressionMode::Triangles, CompressionMode::Indices]
-            .into_iter()
-            .find(|mode| mode.name() == self.mode)
-            .ok_or_else(|| format!("has the unknown compression mode {:?}", self.mode))
-    }
-
-    /// The filter; none for filters of other data than positions or colours.
-    pub(crate) fn filter(&self) -> Option<Filter> {
-        match self.filter.as_deref() {
-            None | Some("NONE") => Some(Filter::None),
-            Some("EXPONENTIAL") => Some(Filter::Exponential),
-            Some("COLOR") => Some(Filter::Color),
-            Some(_) => None,
-        }
-    }
-}
-
 // ---- Limits on sizes and counts of files, shared by reading and writing ------------------------------
 
 const GIB: u64 = 1 << 30;
@@ -416,10 +465,6 @@ pub(crate) const READABLE_BYTES: u64 = i32::MAX as u64;
 pub(crate) const GLB_BYTES: u64 = u32::MAX as u64;
 /// Chunks of a GLB; glTF 2.0 knows two, and a file of empty chunks has one every 8 bytes.
 pub(crate) const MAX_GLB_CHUNKS: usize = 64;
-/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices costs at
-/// least one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can
-/// promise any number.
-pub(crate) const MAX_UNPACK_RATIO: u64 = 1024;
 /// Permitted unpacked bytes for the smallest files.
 pub(crate) const FREE_UNPACKED_BYTES: u64 = 16 << 20;
 /// Most vertices for 16-bit indices: 65,535 itself means "restart" in many graphics APIs.

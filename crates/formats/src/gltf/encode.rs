@@ -1,18 +1,20 @@
-//! The bytes of a stream: positions, normals, colours and indices as glTF stores them, little-endian.
+//! The binary buffer: positions, normals, colours and indices as glTF stores them, compressed or not.
 
+use super::container::{stream_offsets, write_padding};
 use super::options::{ColorEncoding, GltfOptions};
-use super::part::{PartVertices, ScenePart, Stream};
-use crate::far::is_far;
+use super::part::{PartVertices, ScenePart, Stream, all_streams, parts};
+use crate::finish::is_far;
 use glam::{DVec3, Vec2, Vec3};
 use serde::Serialize;
-use serde_json::Result;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter, Serializer};
 use std::io;
 use std::io::Write;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::LazyLock;
 use trisplat_scene::math::srgb8::srgb8_from_linear;
 use trisplat_scene::mesh::Colors;
+use trisplat_scene::{Asset, Error, Result, parallel};
 
 /// Bytes encoded before they are written.
 const BLOCK_BYTES: u64 = 1 << 20;
@@ -214,10 +216,132 @@ static CODES: LazyLock<[f32; 256]> = LazyLock::new(|| {
     })
 });
 
+// ---- Streams compressed with meshopt ------------------------------------------------------------------
+
+/// EXT_meshopt_compression knows vertex codec version 0 only; the crate's own default is 1.
+const VERTEX_CODEC: i32 = 0;
+
+/// The compressed streams in file order. At most one per thread is uncompressed at a time.
+///
+/// # Errors
+/// Failures of the encoder, with the remedy.
+pub(crate) fn compress(
+    parts: &[ScenePart],
+    options: &GltfOptions,
+) -> std::result::Result<Vec<Vec<u8>>, String> {
+    let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
+    let written = parallel::map(streams, |_, (part, stream)| {
+        let encoded = match stream {
+            Stream::Indices => {
+                let corners = 3 * part.faces.start..3 * part.faces.end;
+                let local: Vec<u32> =
+                    part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
+                ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
+            }
+            _ => encode_vertices(&bytes(part, stream, options), part.stride(stream, options)),
+        };
+        match encoded {
+            Ok(bytes) if !bytes.is_empty() => Ok(bytes),
+            Ok(_) => Err(refused(part, "no bytes came out")),
+            Err(e) => Err(refused(part, &e)),
+        }
+    });
+    written.into_iter().collect()
+}
+
+fn encode_vertices(bytes: &[u8], stride: u64) -> std::result::Result<Vec<u8>, String> {
+    fn cells<const N: usize>(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
+        let (cells, _) = bytes.as_chunks::<N>();
+        ::meshopt::encode_vertex_buffer_level(cells, 0, Some(VERTEX_CODEC)).map_err(|e| e.to_string())
+    }
+    match stride {
+        4 => cells::<4>(bytes),
+        8 => cells::<8>(bytes),
+        12 => cells::<12>(bytes),
+        16 => cells::<16>(bytes),
+        _ => Err(format!("no element has {stride} bytes")),
+    }
+}
+
+fn refused(part: &ScenePart, why: &str) -> String {
+    format!("meshopt could not encode {}: {why}; write without compression", part.name)
+}
+
+// ---- The layout of the binary buffer: the streams of all parts, compressed or not, then pictures ------
+
+/// The content of a file, without the bytes themselves.
+pub(crate) struct Content<'a> {
+    pub(crate) asset: &'a Asset,
+    pub(crate) options: &'a GltfOptions,
+    pub(crate) parts: Vec<ScenePart<'a>>,
+    /// Compressed streams in file order, when compressing.
+    pub(crate) compressed: Option<Vec<Vec<u8>>>,
+    /// Start of each stream in the file's buffer, in file order.
+    pub(crate) starts: Vec<u64>,
+    pub(crate) bin_bytes: u64,
+    /// The pages of the texture, behind the streams, when there is one.
+    pub(crate) pictures: Vec<Picture>,
+}
+
+/// A picture in the file's buffer.
+pub(crate) struct Picture {
+    pub(crate) start: u64,
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl<'a> Content<'a> {
+    pub(crate) fn new(path: &Path, asset: &'a Asset, options: &'a GltfOptions) -> Result<Self> {
+        let parts = parts(path, asset, options)?;
+        let compressed = if options.meshopt {
+            Some(compress(&parts, options).map_err(|e| Error::unsupported(path, e))?)
+        } else {
+            None
+        };
+        let (starts, mut bin_bytes) = match &compressed {
+            Some(streams) => stream_offsets(streams.iter().map(|s| s.len() as u64)),
+            None => stream_offsets(all_streams(&parts).map(|(part, stream)| part.bytes(stream, options))),
+        };
+        let mut pictures = Vec::new();
+        for page in asset.mesh.texture.iter().flat_map(|texture| &texture.pages) {
+            let bytes = options.texture.bytes(page.picture())?;
+            let start = bin_bytes.next_multiple_of(4);
+            bin_bytes = start + bytes.len() as u64;
+            pictures.push(Picture { start, bytes });
+        }
+        Ok(Self { asset, options, parts, compressed, starts, bin_bytes, pictures })
+    }
+
+    /// Streams the binary buffer, padding between the streams included.
+    pub(crate) fn write_bin(&self, out: &mut dyn Write) -> io::Result<()> {
+        let mut at = 0;
+        let mut scratch = Vec::new();
+        for (i, (part, stream)) in all_streams(&self.parts).enumerate() {
+            write_padding(out, at)?;
+            at = self.starts[i];
+            at += match &self.compressed {
+                Some(streams) => {
+                    out.write_all(&streams[i])?;
+                    streams[i].len() as u64
+                }
+                None => {
+                    write(out, part, stream, self.options, &mut scratch)?;
+                    part.bytes(stream, self.options)
+                }
+            };
+        }
+        for picture in &self.pictures {
+            write_padding(out, at)?;
+            out.write_all(&picture.bytes)?;
+            at = picture.start + picture.bytes.len() as u64;
+        }
+        Ok(())
+    }
+}
+
 // ---- JSON in which numbers far from 0 have all their digits ------------------------------------------
 
 /// The text of `value`, on one line or indented.
-pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> Result<Vec<u8>> {
+pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     match is_pretty {
         true => {

@@ -1,11 +1,9 @@
 //! Merges the primitives of all meshes into one mesh.
 
 use super::accessor::Accessors;
-use super::document::DRACO;
-use super::document::{Document, Material, Primitive};
-use super::nodes::MeshInstance;
+use super::document::{DRACO, Document, Material, MeshInstance, Primitive};
 use super::textures::PaintedPrimitives;
-use crate::far::{is_far, origin_of, sampled};
+use crate::finish::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::material::{AlphaCutoff, AlphaMode};

@@ -1,67 +1,35 @@
-//! EXT_meshopt_compression: encodes the streams of all parts, and decodes views of any file.
+//! EXT_meshopt_compression: the extension of a buffer view, and the decoder of views of any file.
 //!
 //! The decoders of meshoptimizer tolerate hostile bytes but trust the caller's counts. So counts are limited
 //! here to values that an encoder can reach.
 
-use super::document::MAX_UNPACK_RATIO;
-use super::document::{CompressedView, CompressionMode, Filter};
-use super::encode;
-use super::options::GltfOptions;
-use super::part::{ScenePart, Stream, all_streams};
-use trisplat_scene::parallel;
+use serde::{Deserialize, Serialize};
 
-/// EXT_meshopt_compression knows vertex codec version 0 only; the crate's own default is 1.
-const VERTEX_CODEC: i32 = 0;
+/// The extension of compressed buffer views.
+pub(crate) const MESHOPT: &str = "EXT_meshopt_compression";
+/// The later name of [`MESHOPT`].
+pub(crate) const MESHOPT_KHR: &str = "KHR_meshopt_compression";
+/// Most unpacked bytes of a file, as a multiple of its size. A block of 256 compressed vertices costs at
+/// least one byte for every four channels, so meshopt reaches about 1000; a mesh that many nodes show can
+/// promise any number.
+pub(crate) const MAX_UNPACK_RATIO: u64 = 1024;
 
-// ---- written -------------------------------------------------------------------------------------
-
-/// The compressed streams in file order. At most one per thread is uncompressed at a time.
-///
-/// # Errors
-/// Failures of the encoder, with the remedy.
-pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
-    let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
-    let written = parallel::map(streams, |_, (part, stream)| {
-        let encoded = match stream {
-            Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => {
-                let bytes = encode::bytes(part, stream, options);
-                encode_vertices(&bytes, part.stride(stream, options))
-            }
-            Stream::Indices => {
-                let corners = 3 * part.faces.start..3 * part.faces.end;
-                let local: Vec<u32> =
-                    part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
-                ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
-            }
-        };
-        match encoded {
-            Ok(bytes) if !bytes.is_empty() => Ok(bytes),
-            Ok(_) => Err(refused(part, "no bytes came out")),
-            Err(e) => Err(refused(part, &e)),
-        }
-    });
-    written.into_iter().collect()
+/// [`MESHOPT`] on a buffer view: the place of its compressed bytes, and their decoded form.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct CompressedView {
+    pub(crate) buffer: usize,
+    #[serde(default)]
+    pub(crate) byte_offset: u64,
+    pub(crate) byte_length: u64,
+    pub(crate) byte_stride: u64,
+    pub(crate) count: u64,
+    /// "ATTRIBUTES", "TRIANGLES" or "INDICES".
+    pub(crate) mode: String,
+    /// "NONE", "EXPONENTIAL" or "COLOR"; filters of other data than positions and colours are not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) filter: Option<String>,
 }
-
-fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {
-    fn cells<const N: usize>(bytes: &[u8]) -> Result<Vec<u8>, String> {
-        let (cells, _) = bytes.as_chunks::<N>();
-        ::meshopt::encode_vertex_buffer_level(cells, 0, Some(VERTEX_CODEC)).map_err(|e| e.to_string())
-    }
-    match stride {
-        4 => cells::<4>(bytes),
-        8 => cells::<8>(bytes),
-        12 => cells::<12>(bytes),
-        16 => cells::<16>(bytes),
-        _ => Err(format!("no element has {stride} bytes")),
-    }
-}
-
-fn refused(part: &ScenePart, why: &str) -> String {
-    format!("meshopt could not encode {}: {why}; write without compression", part.name)
-}
-
-// ---- read ----------------------------------------------------------------------------------------
 
 /// Decoded bytes of a compressed view, or why it cannot be decoded.
 pub(crate) fn check(view: &CompressedView) -> Result<u64, String> {
@@ -69,12 +37,11 @@ pub(crate) fn check(view: &CompressedView) -> Result<u64, String> {
     if bytes > MAX_UNPACK_RATIO.saturating_mul(view.byte_length) {
         return Err(format!("promises {bytes} bytes from {} compressed ones", view.byte_length));
     }
-    let fits = match view.mode()? {
-        CompressionMode::Attributes => {
-            view.byte_stride.is_multiple_of(4) && (4..=64).contains(&view.byte_stride)
-        }
-        CompressionMode::Triangles => view.count.is_multiple_of(3) && matches!(view.byte_stride, 2 | 4),
-        CompressionMode::Indices => matches!(view.byte_stride, 2 | 4),
+    let fits = match view.mode.as_str() {
+        "ATTRIBUTES" => view.byte_stride.is_multiple_of(4) && (4..=64).contains(&view.byte_stride),
+        "TRIANGLES" => view.count.is_multiple_of(3) && matches!(view.byte_stride, 2 | 4),
+        "INDICES" => matches!(view.byte_stride, 2 | 4),
+        other => return Err(format!("has the unknown compression mode {other:?}")),
     };
     if !fits {
         return Err(format!(
@@ -88,12 +55,12 @@ pub(crate) fn check(view: &CompressedView) -> Result<u64, String> {
 /// The view's bytes as little-endian words; the last may be half used. [`check`] must have passed.
 pub(crate) fn decode(view: &CompressedView, packed: &[u8]) -> Result<Vec<u32>, String> {
     let count = view.count as usize;
-    let words = match (view.mode()?, view.byte_stride) {
-        (CompressionMode::Attributes, stride) => return attributes(view, packed, stride / 4, count),
-        (CompressionMode::Triangles, 4) => ::meshopt::decode_index_buffer::<u32>(packed, count),
-        (CompressionMode::Triangles, _) => ::meshopt::decode_index_buffer::<u16>(packed, count).map(halves),
-        (CompressionMode::Indices, 4) => ::meshopt::decode_index_sequence::<u32>(packed, count),
-        (CompressionMode::Indices, _) => ::meshopt::decode_index_sequence::<u16>(packed, count).map(halves),
+    let words = match (view.mode.as_str(), view.byte_stride) {
+        ("ATTRIBUTES", stride) => return attributes(view, packed, stride / 4, count),
+        ("TRIANGLES", 4) => ::meshopt::decode_index_buffer::<u32>(packed, count),
+        ("TRIANGLES", _) => ::meshopt::decode_index_buffer::<u16>(packed, count).map(halves),
+        (_, 4) => ::meshopt::decode_index_sequence::<u32>(packed, count),
+        _ => ::meshopt::decode_index_sequence::<u16>(packed, count).map(halves),
     };
     // Index decoders write in the machine's order; the bytes of a view are little-endian.
     let words = words.map(|words| words.into_iter().map(u32::to_le).collect());
@@ -101,11 +68,11 @@ pub(crate) fn decode(view: &CompressedView, packed: &[u8]) -> Result<Vec<u32>, S
 }
 
 fn attributes(view: &CompressedView, packed: &[u8], words: u64, count: usize) -> Result<Vec<u32>, String> {
+    let filter = view.filter.as_deref().unwrap_or("NONE");
     // Colours have four channels of 8 or 16 bits.
-    let filter = view.filter().filter(|filter| *filter != Filter::Color || words <= 2).ok_or_else(|| {
-        let name = view.filter.as_deref().unwrap_or_default();
-        format!("has the filter {name:?}, which is not for positions or colours")
-    })?;
+    if !matches!((filter, words), ("NONE" | "EXPONENTIAL", _) | ("COLOR", ..=2)) {
+        return Err(format!("has the filter {filter:?}, which is not for positions or colours"));
+    }
     match words {
         1 => vertices::<1>(packed, count, filter),
         2 => vertices::<2>(packed, count, filter),
@@ -128,21 +95,21 @@ fn attributes(view: &CompressedView, packed: &[u8], words: u64, count: usize) ->
 }
 
 /// Decodes elements of N words; the filter is undone on whole elements.
-fn vertices<const N: usize>(packed: &[u8], count: usize, filter: Filter) -> Result<Vec<u32>, String>
+fn vertices<const N: usize>(packed: &[u8], count: usize, filter: &str) -> Result<Vec<u32>, String>
 where
     [u32; N]: Default,
 {
     let mut cells: Vec<[u32; N]> = ::meshopt::decode_vertex_buffer(packed, count)
         .map_err(|_| "has damaged compressed vertices".to_owned())?;
     match (filter, N) {
-        (Filter::None, _) => {}
-        (Filter::Exponential, _) => ::meshopt::decode_filter_exp(&mut cells),
-        (Filter::Color, 1) => {
+        ("EXPONENTIAL", _) => ::meshopt::decode_filter_exp(&mut cells),
+        ("COLOR", 1) => {
             ::meshopt::decode_filter_color::<u8>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
         }
-        (Filter::Color, _) => {
+        ("COLOR", _) => {
             ::meshopt::decode_filter_color::<u16>(bytemuck::cast_slice_mut(cells.as_flattened_mut()))
         }
+        _ => {}
     }
     Ok(cells.into_flattened())
 }

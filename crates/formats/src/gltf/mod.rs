@@ -3,10 +3,9 @@
 //! In: assets. Out: bytes of glTF, byte for byte as engines want them. In: bytes of glTF. Out: scenes.
 //!
 //! ```text
-//! written: Asset ──► part (one mesh and node per chunk: bounds, grid, streams) ──► content ──► compose (the JSON)
-//!                                                                       │                        │
-//!                                        encode ──► meshopt (optional) ─┴──► write ◄─────────────┘
-//! read:    container ──► document ──► nodes (which mesh is where)
+//! written: Asset ──► part (one mesh and node per chunk: bounds, grid, streams) ──► encode (the buffer) ──► compose (the JSON)
+//!                                                                                     └──► write ◄──────────┘
+//! read:    container ──► document (and which mesh is where)
 //!              │                        │
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
 //!                          └──► textures ──┘
@@ -22,21 +21,20 @@ mod buffers;
 mod check;
 mod compose;
 mod container;
-mod content;
 mod document;
 mod encode;
 mod merge;
 mod meshopt;
-mod nodes;
 mod options;
 mod part;
 mod read;
 mod splats;
 mod textures;
-pub mod uri;
 mod write;
 
-pub(crate) use check::check;
+pub(crate) use buffers::from_file_name;
+pub use check::{Finding, Severity};
+pub(crate) use check::{Findings, check};
 pub use container::named_files;
 pub use container::{Container, check_size, document_json, glb_size, stream_offsets};
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};

@@ -6,12 +6,11 @@
 use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::{Document, INSTANCING, is_readable};
+use super::document::{Document, INSTANCING, MeshInstance, instances, is_readable, take_off};
 use super::merge::MergedMesh;
-use super::nodes::{MeshInstance, instances, take_off};
 use super::{compose, document, part};
-use crate::far::note_origin;
-use crate::{ReadOptions, Source, finish, gaussians};
+use crate::finish::note_origin;
+use crate::{ReadOptions, Source, finish, format};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -60,10 +59,9 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         merged.add(instance)?;
     }
     let backdrop = (merged.face_count() - scene_faces) as u32;
-    if merged.face_count() == 0
-        && document.extensions_used.iter().any(|name| name == gaussians::GLTF_EXTENSION)
+    if merged.face_count() == 0 && document.extensions_used.iter().any(|name| name == format::GLTF_EXTENSION)
     {
-        return Err(gaussians::refusal(&path, "glTF"));
+        return Err(format::refusal(&path, "glTF"));
     }
     let (mesh, warnings) = merged.finish()?;
     let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
@@ -81,7 +79,7 @@ pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
     }
     let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
     match unknown {
-        Some(name) if name.starts_with(gaussians::GLTF_EXTENSION) => Err(gaussians::refusal(path, "glTF")),
+        Some(name) if name.starts_with(format::GLTF_EXTENSION) => Err(format::refusal(path, "glTF")),
         Some(name) => {
             Err(Error::unsupported(path, format!("requires the extension {name}; export it again without")))
         }

@@ -6,11 +6,10 @@ use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::compose;
 use super::container::ContainerFile;
-use super::document::{self, Document, limited};
-use super::nodes::{self, MeshInstance};
-use crate::far::{origin_of, sampled};
-use crate::gaussians::GLTF_EXTENSION;
-use crate::splats::{cameras, finish, unit, zeroed};
+use super::document::{self, Document, MeshInstance, limited};
+use crate::finish::{origin_of, sampled};
+use crate::format::GLTF_EXTENSION;
+use crate::splats::{finish, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use gltf_json::mesh::POINTS;
@@ -18,7 +17,6 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 use std::path::Path;
-use trisplat_scene::guard::guarded;
 use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats};
 
 /// Colours that are read: those of photos.
@@ -81,28 +79,23 @@ pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
     }))
 }
 
-/// The Gaussians of the default scene, with the cameras in a list beside the file.
+/// The Gaussians of the default scene.
 ///
 /// # Errors
 /// As for triangles; Gaussians that are compressed, of linear colours, or under nodes with uneven scales.
 pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let (path, limits) = (source.path.clone(), options.limits);
-    guarded(&path, || {
-        let container = ContainerFile::read(&mut source, &limits)?;
-        let document: Document = document::parse(&path, &container.json, &limits)?;
-        let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
-        super::read::check_support(&path, &document)?;
-        let instances = nodes::instances(&path, &document, &limits)?;
-        let buffers = Buffers::new(source, &container, &document.buffers, options);
-        let mut reader =
-            Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };
-        let parts = reader.parts(&own, &instances)?;
-        let (splats, origin) = reader.splats(&parts, options)?;
-        let mut loaded =
-            finish(&path, splats, compose::provenance(&document.asset), reader.warnings, origin)?;
-        cameras::add_beside(&path, &mut loaded, &limits);
-        Ok(loaded)
-    })
+    let container = ContainerFile::read(&mut source, &limits)?;
+    let document: Document = document::parse(&path, &container.json, &limits)?;
+    let own: SplatDocument = document::parse(&path, &container.json, &limits)?;
+    super::read::check_support(&path, &document)?;
+    let instances = document::instances(&path, &document, &limits)?;
+    let buffers = Buffers::new(source, &container, &document.buffers, options);
+    let mut reader =
+        Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };
+    let parts = reader.parts(&own, &instances)?;
+    let (splats, origin) = reader.splats(&parts, options)?;
+    finish(&path, splats, compose::provenance(&document.asset), reader.warnings, origin)
 }
 
 /// The Gaussians of one primitive under one node.

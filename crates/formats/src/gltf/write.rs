@@ -4,7 +4,7 @@
 //! never held in memory as a whole. With meshopt the compressed bytes are held.
 
 use super::container::{Container, check_size, glb_size};
-use super::content::Content;
+use super::encode::Content;
 use super::options::GltfOptions;
 use super::{compose, container};
 use std::io::Write;

@@ -2,7 +2,7 @@
 
 use crate::faces::{PaintedFaces, paint};
 use crate::lines::Lines;
-use crate::read_options::ReadOptions;
+use crate::source::ReadOptions;
 use crate::source::Source;
 use glam::Vec2;
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! Encodes an asset in its format.
 
 use super::{Output, OutputFormat, OutputOptions, WriteDetails};
-use crate::gltf::{self as gltf, GltfOptions, backdrop_nodes, scene_nodes, uri};
+use crate::gltf::{self as gltf, GltfOptions, backdrop_nodes, from_file_name, scene_nodes};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::tiles::TilesetTile;
 use crate::{html, obj, ply, tiles, usdz};
@@ -117,7 +117,7 @@ impl Output {
         let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
             let bounds = tiles::bounds(&asset.mesh, asset.scene_faces());
             let error = if i == 0 { 0.0 } else { Tile::error_of(asset.detail()) };
-            let uri = Some(uri::from_file_name(&output.file_name()));
+            let uri = Some(from_file_name(&output.file_name()));
             TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
         };
         let root = TilesetTile::chain(self.levels_of(asset).enumerate().map(level));

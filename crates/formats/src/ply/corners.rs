@@ -1,10 +1,10 @@
 //! Vertices and corner numbers of a PLY, checked.
 
-use super::column::Column;
+use super::header::Column;
 use super::header::{Element, Header, Scalar};
 use super::table::Table;
 use crate::faces::{Faces, not_a_triangle};
-use crate::far::{origin_of, sampled};
+use crate::finish::{origin_of, sampled};
 use crate::lines::write_blocks;
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use std::io;

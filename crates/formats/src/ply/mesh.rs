@@ -1,14 +1,14 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
-use super::column::Column;
 use super::corners::{read_faces, read_positions};
+use super::header::Column;
 use super::header::Scalar;
 use super::table;
 use super::table::Table;
 use super::tables::Tables;
 use crate::faces::Clamped;
+use crate::lines::to_comment;
 use crate::lines::write_blocks;
-use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
 use std::io::{self, Write};
 use std::path::Path;

@@ -1,15 +1,15 @@
 //! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/soup-ply.md`.
 
-use super::column::Column;
 use super::corners;
 use super::corners::{Corners, first_error, read_positions};
+use super::header::Column;
 use super::header::{Element, Scalar};
 use super::table;
 use super::table::Table;
 use super::tables::Tables;
 use crate::ReadOptions;
+use crate::lines::to_comment;
 use crate::lines::write_blocks;
-use crate::provenance::to_comment;
 use glam::{DVec3, Vec3};
 use std::io::{self, Write};
 use std::path::Path;

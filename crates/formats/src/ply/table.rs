@@ -4,7 +4,7 @@
 //! stays in the file and is read block by block, from any thread. Everything else (ascii, big-endian,
 //! polygons, other lists) is rewritten into one in memory first, see [`super::transcode`].
 
-use super::column::Column;
+use super::header::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
 use super::transcode;
 use super::transcode::{Polygons, Wanted};

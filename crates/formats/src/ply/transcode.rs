@@ -2,7 +2,7 @@
 //!
 //! Memory grows with the rows read, not with the numbers in the header.
 
-use super::column::Column;
+use super::header::Column;
 use super::header::{Element, Encoding, PropertyType, Scalar};
 use crate::faces::{check_corners, not_a_triangle};
 use crate::source::Source;

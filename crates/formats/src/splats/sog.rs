@@ -7,8 +7,8 @@
 //! shN      a 16-bit number per Gaussian in a list of coefficients, 64 a row, each a byte into a codebook
 //! ```
 
-use super::build::{finish, read_all, unit, zeroed};
-use crate::{ReadOptions, Source, gaussians};
+use super::{finish, read_all, unit, zeroed};
+use crate::{ReadOptions, Source, format};
 use glam::{DVec3, UVec2, Vec3};
 use image::codecs::webp::WebPDecoder;
 use image::{DynamicImage, ImageDecoder};
@@ -83,12 +83,12 @@ struct Picture {
 }
 
 /// Whether an open zip archive is a scene in SOG. A broken one is not.
-pub(super) fn is_sog(source: &mut Source) -> Result<bool> {
+pub(crate) fn is_sog(source: &mut Source) -> Result<bool> {
     let io = |e| Error::io(&source.path, e);
     let names =
         zip::ZipArchive::new(BufReader::new(&*source.file)).map(|zip| names(&zip)).unwrap_or_default();
     source.rewind().map_err(io)?;
-    Ok(gaussians::is_sog(&names))
+    Ok(format::is_sog(&names))
 }
 
 fn names<R>(zip: &zip::ZipArchive<R>) -> Vec<String>
@@ -99,7 +99,7 @@ where
 }
 
 /// The Gaussians of the archive.
-pub(super) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     let mut archive = Archive::open(&source, &options.limits)?;
     let json = archive.bytes("meta.json")?;
@@ -108,7 +108,7 @@ pub(super) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSpla
         Some(2) => {}
         other => {
             let version = other.unwrap_or(1);
-            return Err(gaussians::refusal(path, &format!("SOG version {version}")));
+            return Err(format::refusal(path, &format!("SOG version {version}")));
         }
     }
     let meta: Meta = serde_json::from_slice(&json).map_err(parse)?;

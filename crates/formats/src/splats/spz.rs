@@ -13,8 +13,8 @@
 //! ```
 //! Axes: +x right, +y up, +z back.
 
-use super::build::{finish, read_all, unit, zeroed};
-use crate::{ReadOptions, Source, gaussians};
+use super::{finish, read_all, unit, zeroed};
+use crate::{ReadOptions, Source, format};
 use glam::DVec3;
 use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -38,7 +38,7 @@ struct Header {
 }
 
 /// The Gaussians of the file.
-pub(super) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let is_plain = source.head()?.starts_with(b"NGSP");
     let (path, limits) = (&source.path, &options.limits);
     let file = std::io::BufReader::new(&*source.file);
@@ -116,7 +116,7 @@ impl Header {
         }
         let (version, sh_degree, fractional_bits) = (word(bytes, 4), bytes[12], bytes[13]);
         if !(2..=4).contains(&version) {
-            return Err(gaussians::refusal(&source.path, &format!("SPZ version {version}")));
+            return Err(format::refusal(&source.path, &format!("SPZ version {version}")));
         }
         if sh_degree > 3 || fractional_bits > 24 {
             let reason = format!(
