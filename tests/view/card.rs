@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::color::{linear_from_srgb, srgb_from_linear},
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{DisplayMode, Headless, HeadlessOptions, VertexLayout};
+use trisplat_view::{DisplayMode, FrameParams, Headless, VertexLayout};
 
 /// A card, or `None` after saying loudly that there is none.
 pub(super) fn card() -> Option<Headless> {
@@ -140,8 +140,8 @@ fn assert_agrees(name: &str, got: &RgbImage, faces: &[usize], wants: &RgbImage) 
     }
 }
 
-fn options() -> HeadlessOptions {
-    HeadlessOptions { background: BACKGROUND, near: NEAR, ..HeadlessOptions::default() }
+fn params(camera: &Camera) -> FrameParams {
+    FrameParams { background: BACKGROUND, near: NEAR, ..FrameParams::new(camera) }
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn every_layout_draws_what_rays_meet() {
         let asset = asset(mesh);
         for &layout in layouts {
             let model = card.upload(&asset, Some(layout)).unwrap();
-            let (got, drawn) = card.render(&model, &camera, &options()).unwrap();
+            let (got, drawn) = card.render(&model, &params(&camera)).unwrap();
             assert_eq!(drawn.triangles, asset.mesh.face_count() as u64);
             assert_agrees(&format!("{layout:?}"), &got, &ids, &wants);
         }
@@ -198,8 +198,8 @@ fn multisampling_comes_nearer_to_the_average() {
     let asset = asset(triangles(120, 5));
     let model = card.upload(&asset, None).unwrap();
     let mut draw = |side, msaa| {
-        let options = HeadlessOptions { msaa, ..options() };
-        card.render(&model, &camera().resized(SIZE * side), &options).unwrap().0
+        let params = FrameParams { msaa, ..params(&camera().resized(SIZE * side)) };
+        card.render(&model, &params).unwrap().0
     };
     let (truth, one, four) = (averaged(&draw(8, 1), 8), draw(1, 1), draw(1, 4));
     let error = |p: &RgbImage| -> u64 {
@@ -222,10 +222,10 @@ fn culling_chunks_does_not_change_the_picture() {
     let whole = asset(chunked.mesh.clone());
     for layout in [VertexLayout::Corner, VertexLayout::Face] {
         let model = card.upload(&chunked, Some(layout)).unwrap();
-        let (few, drawn) = card.render(&model, &camera, &options()).unwrap();
+        let (few, drawn) = card.render(&model, &params(&camera)).unwrap();
         assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
         let model = card.upload(&whole, Some(layout)).unwrap();
-        let (all, _) = card.render(&model, &camera, &options()).unwrap();
+        let (all, _) = card.render(&model, &params(&camera)).unwrap();
         let differ = few.rgb.iter().zip(&all.rgb).filter(|(a, b)| off(**a, **b) > 1).count();
         assert_eq!(differ, 0, "{layout:?}");
     }
@@ -245,9 +245,8 @@ fn normals_face_the_viewer() {
     let camera = Camera { rotation, translation, focal: Vec2::splat(40.0), center: Vec2::splat(20.0), size };
     for layout in [VertexLayout::Corner, VertexLayout::Face] {
         let model = card.upload(&asset(mesh.clone()), Some(layout)).unwrap();
-        let (got, _) = card
-            .render(&model, &camera, &HeadlessOptions { display: DisplayMode::Normals, ..options() })
-            .unwrap();
+        let (got, _) =
+            card.render(&model, &FrameParams { display: DisplayMode::Normals, ..params(&camera) }).unwrap();
         let at = |x: usize, y: usize| got.rgb[y * 40 + x];
         assert!(off(at(17, 8), [128, 128, 255]) <= 1, "{:?}", at(17, 8));
         assert!(off(at(23, 8), [218, 128, 218]) <= 1, "{:?}", at(23, 8));
@@ -262,10 +261,10 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
     assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
     let model = card.upload(&asset(triangles(3, 1)), None).unwrap();
     let huge = camera().resized(UVec2::new(60_000, 10));
-    let said = card.render(&model, &huge, &options()).unwrap_err().to_string();
+    let said = card.render(&model, &params(&huge)).unwrap_err().to_string();
     assert!(said.contains("60000x10") && said.contains(&card.gpu.info.name), "{said}");
     card.gpu.device.destroy();
-    let said = card.render(&model, &camera(), &options()).unwrap_err().to_string();
+    let said = card.render(&model, &params(&camera())).unwrap_err().to_string();
     assert!(said.starts_with("gpu: "), "{said}");
 }
 
@@ -273,7 +272,7 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
 fn nothing_to_draw_is_background() {
     let Some(mut card) = card() else { return };
     let model = card.upload(&Asset::default(), None).unwrap();
-    let (got, drawn) = card.render(&model, &camera(), &options()).unwrap();
+    let (got, drawn) = card.render(&model, &params(&camera())).unwrap();
     assert_eq!((drawn.triangles, drawn.draws), (0, 0));
     assert!(got.rgb.iter().all(|p| *p == [51, 102, 153]));
 }

@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::metric,
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{DisplayMode, HeadlessOptions, VertexLayout};
+use trisplat_view::{DisplayMode, FrameParams, VertexLayout};
 
 const ACROSS: u32 = 6;
 
@@ -68,9 +68,11 @@ fn asset(mesh: Mesh, chunks: u32) -> Asset {
 #[test]
 fn textures_are_drawn_as_render_draws_them() {
     let Some(mut card) = card() else { return };
-    let (wall, whole) = (wall(), asset(wall(), 4));
+    let (mut wall, whole) = (wall(), asset(wall(), 4));
     let model = card.upload(&whole, None).unwrap();
     assert_eq!(model.layout, VertexLayout::Texture);
+    // The card has one picture of all pages.
+    wall.texture = wall.texture.map(|texture| texture.joined());
     let texels: usize = wall
         .texture
         .iter()
@@ -83,8 +85,7 @@ fn textures_are_drawn_as_render_draws_them() {
     // Close, as photos are, and far away, where levels are mixed.
     for distance in [0.6, 1.0, 3.0, 8.0] {
         let camera = camera(distance);
-        let options = HeadlessOptions { near: 0.01, ..HeadlessOptions::default() };
-        let (got, _) = card.render(&model, &camera, &options).unwrap();
+        let (got, _) = card.render(&model, &FrameParams::new(&camera)).unwrap();
         let cpu = SolidRasterOptions { samples: 1, near: 0.01, ..SolidRasterOptions::default() };
         let wants = SolidRasterizer::new().render(&wall, &camera, &cpu);
         let psnr = metric::psnr(&got.rgb, &wants.rgb, None);
@@ -105,22 +106,19 @@ fn normals_of_textured_triangles_are_drawn_and_corners_at_one_vertex_have_their_
     let (wall, whole) = (wall(), asset(wall(), 4));
     let model = card.upload(&whole, None).unwrap();
     let camera = camera(1.0);
-    let options = HeadlessOptions { display: DisplayMode::Normals, near: 0.01, ..HeadlessOptions::default() };
-    let (textured, _) = card.render(&model, &camera, &options).unwrap();
+    let params = FrameParams { display: DisplayMode::Normals, ..FrameParams::new(&camera) };
+    let (textured, _) = card.render(&model, &params).unwrap();
     let mut plain = whole.clone();
     plain.mesh.texture = None;
     let plain = card.upload(&plain, None).unwrap();
-    let (plain, _) = card.render(&plain, &camera, &options).unwrap();
+    let (plain, _) = card.render(&plain, &params).unwrap();
     assert!(textured == plain, "normals do not depend on colours");
     // With indices, corners at one vertex have places of their own.
     let mut indexed = wall.clone();
     indexed.indices = (0..indexed.positions.len() as u32).collect();
     indexed.colors = Colors::Vertex(vec![[0.2; 3]; indexed.positions.len()]);
     let indexed = card.upload(&asset(indexed, 1), None).unwrap();
-    let options = HeadlessOptions { near: 0.01, ..HeadlessOptions::default() };
-    assert!(
-        card.render(&indexed, &camera, &options).unwrap().0
-            == card.render(&model, &camera, &options).unwrap().0
-    );
+    let params = FrameParams::new(&camera);
+    assert!(card.render(&indexed, &params).unwrap().0 == card.render(&model, &params).unwrap().0);
     assert!(card.upload(&whole, Some(VertexLayout::Corner)).is_err());
 }

@@ -283,9 +283,9 @@ fn a_window_at_rest_draws_nothing() {
     };
     // What the first pictures need is made once.
     wait_for("rest", || (spent(&desk) <= 2).then_some(()));
-    // The box before "draw continuously", in the panel.
-    desk.xdotool("mousemove 15 169 click 1");
+    desk.xdotool("keydown w");
     wait_for("motion", || (spent(&desk) >= 20).then_some(()));
+    desk.xdotool("keyup w");
     assert_eq!(desk.close(), Some(0));
 }
 

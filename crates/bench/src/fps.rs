@@ -18,7 +18,7 @@ use trisplat_scene::{
     Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh,
     process,
 };
-use trisplat_view::{Canvas, DisplayMode, DrawStats, FrameParams, Headless, HeadlessOptions, Model};
+use trisplat_view::{Canvas, DrawStats, FrameParams, Headless, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.
 const BACKGROUND: [f32; 3] = [1.0, 0.0, 1.0];
@@ -173,8 +173,7 @@ fn measure(
 ) -> Result<FpsRow> {
     let path: Vec<Camera> = flythrough.path.iter().map(|camera| fitted(camera, size)).collect();
     let first = path.first().ok_or_else(|| Error::invalid("FILE", "empty", "triangles to draw"))?;
-    let options = HeadlessOptions { background: BACKGROUND, near: NEAR, ..HeadlessOptions::default() };
-    let (picture, _) = card.render(model, first, &options)?;
+    let (picture, _) = card.render(model, &params(first))?;
     let psnr = check(&picture, &flythrough.asset.mesh, first)?;
     let cost = time(args, card, model, &path)?;
     Ok(FpsRow {
@@ -237,8 +236,7 @@ fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> 
 }
 
 fn params(camera: &Camera) -> FrameParams {
-    let (display, background) = (DisplayMode::Color, BACKGROUND);
-    FrameParams { camera: *camera, near: NEAR, background, display, wireframe: false }
+    FrameParams { near: NEAR, background: BACKGROUND, ..FrameParams::new(camera) }
 }
 
 /// Compares a frame with what the solid rasteriser on the CPU draws, dB.

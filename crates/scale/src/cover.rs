@@ -1,14 +1,16 @@
 //! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped to the part that shows it.
 
 use super::manifest::{Block, BlockPhoto};
-use super::options::PlanOptions;
 use super::region::{Region, middle};
+use crate::manifest::PlanOptions;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::Range;
 use trisplat_dataset::View;
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Error, Result, SceneNormalization, Soup, camera::Camera, sh0_from_rgb};
+use trisplat_scene::{
+    Error, Result, SceneNormalization, Soup, camera::Camera, math::curve::along_curve, sh0_from_rgb,
+};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;
@@ -260,8 +262,7 @@ struct Cells {
 impl Cells {
     /// Of a soup that is changed before it is drawn; `middles` are those of its triangles.
     fn new(soup: &Soup, middles: &[Vec3], change: impl FnOnce(&mut Soup)) -> Self {
-        let mut numbers: Vec<u32> = (0..soup.len() as u32).collect();
-        halve(middles, &mut numbers);
+        let numbers = along_curve(&middles.iter().map(|middle| middle.as_dvec3()).collect::<Vec<_>>());
         let order: Vec<usize> = numbers.iter().map(|i| *i as usize).collect();
         let mut soup = soup.picked(&order);
         change(&mut soup);
@@ -293,22 +294,6 @@ impl Cells {
         }
         runs
     }
-}
-
-/// Puts neighbours beside each other: in halves across the longest extent, again and again. Halves are whole cells.
-fn halve(middles: &[Vec3], numbers: &mut [u32]) {
-    if numbers.len() <= CELL {
-        return;
-    }
-    let at = |i: &u32| middles[*i as usize];
-    let low = numbers.iter().map(at).fold(Vec3::INFINITY, Vec3::min);
-    let high = numbers.iter().map(at).fold(Vec3::NEG_INFINITY, Vec3::max);
-    let axis = (high - low).max_position();
-    let half = (numbers.len() / 2).next_multiple_of(CELL);
-    // Equal ones by their number: the order of the scene decides nothing else.
-    numbers.select_nth_unstable_by(half, |a, b| at(a)[axis].total_cmp(&at(b)[axis]).then(a.cmp(b)));
-    let (below, above) = numbers.split_at_mut(half);
-    rayon::join(|| halve(middles, below), || halve(middles, above));
 }
 
 /// The five sides of what a camera sees: their normals in its space, inwards, and for a box of the world how far it reaches along each.

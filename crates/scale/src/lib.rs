@@ -16,16 +16,14 @@
 mod cover;
 mod manifest;
 mod merge;
-mod options;
 mod plan;
 mod region;
 mod source;
 mod task;
-mod tileset;
 
+pub use manifest::PlanOptions;
 pub use manifest::{Expected, Manifest, NAME};
 pub use merge::Blocks;
-pub use options::PlanOptions;
+pub use merge::bake_tiles;
 pub use plan::{Planner, check, find_coarse, keep_coarse};
 pub use task::{Task, status, unnamed};
-pub use tileset::bake_tiles;

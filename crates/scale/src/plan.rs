@@ -2,9 +2,9 @@
 
 use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto};
-use super::options::PlanOptions;
 use super::region::{Region, Surroundings, cut, extent};
 use super::source::{self, Source, digits, hash_of, hash_of_file};
+use crate::manifest::PlanOptions;
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};

@@ -190,6 +190,16 @@ impl Viewpoint {
         placed && opens && bounded && self.camera(UVec2::ONE).rotation.is_finite()
     }
 
+    /// The turn and elevation of an offset from the target, rad: 0 is the turn of the eye, and more is counter-clockwise seen
+    /// from above. `None` for an eye right above the target.
+    pub fn direction(&self, offset: DVec3) -> Option<[f64; 2]> {
+        let up = DVec3::from(self.up);
+        let start = (DVec3::from(self.eye) - DVec3::from(self.target)).reject_from(up).try_normalize()?;
+        let turn = libm::atan2(offset.dot(up.cross(start)), offset.dot(start));
+        let elevation = libm::asin(offset.try_normalize()?.dot(up).clamp(-1.0, 1.0));
+        (turn.is_finite() && elevation.is_finite()).then_some([turn, elevation])
+    }
+
     /// Distance from the viewer to the target.
     pub fn distance(&self) -> f32 {
         DVec3::from(self.eye).distance(DVec3::from(self.target)) as f32

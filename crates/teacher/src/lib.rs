@@ -5,14 +5,13 @@
 //!
 //! In: a soft scene, or Gaussians. Out: viewpoints around and inside it, and pictures from there.
 
-mod dataset;
 mod drawing;
 mod gaussians;
 mod splat_views;
 mod survey;
 mod viewpoints;
 
-pub use dataset::{beside, dataset, drawn_beside, drawn_for};
 pub use drawing::{Background, Teacher};
+pub use drawing::{beside, dataset, drawn_beside, drawn_for};
 pub use gaussians::GaussianTeacher;
 pub use viewpoints::{ViewpointKind, Viewpoints, between};

@@ -1,34 +1,15 @@
 //! Pictures drawn on a graphics card without a window or a display.
 
-use super::layout::VertexLayout;
 use super::model::Model;
-use super::renderer::{Attachments, DisplayMode, DrawStats, FrameOutput, FrameParams, Renderer, texture};
+use super::renderer::{Attachments, DrawStats, FrameOutput, FrameParams, Renderer, texture};
+use crate::model::VertexLayout;
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
-use trisplat_scene::{Asset, Error, Result, camera::Camera, image::RgbImage};
+use trisplat_scene::{Asset, Error, Result, image::RgbImage};
 use wgpu::*;
 
 /// The format of pictures: four bytes per pixel, sRGB-encoded by the card.
 pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
-
-/// How a picture is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HeadlessOptions {
-    /// sRGB-encoded background colour.
-    pub background: [f32; 3],
-    /// The card's multisampling: 1 or 4 samples per pixel at edges.
-    pub msaa: u32,
-    /// Least depth that is drawn, world units.
-    pub near: f32,
-    /// What the triangles show.
-    pub display: DisplayMode,
-}
-
-impl Default for HeadlessOptions {
-    fn default() -> Self {
-        Self { background: [0.0; 3], msaa: 1, near: 0.01, display: DisplayMode::Color }
-    }
-}
 
 /// Draws to memory.
 #[derive(Debug)]
@@ -51,29 +32,17 @@ impl Headless {
         self.renderer.upload(&self.gpu, asset, layout)
     }
 
-    /// The picture of `model` by `camera`.
+    /// The picture of `model`.
     ///
     /// Errors: a picture larger than the card draws, no memory, the card is lost.
-    pub fn render(
-        &mut self,
-        model: &Model,
-        camera: &Camera,
-        options: &HeadlessOptions,
-    ) -> Result<(RgbImage, DrawStats)> {
-        camera.validate(&trisplat_scene::Limits::DEFAULT)?;
-        if ![1, 4].contains(&options.msaa) {
-            return Err(Error::invalid("msaa", options.msaa, "1 or 4"));
+    pub fn render(&mut self, model: &Model, params: &FrameParams) -> Result<(RgbImage, DrawStats)> {
+        params.camera.validate(&trisplat_scene::Limits::DEFAULT)?;
+        if ![1, 4].contains(&params.msaa) {
+            return Err(Error::invalid("msaa", params.msaa, "1 or 4"));
         }
-        let canvas = Canvas::new(&self.gpu, camera.size, options.msaa)?;
-        let params = FrameParams {
-            camera: *camera,
-            near: options.near,
-            background: options.background,
-            display: options.display,
-            wireframe: false,
-        };
+        let canvas = Canvas::new(&self.gpu, params.camera.size, params.msaa)?;
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        let stats = canvas.draw(&self.gpu, &mut self.renderer, &mut encoder, model, &params, None)?;
+        let stats = self.draw(&mut encoder, &canvas, model, params, None)?;
         self.gpu.queue.submit([encoder.finish()]);
         Ok((canvas.pixels(&self.gpu)?, stats))
     }
@@ -87,7 +56,7 @@ impl Headless {
         params: &FrameParams,
         timestamps: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<DrawStats> {
-        canvas.draw(&self.gpu, &mut self.renderer, encoder, model, params, timestamps)
+        self.renderer.draw(&self.gpu, encoder, canvas.output(timestamps), model, params)
     }
 }
 
@@ -110,18 +79,9 @@ impl Canvas {
         Ok(Self { picture, view, attachments })
     }
 
-    /// Records one frame.
-    pub(crate) fn draw(
-        &self,
-        gpu: &Gpu,
-        renderer: &mut Renderer,
-        encoder: &mut CommandEncoder,
-        model: &Model,
-        params: &FrameParams,
-        timestamps: Option<RenderPassTimestampWrites<'_>>,
-    ) -> Result<DrawStats> {
-        let output = FrameOutput { picture: &self.view, attachments: &self.attachments, timestamps };
-        renderer.draw(gpu, encoder, output, model, params)
+    /// Where a frame goes.
+    pub(crate) fn output<'a>(&'a self, timestamps: Option<RenderPassTimestampWrites<'a>>) -> FrameOutput<'a> {
+        FrameOutput { picture: &self.view, attachments: &self.attachments, timestamps }
     }
 
     /// The last drawn picture.

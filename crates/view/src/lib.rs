@@ -5,7 +5,6 @@
 #[cfg(feature = "gpu")]
 mod headless;
 #[cfg(feature = "gpu")]
-mod layout;
 #[cfg(feature = "gpu")]
 mod model;
 #[cfg(feature = "gpu")]
@@ -15,10 +14,10 @@ pub mod show;
 pub mod window;
 
 #[cfg(feature = "gpu")]
-pub use headless::{Canvas, Headless, HeadlessOptions};
-#[cfg(feature = "gpu")]
-pub use layout::VertexLayout;
+pub use headless::{Canvas, Headless};
 #[cfg(feature = "gpu")]
 pub use model::Model;
+#[cfg(feature = "gpu")]
+pub use model::VertexLayout;
 #[cfg(feature = "gpu")]
 pub use renderer::{DisplayMode, DrawStats, FrameParams};

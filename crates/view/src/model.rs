@@ -1,14 +1,12 @@
 //! An asset in GPU memory.
 
-use super::layout::{self, Aabb, CornerVertex, Frustum, TextureVertex, VertexLayout};
-use glam::Vec3;
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, DVec4, Vec3};
 use std::ops::Range;
 use trisplat_gpu::{Gpu, buffer};
-use trisplat_scene::{
-    Asset, Chunk, Error, FaceTexture, Result, Texture,
-    camera::Camera,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Asset, Chunk, Error, FaceTexture, Result, Texture, parallel};
 use wgpu::*;
 
 /// An asset in GPU memory.
@@ -24,7 +22,7 @@ pub struct Model {
     indices: Option<Buffer>,
     /// Face colours.
     faces: Option<BindGroup>,
-    pages: Option<Pages>,
+    page: Option<BindGroup>,
 }
 
 /// The layouts of the bind groups that models have.
@@ -32,12 +30,9 @@ pub struct Model {
 pub(crate) struct ModelGroups {
     /// Face colours.
     pub(crate) faces: BindGroupLayout,
-    /// A page of a texture.
+    /// The texture.
     pub(crate) page: BindGroupLayout,
 }
-
-/// One draw call: a run of faces, and the chunk that it (or its first face) is in.
-pub(crate) type DrawCall = (Range<u32>, u32);
 
 impl Model {
     /// Uploads the faces of `asset`.
@@ -56,27 +51,24 @@ impl Model {
                 "texture for a textured mesh, corner for another with indices or one colour per vertex";
             return Err(Error::invalid("layout", format!("{layout:?}"), wants));
         }
-        let mut chunks = layout::bounds(asset);
-        let mut pages = None;
-        if let Some(texture) = mesh.texture.as_ref().filter(|_| layout == VertexLayout::Texture) {
-            chunks = runs(mesh, texture, chunks);
-            pages = Some(Pages::upload(gpu, &groups.page, texture, &chunks)?);
-        }
-        let indexed = !mesh.indices.is_empty() && pages.is_none();
+        // One picture, also of a file with several.
+        let texture = mesh.texture.as_ref().map(FaceTexture::joined);
+        let indexed = !mesh.indices.is_empty() && texture.is_none();
         let vertices = match layout {
             VertexLayout::Corner => corners(gpu, mesh)?,
             VertexLayout::Face => {
                 let at = |v: usize| mesh.positions[v].to_array();
                 buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
             }
-            VertexLayout::Texture => texture_corners(gpu, mesh)?,
+            VertexLayout::Texture => texture_corners(gpu, mesh, texture.as_ref())?,
         };
         let usage = BufferUsages::INDEX;
         let index = |i: usize| mesh.indices[i];
         let indices =
             indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
-        bytes += pages.as_ref().map_or(0, |pages| pages.bytes);
+        let page = texture.map(|texture| page_group(gpu, &groups.page, &texture.pages[0])).transpose()?;
+        bytes += page.as_ref().map_or(0, |(_, size)| *size);
         let faces = match &mesh.colors {
             Colors::Face(colors) if layout == VertexLayout::Face => {
                 let (group, size) = face_group(gpu, &groups.faces, colors)?;
@@ -85,7 +77,8 @@ impl Model {
             }
             _ => None,
         };
-        Ok(Self { layout, bytes, chunks, vertices, indices, faces, pages })
+        let page = page.map(|(group, _)| group);
+        Ok(Self { layout, bytes, chunks: bounds(asset), vertices, indices, faces, page })
     }
 
     /// Number of triangles.
@@ -93,42 +86,34 @@ impl Model {
         self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
     }
 
-    /// The draw calls for the view of `camera`.
-    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32) -> Vec<DrawCall> {
+    /// The draw calls for the view of `camera`: runs of faces.
+    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32) -> Vec<Range<u32>> {
         let frustum = Frustum::new(camera, near);
-        let mut draws: Vec<DrawCall> = Vec::new();
-        for (i, (chunk, bounds)) in self.chunks.iter().enumerate() {
+        let mut draws: Vec<Range<u32>> = Vec::new();
+        for (chunk, bounds) in &self.chunks {
             if chunk.count == 0 || !frustum.sees(bounds) {
                 continue;
             }
             let faces = chunk.first..chunk.first + chunk.count;
             match draws.last_mut() {
-                Some((run, last)) if run.end == faces.start && self.page(*last) == self.page(i as u32) => {
-                    run.end = faces.end;
-                }
-                _ => draws.push((faces, i as u32)),
+                Some(run) if run.end == faces.start => run.end = faces.end,
+                _ => draws.push(faces),
             }
         }
         draws
     }
 
-    /// The page that a chunk is on.
-    fn page(&self, chunk: u32) -> u16 {
-        self.pages.as_ref().map_or(0, |pages| pages.page(chunk))
-    }
-
     /// Draws with a pipeline of this model's layout; returns the number of triangles.
-    pub(crate) fn draw(&self, pass: &mut RenderPass<'_>, draws: &[DrawCall]) -> u64 {
+    pub(crate) fn draw(&self, pass: &mut RenderPass<'_>, draws: &[Range<u32>]) -> u64 {
         self.bind(pass);
-        for (faces, chunk) in draws {
+        for faces in draws {
             let corners = 3 * faces.start..3 * faces.end;
-            self.pages.iter().for_each(|pages| pages.bind(pass, *chunk));
             match &self.indices {
                 Some(_) => pass.draw_indexed(corners, 0, 0..1),
                 None => pass.draw(corners, 0..1),
             }
         }
-        draws.iter().map(|(faces, _)| u64::from(faces.end - faces.start)).sum()
+        draws.iter().map(|faces| u64::from(faces.end - faces.start)).sum()
     }
 
     fn bind(&self, pass: &mut RenderPass<'_>) {
@@ -136,18 +121,16 @@ impl Model {
         if let Some(indices) = &self.indices {
             pass.set_index_buffer(indices.slice(..), IndexFormat::Uint32);
         }
-        if let Some(faces) = &self.faces {
-            pass.set_bind_group(1, faces, &[]);
+        if let Some(group) = self.faces.as_ref().or(self.page.as_ref()) {
+            pass.set_bind_group(1, group, &[]);
         }
     }
 }
 
 /// Position and colour of every vertex, or of every corner with one colour per face.
 fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
-    let corner = |position: Vec3, linear| CornerVertex {
-        position: position.to_array(),
-        color: layout::pack_color(linear),
-    };
+    let corner =
+        |position: Vec3, linear| CornerVertex { position: position.to_array(), color: pack_color(linear) };
     let usage = BufferUsages::VERTEX;
     match &mesh.colors {
         Colors::Vertex(colors) => buffer::filled(gpu, "corners", usage, mesh.vertex_count(), |v| {
@@ -166,8 +149,8 @@ fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
 }
 
 /// Position and place on the picture of every corner.
-fn texture_corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
-    let uvs = mesh.texture.as_ref().map_or(&[][..], |texture| texture.uvs.as_flattened());
+fn texture_corners(gpu: &Gpu, mesh: &Mesh, texture: Option<&FaceTexture>) -> Result<Buffer> {
+    let uvs = texture.map_or(&[][..], |texture| texture.uvs.as_flattened());
     buffer::filled(gpu, "corners", BufferUsages::VERTEX, uvs.len(), |corner| TextureVertex {
         position: mesh.positions[mesh.face(corner / 3)[corner % 3] as usize].to_array(),
         uv: uvs[corner].to_array(),
@@ -177,7 +160,7 @@ fn texture_corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
 /// The bind group of face colours, and its bytes.
 fn face_group(gpu: &Gpu, groups: &BindGroupLayout, colors: &[[f32; 3]]) -> Result<(BindGroup, u64)> {
     let usage = BufferUsages::STORAGE;
-    let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| layout::pack_color(colors[f]))?;
+    let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| pack_color(colors[f]))?;
     let group = gpu.device.create_bind_group(&BindGroupDescriptor {
         label: Some("faces"),
         layout: groups,
@@ -189,18 +172,7 @@ fn face_group(gpu: &Gpu, groups: &BindGroupLayout, colors: &[[f32; 3]]) -> Resul
 /// Bytes of a texel.
 const TEXEL: u32 = 4;
 
-/// The bind group of each page, and the page of each chunk.
-#[derive(Debug)]
-struct Pages {
-    /// `[pages]`
-    groups: Vec<BindGroup>,
-    /// `[chunks]`
-    page_of: Vec<u16>,
-    /// Bytes of GPU memory.
-    bytes: u64,
-}
-
-/// Layout of the bind group of a page.
+/// Layout of the bind group of a texture.
 pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
     let entry =
         |binding, ty| BindGroupLayoutEntry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None };
@@ -216,71 +188,27 @@ pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
     })
 }
 
-impl Pages {
-    /// Uploads the pages of `texture`, for chunks that [`runs`] made.
-    ///
-    /// Errors: the card has no room.
-    fn upload(
-        gpu: &Gpu,
-        layout: &BindGroupLayout,
-        texture: &FaceTexture,
-        chunks: &[(Chunk, Aabb)],
-    ) -> Result<Self> {
-        let sampler = gpu.device.create_sampler(&SamplerDescriptor {
-            label: Some("trilinear"),
-            mag_filter: FilterMode::Linear,
-            min_filter: FilterMode::Linear,
-            mipmap_filter: MipmapFilterMode::Linear,
-            ..SamplerDescriptor::default()
-        });
-        let (mut groups, mut bytes) = (Vec::with_capacity(texture.pages.len()), 0);
-        for page in &texture.pages {
-            let (view, size) = picture(gpu, page)?;
-            bytes += size;
-            groups.push(gpu.device.create_bind_group(&BindGroupDescriptor {
-                label: Some("page"),
-                layout,
-                entries: &[
-                    BindGroupEntry { binding: 2, resource: BindingResource::TextureView(&view) },
-                    BindGroupEntry { binding: 3, resource: BindingResource::Sampler(&sampler) },
-                ],
-            }));
-        }
-        let page_of = chunks.iter().map(|(chunk, _)| texture.page(chunk.first as usize) as u16).collect();
-        Ok(Self { groups, page_of, bytes })
-    }
-
-    /// Number of a chunk's page.
-    fn page(&self, chunk: u32) -> u16 {
-        self.page_of.get(chunk as usize).copied().unwrap_or(0)
-    }
-
-    /// Binds the page of a chunk.
-    fn bind(&self, pass: &mut RenderPass<'_>, chunk: u32) {
-        if let Some(group) = self.groups.get(usize::from(self.page(chunk))) {
-            pass.set_bind_group(1, group, &[]);
-        }
-    }
-}
-
-/// Chunks cut where the page changes.
-fn runs(mesh: &Mesh, texture: &FaceTexture, chunks: Vec<(Chunk, Aabb)>) -> Vec<(Chunk, Aabb)> {
-    if texture.pages.len() < 2 {
-        return chunks;
-    }
-    let mut cut = Vec::with_capacity(chunks.len());
-    for (chunk, bounds) in chunks {
-        let mut first = chunk.first;
-        let end = chunk.first + chunk.count;
-        for face in first + 1..=end {
-            if face == end || texture.page(face as usize) != texture.page(first as usize) {
-                let run = Chunk { first, count: face - first };
-                cut.push((run, if run == chunk { bounds } else { Aabb::of(mesh, &run) }));
-                first = face;
-            }
-        }
-    }
-    cut
+/// The bind group of a texture, and its bytes.
+///
+/// Errors: the card has no room.
+fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(BindGroup, u64)> {
+    let sampler = gpu.device.create_sampler(&SamplerDescriptor {
+        label: Some("trilinear"),
+        mag_filter: FilterMode::Linear,
+        min_filter: FilterMode::Linear,
+        mipmap_filter: MipmapFilterMode::Linear,
+        ..SamplerDescriptor::default()
+    });
+    let (view, bytes) = picture(gpu, page)?;
+    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
+        label: Some("page"),
+        layout,
+        entries: &[
+            BindGroupEntry { binding: 2, resource: BindingResource::TextureView(&view) },
+            BindGroupEntry { binding: 3, resource: BindingResource::Sampler(&sampler) },
+        ],
+    });
+    Ok((group, bytes))
 }
 
 /// A page with its mip levels, and its bytes. Of one that is larger than the card's textures, the levels that fit.
@@ -324,4 +252,188 @@ fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
     }
     gpu.check()?;
     Ok((texture.create_view(&TextureViewDescriptor::default()), bytes))
+}
+
+// ---- How vertices are stored in GPU memory; boxes of chunks, and their culling -----------------------
+
+/// How vertices are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum VertexLayout {
+    /// Position and colour per corner: for indexed and vertex-coloured meshes.
+    Corner,
+    /// Position per corner, colour per face.
+    Face,
+    /// Position and place on the picture per corner: for textured meshes, and only for these.
+    Texture,
+}
+
+impl VertexLayout {
+    /// The smallest layout that stores every position exactly.
+    pub fn exact(mesh: &Mesh) -> Self {
+        let kinds = [VertexLayout::Texture, VertexLayout::Face];
+        kinds.into_iter().find(|layout| layout.fits(mesh)).unwrap_or(VertexLayout::Corner)
+    }
+
+    /// Whether a mesh can be stored this way.
+    pub fn fits(self, mesh: &Mesh) -> bool {
+        match self {
+            VertexLayout::Texture => mesh.texture.is_some(),
+            VertexLayout::Corner => mesh.texture.is_none(),
+            VertexLayout::Face => {
+                mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
+            }
+        }
+    }
+}
+
+/// A corner of the layout [`VertexLayout::Corner`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct CornerVertex {
+    /// World position.
+    pub position: [f32; 3],
+    /// See [`pack_color`].
+    pub color: u32,
+}
+
+/// A corner of the layout [`VertexLayout::Texture`].
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct TextureVertex {
+    /// World position.
+    pub position: [f32; 3],
+    /// Place on the page: (0, 0) is the upper left corner.
+    pub uv: [f32; 2],
+}
+
+/// Linear light to 10 bits per channel, red lowest, stored as the square root.
+pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
+    let [r, g, b] = linear.map(|c| (c.clamp(0.0, 1.0).sqrt() * 1023.0 + 0.5) as u32);
+    r | g << 10 | b << 20
+}
+
+/// An axis-aligned bounding box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Least coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// The empty box.
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The box around both.
+    pub fn union(self, other: Self) -> Self {
+        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The box around the corners of a run of faces.
+    pub fn of(mesh: &Mesh, chunk: &Chunk) -> Self {
+        let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
+        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(Aabb { min: v, max: v }))
+    }
+}
+
+/// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
+pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
+    let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
+    let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
+    parallel::map(chunks, |_, chunk| (*chunk, Aabb::of(&asset.mesh, chunk)))
+}
+
+/// The view pyramid of a camera, cut off at the near plane.
+#[derive(Debug, Clone)]
+pub(crate) struct Frustum {
+    /// Inside: `plane.xyz · p + plane.w >= 0`.
+    planes: [DVec4; 5],
+}
+
+impl Frustum {
+    /// The view of `camera` beyond `near`.
+    pub(crate) fn new(camera: &Camera, near: f32) -> Self {
+        let axis = |row: usize| camera.rotation.row(row).as_dvec3().extend(camera.translation[row].into());
+        let (x, y, z) = (axis(0), axis(1), axis(2));
+        let (focal, center, size) =
+            (camera.focal.as_dvec2(), camera.center.as_dvec2(), camera.size.as_dvec2());
+        // 0 <= focal x / z + center <= size, times z.
+        let planes = [
+            x * focal.x + z * center.x,
+            z * (size.x - center.x) - x * focal.x,
+            y * focal.y + z * center.y,
+            z * (size.y - center.y) - y * focal.y,
+            z - DVec4::W * f64::from(near),
+        ];
+        Self { planes }
+    }
+
+    /// False only when the box is outside the view.
+    pub(crate) fn sees(&self, bounds: &Aabb) -> bool {
+        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+        self.planes.iter().all(|plane| {
+            let normal = plane.truncate();
+            let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), max, min);
+            // A box that touches the plane is kept, despite rounding.
+            let slack = 1e-6 * (normal.abs().dot(farthest.abs()) + plane.w.abs());
+            normal.dot(farthest) + plane.w >= -slack
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat3, UVec2, Vec2};
+    use trisplat_scene::Rng;
+    use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
+
+    #[test]
+    fn ten_bits_of_square_root_keep_every_8_bit_colour() {
+        for code in 0..=255u32 {
+            let linear = linear_from_srgb(code as f32 / 255.0);
+            let bits = pack_color([linear, 0.0, linear]);
+            assert_eq!(bits & 1023, bits >> 20);
+            let root = (bits & 1023) as f32 / 1023.0;
+            let off = srgb_from_linear(root * root) * 255.0 - code as f32;
+            assert!(off.abs() < 0.2, "code {code} moved by {off}");
+        }
+        assert_eq!(pack_color([2.0, -1.0, f32::NAN]), 1023);
+    }
+
+    #[test]
+    fn no_box_with_a_visible_point_is_left_out() {
+        let rng = Rng::new(5, "cull", 0);
+        let draw = |i: u64, scale: f32| (rng.uniform_f64(i) as f32 - 0.5) * scale;
+        let vec = |i: u64, scale: f32| Vec3::new(draw(i, scale), draw(i + 1, scale), draw(i + 2, scale));
+        let base = Camera {
+            rotation: Mat3::IDENTITY,
+            translation: Vec3::ZERO,
+            focal: Vec2::new(300.0, 310.0),
+            center: Vec2::new(220.0, 100.0),
+            size: UVec2::new(400, 260),
+        };
+        let (mut kept, mut dropped) = (0, 0);
+        for k in 0..4000 {
+            let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
+            let frustum = Frustum::new(&camera, 0.1);
+            let (a, b) = (vec(k * 100 + 6, 6.0), vec(k * 100 + 9, 1.0));
+            let bounds = Aabb { min: a.min(a + b), max: a.max(a + b) };
+            let visible = (0..27u32).any(|i| {
+                let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) / 2.0;
+                let seen =
+                    camera.rotation * (bounds.min + at * (bounds.max - bounds.min)) + camera.translation;
+                let pixel = seen.truncate() / seen.z * camera.focal + camera.center;
+                seen.z >= 0.1 && pixel.cmpge(Vec2::ZERO).all() && pixel.cmple(camera.size.as_vec2()).all()
+            });
+            let sees = frustum.sees(&bounds);
+            assert!(sees || !visible, "{bounds:?} left out");
+            kept += u32::from(sees);
+            dropped += u32::from(!sees);
+        }
+        assert!(kept > 300 && dropped > 1500, "{kept} kept, {dropped} dropped");
+        assert!(!Frustum::new(&base, 0.1).sees(&Aabb { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) }));
+    }
 }

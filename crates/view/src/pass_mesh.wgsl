@@ -1,6 +1,6 @@
 // Draws triangles as an engine does: opaque, double-sided, perspective-correct colours in linear light.
 //
-// One vertex stage per vertex layout (view/layout.rs). `_color` writes only the colour; `_display` also the
+// One vertex stage per vertex layout (view/model.rs). `_color` writes only the colour; `_display` also the
 // values of other display modes.
 
 struct Frame {

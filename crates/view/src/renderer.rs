@@ -2,8 +2,8 @@
 //! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
 //! light and sRGB-encoded when written.
 
-use super::layout::{CornerVertex, TextureVertex, VertexLayout};
 use super::model::{Model, ModelGroups, page_layout};
+use crate::model::{CornerVertex, TextureVertex, VertexLayout};
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec4, Mat4};
 use std::collections::HashMap;
@@ -24,6 +24,16 @@ pub struct FrameParams {
     pub display: DisplayMode,
     /// Edges only.
     pub wireframe: bool,
+    /// The card's multisampling: 1 or 4 samples per pixel at edges.
+    pub msaa: u32,
+}
+
+impl FrameParams {
+    /// Colours over black, one sample per pixel.
+    pub fn new(camera: &Camera) -> Self {
+        let (camera, background, display) = (*camera, [0.0; 3], DisplayMode::Color);
+        Self { camera, near: 0.01, background, display, wireframe: false, msaa: 1 }
+    }
 }
 
 /// What the triangles show.

@@ -215,10 +215,10 @@ const LEAST: usize = 3;
 /// the target, as in a room that is photographed from its middle.
 pub(super) fn orbit_range(viewpoint: &Viewpoint, cameras: &[Camera]) -> Option<OrbitRange> {
     let target = DVec3::from(viewpoint.target);
-    let here = direction(viewpoint, DVec3::from(viewpoint.eye) - target)?;
+    let here = viewpoint.direction(DVec3::from(viewpoint.eye) - target)?;
     let of_photo = |camera: &Camera| {
         let shows = camera.frames(target.as_vec3());
-        shows.then(|| direction(viewpoint, camera.position().as_dvec3() - target)).flatten()
+        shows.then(|| viewpoint.direction(camera.position().as_dvec3() - target)).flatten()
     };
     let photos: Vec<[f64; 2]> = cameras.iter().filter_map(of_photo).collect();
     if photos.len() < LEAST || 2 * photos.len() < cameras.len() {
@@ -244,17 +244,6 @@ fn turn(mut photos: Vec<f64>) -> Option<[f64; 2]> {
     let low = if low > 0.0 { low - TAU } else { low };
     let high = if high < 0.0 { high + TAU } else { high };
     (gap(widest) > GAP).then_some([low - MARGIN, high + MARGIN])
-}
-
-/// The turn and elevation of an offset from the target, rad: 0 is the turn of the eye, and more is counter-clockwise seen
-/// from above. `None` for an eye right above the target.
-fn direction(viewpoint: &Viewpoint, offset: DVec3) -> Option<[f64; 2]> {
-    let up = DVec3::from(viewpoint.up);
-    let start =
-        (DVec3::from(viewpoint.eye) - DVec3::from(viewpoint.target)).reject_from(up).try_normalize()?;
-    let turn = libm::atan2(offset.dot(up.cross(start)), offset.dot(start));
-    let elevation = libm::asin(offset.try_normalize()?.dot(up).clamp(-1.0, 1.0));
-    (turn.is_finite() && elevation.is_finite()).then_some([turn, elevation])
 }
 
 #[cfg(test)]

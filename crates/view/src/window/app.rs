@@ -95,29 +95,13 @@ impl ApplicationHandler<SceneMessage> for App {
             screen.window.request_redraw();
         }
         let result = match event {
-            WindowEvent::CloseRequested => {
-                events.exit();
-                Ok(())
-            }
+            WindowEvent::CloseRequested => return events.exit(),
             WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
             WindowEvent::RedrawRequested => self.redraw(events),
             // Keys that were held when the window got the focus are not commands.
-            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
-                self.key(events, &event);
-                Ok(())
-            }
-            WindowEvent::HoveredFile(path) => {
-                self.hovered(&path);
-                Ok(())
-            }
-            WindowEvent::DroppedFile(path) => {
-                self.dropped(&path);
-                Ok(())
-            }
-            other => {
-                self.pointer(&other, response.consumed);
-                Ok(())
-            }
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => return self.key(events, &event),
+            WindowEvent::DroppedFile(path) => return self.dropped(&path),
+            other => return self.pointer(&other, response.consumed),
         };
         if let Err(error) = result {
             self.fail(events, error);
@@ -195,15 +179,6 @@ impl App {
         }
     }
 
-    /// The effect of dropping a file, as a hint.
-    fn hovered(&mut self, path: &Path) {
-        let Some((screen, session)) = &mut self.window else { return };
-        let files = session.files.with_dropped(path);
-        let what = if files.file == session.files.file { "photos of this scene" } else { "another scene" };
-        session.notify(format!("drop to open {what}"));
-        screen.window.request_redraw();
-    }
-
     /// Loads a scene, or photos of the shown one.
     fn dropped(&mut self, path: &Path) {
         let Some((screen, session)) = &mut self.window else { return };
@@ -233,14 +208,13 @@ impl App {
         let again = screen.draw(session)?;
         self.start_work();
         let Some((screen, session)) = &self.window else { return Ok(()) };
-        if session.keys.any() || again.is_zero() {
+        let moving = session.keys.any() || again.is_zero();
+        if moving {
             screen.window.request_redraw();
-            events.set_control_flow(ControlFlow::Wait);
-        } else if again < Duration::from_secs(3600) {
-            events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + again));
-        } else {
-            events.set_control_flow(ControlFlow::Wait);
         }
+        let wakes = !moving && again < Duration::from_secs(3600);
+        let at = Instant::now().checked_add(again).filter(|_| wakes);
+        events.set_control_flow(at.map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
         Ok(())
     }
 
@@ -399,15 +373,15 @@ impl App {
         let Some(model) = session.model().cloned() else { return };
         // The current camera: the last picture may still show the one before.
         let size = screen.window.inner_size();
-        let params = session.frame_params(UVec2::new(size.width, size.height), self.options.background);
+        let params = session.frame_params(UVec2::new(size.width, size.height), &self.options);
         let folder = self.options.screenshots.clone();
         if let (true, Some((_, _, soft))) = (session.settings.soft, &session.soft) {
             let picture = soft.clone();
             sender.spawn(move || Message::Saved(scene::save(&folder, &picture)));
             return;
         }
-        let (gpu, msaa) = (screen.gpu.clone(), self.options.msaa);
-        let draw = move || scene::draw_screenshot(&gpu, &model, &params, msaa);
+        let gpu = screen.gpu.clone();
+        let draw = move || scene::draw_screenshot(&gpu, &model, &params);
         sender.spawn(move || Message::Saved(draw().and_then(|p| scene::save(&folder, &p))));
     }
 }

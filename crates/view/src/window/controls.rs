@@ -1,11 +1,11 @@
 //! The camera that the user controls: orbit around a pivot, or fly.
 
-use super::super::layout::Aabb;
+use crate::model::Aabb;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::FRAC_PI_2;
 use trisplat_scene::{
     Placement,
-    camera::{Camera, Viewpoint},
+    camera::{Camera, OrbitRange, Viewpoint},
     placed,
 };
 
@@ -37,18 +37,7 @@ pub(super) struct CameraControls {
     /// Size of the scene: the unit of speed and of the near plane.
     extent: f32,
     /// Where photos looked; orbits stay there.
-    range: Option<Range>,
-}
-
-/// The directions from which photos looked at a scene's target.
-#[derive(Debug, Clone, Copy)]
-struct Range {
-    /// The horizontal direction to the eye for a turn of 0.
-    start: Vec3,
-    /// Least and largest turn, rad.
-    turn: Option<[f32; 2]>,
-    /// Least and largest elevation, rad.
-    elevation: [f32; 2],
+    range: Option<(Viewpoint, OrbitRange)>,
 }
 
 /// The pressed keys, each axis in -1, 0, 1.
@@ -74,13 +63,11 @@ impl Keys {
 impl CameraControls {
     /// A camera that sees `bounds` from a little above; `up` is the world's axis that points up.
     pub(super) fn new(bounds: &Aabb, up: Vec3) -> Self {
-        let size = UVec2::splat(1000);
-        let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
-        let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-        let intrinsics = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let up = up.normalize_or(Vec3::Y);
+        let ahead = up.any_orthonormal_vector() - 0.45 * up;
+        let intrinsics = Camera::look_at(Vec3::ZERO, ahead, up, FIELD_OF_VIEW, UVec2::splat(1000));
         let mut controls = Self {
-            rotation,
+            rotation: intrinsics.rotation,
             position: Vec3::ZERO,
             pivot_distance: 1.0,
             up,
@@ -88,8 +75,6 @@ impl CameraControls {
             extent: 1.0,
             range: None,
         };
-        let ahead = up.any_orthonormal_vector();
-        controls.look_towards(ahead - 0.45 * up);
         controls.frame(bounds);
         controls
     }
@@ -101,9 +86,7 @@ impl CameraControls {
         let finite = radius.is_finite() && radius > 0.0;
         self.extent = if finite { radius } else { 1.0 };
         let target = if finite { (0.5 * (min + max)).as_vec3() } else { Vec3::ZERO };
-        let size = UVec2::splat(1000);
-        let focal = Vec2::splat(500.0 / (FIELD_OF_VIEW / 2.0).tan());
-        self.intrinsics = Camera { focal, center: size.as_vec2() / 2.0, size, ..self.intrinsics };
+        self.intrinsics = Camera::look_at(Vec3::ZERO, Vec3::Z, self.up, FIELD_OF_VIEW, UVec2::splat(1000));
         self.pivot_distance = self.extent / (FIELD_OF_VIEW / 2.0).sin();
         self.position = target - self.forward() * self.pivot_distance;
     }
@@ -189,31 +172,25 @@ impl CameraControls {
 
     /// Keeps orbits where photos looked, as `viewpoint` says.
     pub(super) fn stay_within(&mut self, viewpoint: &Viewpoint) {
-        let away = (DVec3::from(viewpoint.eye) - DVec3::from(viewpoint.target)).as_vec3();
-        let start = away.reject_from(self.up).try_normalize();
-        let radians = |range: [f64; 2]| range.map(|degrees| degrees.to_radians() as f32);
-        self.range = viewpoint.orbit.zip(start).map(|(orbit, start)| Range {
-            start,
-            turn: orbit.turn.map(radians),
-            elevation: radians(orbit.elevation),
-        });
+        self.range = viewpoint.orbit.map(|orbit| (*viewpoint, orbit));
     }
 
     /// A drag, shortened so that an orbit by it stays where photos looked, or goes no farther if it is beyond.
     fn within_range(&self, drag: Vec2) -> Vec2 {
-        let Some(range) = self.range else { return drag };
-        let away = -self.forward();
-        let moved =
-            |now: f32, by: f32, [low, high]: [f32; 2]| (now + by).clamp(low.min(now), high.max(now)) - now;
-        let elevation = away.dot(self.up).clamp(-1.0, 1.0).asin();
-        let y = moved(elevation, DRAG_ANGLE * drag.y, range.elevation) / DRAG_ANGLE;
-        let x = range.turn.map_or(drag.x, |turn| {
-            let now = f32::atan2(away.dot(self.up.cross(range.start)), away.dot(range.start));
+        let Some((viewpoint, orbit)) = self.range else { return drag };
+        let Some(angles) = viewpoint.direction(-self.forward().as_dvec3()) else { return drag };
+        let [turn, elevation] = angles.map(|angle| angle.to_degrees() as f32);
+        let drag_angle = DRAG_ANGLE.to_degrees();
+        let moved = |now: f32, by: f32, range: [f64; 2]| {
+            let [low, high] = range.map(|end| end as f32);
+            ((now + by * drag_angle).clamp(low.min(now), high.max(now)) - now) / drag_angle
+        };
+        let x = orbit.turn.map_or(drag.x, |range| {
             // By whole turns nearest to the range.
-            let middle = 0.5 * (turn[0] + turn[1]);
-            let now = (now - middle + PI).rem_euclid(TAU) - PI + middle;
-            -moved(now, -DRAG_ANGLE * drag.x, turn) / DRAG_ANGLE
+            let middle = 0.5 * (range[0] + range[1]) as f32;
+            -moved((turn - middle + 180.0).rem_euclid(360.0) - 180.0 + middle, -drag.x, range)
         });
+        let y = moved(elevation, drag.y, orbit.elevation);
         Vec2::new(x, y)
     }
 
@@ -272,10 +249,6 @@ impl CameraControls {
     fn forward(&self) -> Vec3 {
         self.rotation.row(2)
     }
-
-    fn look_towards(&mut self, forward: Vec3) {
-        self.rotation = self.intrinsics.looking(Vec3::ZERO, forward, self.up).rotation;
-    }
 }
 
 /// A part of the window, px.
@@ -290,7 +263,6 @@ pub(super) struct Pane {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::camera::OrbitRange;
 
     const BOX: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
     const PANE: Pane = Pane { min: Vec2::ZERO, size: Vec2::new(800.0, 600.0) };

@@ -1,23 +1,16 @@
 //! The region of `trisplat bake --crop`, set in the panel and drawn over the picture.
 
-use crate::layout::Aabb;
+use crate::model::Aabb;
 use egui::{DragValue, Ui};
 use glam::{DVec3, Vec3};
-use std::f64::consts::TAU;
 use trisplat_scene::Region;
 
-/// Number of line segments of a circle.
-const CIRCLE: u32 = 48;
-
-/// A region being edited, in the coordinates of the shown file and of `bake --crop`.
+/// A box being edited, in the coordinates of the shown file and of `bake --crop`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct CropEditor {
     pub(super) on: bool,
-    sphere: bool,
     low: DVec3,
     high: DVec3,
-    center: DVec3,
-    radius: f64,
 }
 
 /// The clicked element of the panel.
@@ -38,24 +31,20 @@ impl CropEditor {
         };
         let low = (0..8).map(corner).fold(DVec3::INFINITY, DVec3::min);
         let high = (0..8).map(corner).fold(DVec3::NEG_INFINITY, DVec3::max);
-        let radius = (0.25 * (high - low).max_element()).max(f64::MIN_POSITIVE);
-        let mut editor = Self { on: false, sphere: false, low, high, center: (low + high) / 2.0, radius };
+        let mut editor = Self { on: false, low, high };
         editor.round();
         editor
     }
 
     /// The region, when it is switched on.
     pub(super) fn region(&self) -> Option<Region> {
-        self.on.then(|| match self.sphere {
-            true => Region::Sphere(self.center.to_array(), self.radius),
-            false => Region::Box(self.low.to_array(), self.high.to_array()),
-        })
+        self.on.then(|| Region::Box(self.low.to_array(), self.high.to_array()))
     }
 
     /// Moves it to a point of the file, without changing its size.
     pub(super) fn move_to(&mut self, center: DVec3) {
         let half = (self.high - self.low) / 2.0;
-        (self.low, self.high, self.center) = (center - half, center + half, center);
+        (self.low, self.high) = (center - half, center + half);
         self.round();
     }
 
@@ -65,21 +54,17 @@ impl CropEditor {
         let nearest = |x: f64| if step > 0.0 && step.is_finite() { (x / step).round() * step } else { x };
         // Rounds to the shortest decimal text.
         let short = |x: f64| format!("{:.9}", nearest(x)).parse().unwrap_or(x);
-        for vector in [&mut self.low, &mut self.high, &mut self.center] {
+        for vector in [&mut self.low, &mut self.high] {
             *vector = DVec3::from(vector.to_array().map(short));
         }
-        self.radius = if short(self.radius) > 0.0 { short(self.radius) } else { self.radius };
     }
 
     fn size(&self) -> f64 {
-        (self.high - self.low).max_element().max(self.radius)
+        (self.high - self.low).max_element()
     }
 
     /// Its edges, in the coordinates of the file.
     pub(super) fn lines(&self) -> Vec<[DVec3; 2]> {
-        if self.sphere {
-            return (0..3).flat_map(|axis| self.circle(axis)).collect();
-        }
         let corner = |i: usize| {
             let pick = |axis: usize| if i >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] };
             DVec3::new(pick(0), pick(1), pick(2))
@@ -89,45 +74,20 @@ impl CropEditor {
         (0..8).flat_map(from).map(|ends| ends.map(corner)).collect()
     }
 
-    /// The great circle around an axis.
-    fn circle(&self, axis: usize) -> impl Iterator<Item = [DVec3; 2]> + '_ {
-        let at = move |k: u32| {
-            let (sin, cos) = (TAU * f64::from(k) / f64::from(CIRCLE)).sin_cos();
-            let mut offset = DVec3::ZERO;
-            (offset[(axis + 1) % 3], offset[(axis + 2) % 3]) = (cos, sin);
-            self.center + self.radius * offset
-        };
-        (0..CIRCLE).map(move |k| [at(k), at(k + 1)])
-    }
-
     /// Its settings in the panel; returns the clicked element.
     pub(super) fn show(&mut self, ui: &mut Ui) -> Option<CropClick> {
         ui.checkbox(&mut self.on, "crop to a region");
         if !self.on {
             return None;
         }
-        ui.horizontal_wrapped(|ui| {
-            ui.radio_value(&mut self.sphere, false, "box");
-            ui.radio_value(&mut self.sphere, true, "sphere");
-        });
         let size = self.size();
         for (axis, name) in ["x", "y", "z"].iter().enumerate() {
             ui.horizontal_wrapped(|ui| {
                 ui.label(*name);
-                if self.sphere {
-                    ui.add(number(&mut self.center[axis], size));
-                } else {
-                    let (low, high) = (self.low[axis], self.high[axis]);
-                    ui.add(number(&mut self.low[axis], size).range(f64::MIN..=high));
-                    ui.label("to");
-                    ui.add(number(&mut self.high[axis], size).range(low..=f64::MAX));
-                }
-            });
-        }
-        if self.sphere {
-            ui.horizontal_wrapped(|ui| {
-                ui.label("radius");
-                ui.add(number(&mut self.radius, size).range(f64::MIN_POSITIVE..=f64::MAX));
+                let (low, high) = (self.low[axis], self.high[axis]);
+                ui.add(number(&mut self.low[axis], size).range(f64::MIN..=high));
+                ui.label("to");
+                ui.add(number(&mut self.high[axis], size).range(low..=f64::MAX));
             });
         }
         let clicks = [("move here", CropClick::Here), ("save", CropClick::Save)];
@@ -151,17 +111,13 @@ mod tests {
     const BOUNDS: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
 
     #[test]
-    fn a_box_has_twelve_edges_and_a_sphere_three_circles_of_its_radius() {
-        let mut editor = CropEditor { on: true, ..CropEditor::around(&BOUNDS, |p| p.as_dvec3()) };
+    fn a_box_has_twelve_edges() {
+        let editor = CropEditor { on: true, ..CropEditor::around(&BOUNDS, |p| p.as_dvec3()) };
         assert_eq!(editor.region(), Some(Region::Box([-1.0, 0.0, 2.0], [3.0, 1.0, 4.0])));
         let lines = editor.lines();
         assert_eq!(lines.len(), 12);
         let lengths: f64 = lines.iter().map(|[a, b]| a.distance(*b)).sum();
         assert_eq!(lengths, 4.0 * (4.0 + 1.0 + 2.0));
-        editor.sphere = true;
-        assert_eq!(editor.region(), Some(Region::Sphere([1.0, 0.5, 3.0], 1.0)));
-        let center = DVec3::new(1.0, 0.5, 3.0);
-        assert!(editor.lines().iter().flatten().all(|p| (p.distance(center) - 1.0).abs() < 1e-12));
     }
 
     #[test]

@@ -18,7 +18,4 @@ mod screen;
 mod session;
 
 pub use app::open;
-pub use scene::{
-    CropSaver, SceneChange, SceneFiles, SceneFollower, SceneLoader, SoftRenderer, SoupSource, WindowOptions,
-    WindowPhoto, WindowScene,
-};
+pub use scene::{SceneChange, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene};

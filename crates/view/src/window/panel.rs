@@ -72,14 +72,6 @@ fn figures(ui: &mut Ui, session: &Session) {
     if let Some(shown) = &session.shown {
         let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
         ui.label(format!("{} of {} triangles drawn", HumanCount(drawn), HumanCount(all)));
-        let chunks = shown.model.chunks.len();
-        let bytes = shown.model.bytes as f64;
-        ui.label(format!(
-            "{} draws, {chunks} chunks, {:.1} MB, {:.0} B per triangle",
-            session.drawn.draws,
-            bytes * 1e-6,
-            bytes / all.max(1) as f64
-        ));
     }
     if let Some(status) = &session.status {
         ui.label(status);

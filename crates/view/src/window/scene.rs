@@ -2,7 +2,7 @@
 
 use super::crop::CropEditor;
 use crate::headless::Canvas;
-use crate::layout::Aabb;
+use crate::model::Aabb;
 use crate::model::{Model, ModelGroups};
 use crate::renderer::{FrameParams, Renderer};
 use glam::{UVec2, Vec3};
@@ -99,10 +99,10 @@ pub struct SoupSource {
 }
 
 /// Saves a region of a file for the bake; returns a note for the user. Called on a thread of its own.
-pub type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
+pub(super) type CropSaver = Arc<dyn Fn(&Region) -> Result<String> + Send + Sync>;
 
 /// Draws what a camera sees.
-pub type SoftRenderer = Arc<Mutex<dyn FnMut(&Camera) -> RgbImage + Send>>;
+pub(super) type SoftRenderer = Arc<Mutex<dyn FnMut(&Camera) -> RgbImage + Send>>;
 
 /// Loads what a window shows.
 #[derive(Clone)]
@@ -116,7 +116,7 @@ pub struct SceneLoader {
 }
 
 /// Waits for the changes of a scene.
-pub type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Sync>;
+pub(super) type SceneFollower = Arc<dyn Fn() -> Result<SceneChange> + Send + Sync>;
 
 /// A change of a shown scene.
 pub enum SceneChange {
@@ -281,11 +281,11 @@ fn central_box(asset: &Asset) -> Aabb {
 }
 
 /// Draws the scene again, without the panel.
-pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams, msaa: u32) -> Result<RgbImage> {
+pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams) -> Result<RgbImage> {
     let mut renderer = Renderer::new(gpu)?;
-    let canvas = Canvas::new(gpu, params.camera.size, msaa)?;
+    let canvas = Canvas::new(gpu, params.camera.size, params.msaa)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    canvas.draw(gpu, &mut renderer, &mut encoder, model, params, None)?;
+    renderer.draw(gpu, &mut encoder, canvas.output(None), model, params)?;
     gpu.queue.submit([encoder.finish()]);
     canvas.pixels(gpu)
 }

@@ -25,8 +25,7 @@ pub(super) struct Screen {
     config: SurfaceConfiguration,
     attachments: Attachments,
     panel: egui_wgpu::Renderer,
-    msaa: u32,
-    background: [f32; 3],
+    options: WindowOptions,
 }
 
 impl Screen {
@@ -58,7 +57,6 @@ impl Screen {
         let panel =
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
         let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
-        let (msaa, background) = (options.msaa, options.background);
         Ok(Self {
             window,
             gpu,
@@ -69,8 +67,7 @@ impl Screen {
             config,
             attachments,
             panel,
-            msaa,
-            background,
+            options: options.clone(),
         })
     }
 
@@ -88,7 +85,7 @@ impl Screen {
         (self.config.width, self.config.height) = (size.x.min(limit), size.y.min(limit));
         self.surface.configure(&self.gpu.device, &self.config);
         let size = UVec2::new(self.config.width, self.config.height);
-        self.attachments = Attachments::new(&self.gpu, size, self.config.format, self.msaa)?;
+        self.attachments = Attachments::new(&self.gpu, size, self.config.format, self.options.msaa)?;
         self.gpu.check()
     }
 
@@ -157,10 +154,10 @@ impl Screen {
         session: &mut Session,
     ) -> Result<bool> {
         let attachments = &self.attachments;
-        let params = session.frame_params(attachments.size, self.background);
+        let params = session.frame_params(attachments.size, &self.options);
         session.camera = Some(params.camera);
         let Some(model) = session.model() else {
-            clear(encoder, view, attachments, self.background);
+            clear(encoder, view, attachments, self.options.background);
             return Ok(false);
         };
         let slot = self.timer.as_mut().and_then(Timer::begin);

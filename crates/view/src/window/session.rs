@@ -3,9 +3,9 @@
 use super::super::model::Model;
 use super::super::renderer::{DisplayMode, DrawStats, FrameParams};
 use super::controls::{CameraControls, Keys, Pane};
-use super::scene::SceneFiles;
 use super::scene::ShownScene;
-use crate::layout::Aabb;
+use super::scene::{SceneFiles, WindowOptions};
+use crate::model::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::sync::Arc;
@@ -239,11 +239,12 @@ impl Session {
         };
     }
 
-    /// How a picture of `size` is drawn over `background`.
-    pub(super) fn frame_params(&self, size: UVec2, background: [f32; 3]) -> FrameParams {
+    /// How a picture of `size` is drawn.
+    pub(super) fn frame_params(&self, size: UVec2, window: &WindowOptions) -> FrameParams {
         let Settings { display, wireframe, .. } = self.settings;
-        let camera = self.controls.camera(size, self.pane);
-        FrameParams { camera, near: self.controls.near(), background, display, wireframe }
+        let (camera, near) = (self.controls.camera(size, self.pane), self.controls.near());
+        let WindowOptions { background, msaa, .. } = *window;
+        FrameParams { camera, near, background, display, wireframe, msaa }
     }
 
     /// The part of a pane for the picture beside a photo.
