@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::color::{linear_from_srgb, srgb_from_linear},
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{DisplayMode, FrameParams, Headless, VertexLayout};
+use trisplat_view::{FrameParams, Headless};
 
 /// A card, or `None` after saying loudly that there is none.
 pub(super) fn card() -> Option<Headless> {
@@ -145,37 +145,29 @@ fn params(camera: &Camera) -> FrameParams {
 }
 
 #[test]
-fn every_layout_draws_what_rays_meet() {
+fn colours_of_faces_and_of_vertices_are_drawn_where_rays_meet_them() {
     let Some(mut card) = card() else { return };
     let camera = camera();
-    let faces = triangles(600, 3);
-    for (mesh, layouts) in
-        [(faces, &[VertexLayout::Corner, VertexLayout::Face][..]), (indexed(300), &[VertexLayout::Corner])]
-    {
+    for (name, mesh) in [("faces", triangles(600, 3)), ("vertices", indexed(300))] {
         let (ids, wants) = reference(&mesh, &camera);
         let seen: std::collections::BTreeSet<_> = ids.iter().collect();
         assert!(seen.len() > 80, "only {} faces are in view", seen.len());
         let asset = asset(mesh);
-        for &layout in layouts {
-            let model = card.upload(&asset, Some(layout)).unwrap();
-            let (got, drawn) = card.render(&model, &params(&camera)).unwrap();
-            assert_eq!(drawn.triangles, asset.mesh.face_count() as u64);
-            assert_agrees(&format!("{layout:?}"), &got, &ids, &wants);
-        }
+        let model = card.upload(&asset).unwrap();
+        let (got, drawn) = card.render(&model, &params(&camera)).unwrap();
+        assert_eq!(drawn.triangles, asset.mesh.face_count() as u64);
+        assert_agrees(name, &got, &ids, &wants);
     }
 }
 
 #[test]
-fn layouts_take_the_bytes_they_promise() {
+fn models_take_the_bytes_they_promise() {
     let Some(card) = card() else { return };
-    let faces = asset(triangles(1000, 3));
-    let bytes = |layout| card.upload(&faces, layout).unwrap().bytes;
-    assert_eq!(bytes(Some(VertexLayout::Corner)), 48_000);
-    assert_eq!(bytes(Some(VertexLayout::Face)), 40_000);
-    assert_eq!(bytes(None), bytes(Some(VertexLayout::Face)));
-    let shared = asset(indexed(1000));
-    assert_eq!(card.upload(&shared, None).unwrap().bytes, 3000 * 16 + 1000 * 12);
-    assert!(matches!(card.upload(&shared, Some(VertexLayout::Face)), Err(Error::Invalid { .. })));
+    assert_eq!(card.upload(&asset(triangles(1000, 3))).unwrap().bytes, 48_000);
+    assert_eq!(card.upload(&asset(indexed(1000))).unwrap().bytes, 3000 * 16 + 1000 * 12);
+    let mut faces = indexed(1000);
+    faces.colors = Colors::Face(vec![[0.5; 3]; 1000]);
+    assert!(matches!(card.upload(&asset(faces)), Err(Error::Invalid { .. })));
 }
 
 /// The mean of `side` times `side` pixels of a picture in linear light.
@@ -196,7 +188,7 @@ fn averaged(fine: &RgbImage, side: u32) -> RgbImage {
 fn multisampling_comes_nearer_to_the_average() {
     let Some(mut card) = card() else { return };
     let asset = asset(triangles(120, 5));
-    let model = card.upload(&asset, None).unwrap();
+    let model = card.upload(&asset).unwrap();
     let mut draw = |side, msaa| {
         let params = FrameParams { msaa, ..params(&camera().resized(SIZE * side)) };
         card.render(&model, &params).unwrap().0
@@ -220,37 +212,11 @@ fn culling_chunks_does_not_change_the_picture() {
     assert!(chunked.chunks.len() > 50);
     let camera = Camera { focal: Vec2::splat(500.0), ..camera() };
     let whole = asset(chunked.mesh.clone());
-    for layout in [VertexLayout::Corner, VertexLayout::Face] {
-        let model = card.upload(&chunked, Some(layout)).unwrap();
-        let (few, drawn) = card.render(&model, &params(&camera)).unwrap();
-        assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
-        let model = card.upload(&whole, Some(layout)).unwrap();
-        let (all, _) = card.render(&model, &params(&camera)).unwrap();
-        let differ = few.rgb.iter().zip(&all.rgb).filter(|(a, b)| off(**a, **b) > 1).count();
-        assert_eq!(differ, 0, "{layout:?}");
-    }
-}
-
-#[test]
-fn normals_face_the_viewer() {
-    let Some(mut card) = card() else { return };
-    let mut mesh = Mesh { positions: vec![], colors: Colors::Face(vec![[0.5; 3]; 2]), ..Mesh::default() };
-    // Left half faces the camera, right half leans back: with either winding order.
-    let flat = [Vec3::new(-9.0, -9.0, 2.0), Vec3::new(0.0, -9.0, 2.0), Vec3::new(0.0, 9.0, 2.0)];
-    let lean = [Vec3::new(0.0, -9.0, 2.0), Vec3::new(9.0, -9.0, 11.0), Vec3::new(0.0, 9.0, 2.0)];
-    mesh.positions.extend(flat);
-    mesh.positions.extend(lean);
-    let size = UVec2::new(40, 40);
-    let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
-    let camera = Camera { rotation, translation, focal: Vec2::splat(40.0), center: Vec2::splat(20.0), size };
-    for layout in [VertexLayout::Corner, VertexLayout::Face] {
-        let model = card.upload(&asset(mesh.clone()), Some(layout)).unwrap();
-        let (got, _) =
-            card.render(&model, &FrameParams { display: DisplayMode::Normals, ..params(&camera) }).unwrap();
-        let at = |x: usize, y: usize| got.rgb[y * 40 + x];
-        assert!(off(at(17, 8), [128, 128, 255]) <= 1, "{:?}", at(17, 8));
-        assert!(off(at(23, 8), [218, 128, 218]) <= 1, "{:?}", at(23, 8));
-    }
+    let [chunked_model, whole_model] = [&chunked, &whole].map(|asset| card.upload(asset).unwrap());
+    let (few, drawn) = card.render(&chunked_model, &params(&camera)).unwrap();
+    assert!(drawn.triangles < 3000, "{} triangles drawn", drawn.triangles);
+    let (all, _) = card.render(&whole_model, &params(&camera)).unwrap();
+    assert!(few.rgb.iter().zip(&all.rgb).all(|(a, b)| off(*a, *b) <= 1));
 }
 
 #[test]
@@ -259,7 +225,7 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
     let missing = AdapterOptions { adapter: Some("no such card".into()), ..AdapterOptions::default() };
     let said = Headless::new(&missing).unwrap_err().to_string();
     assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
-    let model = card.upload(&asset(triangles(3, 1)), None).unwrap();
+    let model = card.upload(&asset(triangles(3, 1))).unwrap();
     let huge = camera().resized(UVec2::new(60_000, 10));
     let said = card.render(&model, &params(&huge)).unwrap_err().to_string();
     assert!(said.contains("60000x10") && said.contains(&card.gpu.info.name), "{said}");
@@ -271,7 +237,7 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
 #[test]
 fn nothing_to_draw_is_background() {
     let Some(mut card) = card() else { return };
-    let model = card.upload(&Asset::default(), None).unwrap();
+    let model = card.upload(&Asset::default()).unwrap();
     let (got, drawn) = card.render(&model, &params(&camera())).unwrap();
     assert_eq!((drawn.triangles, drawn.draws), (0, 0));
     assert!(got.rgb.iter().all(|p| *p == [51, 102, 153]));

@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::metric,
     mesh::{Colors, Mesh},
 };
-use trisplat_view::{DisplayMode, FrameParams, VertexLayout};
+use trisplat_view::FrameParams;
 
 const ACROSS: u32 = 6;
 
@@ -69,8 +69,7 @@ fn asset(mesh: Mesh, chunks: u32) -> Asset {
 fn textures_are_drawn_as_render_draws_them() {
     let Some(mut card) = card() else { return };
     let (mut wall, whole) = (wall(), asset(wall(), 4));
-    let model = card.upload(&whole, None).unwrap();
-    assert_eq!(model.layout, VertexLayout::Texture);
+    let model = card.upload(&whole).unwrap();
     // The card has one picture of all pages.
     wall.texture = wall.texture.map(|texture| texture.joined());
     let texels: usize = wall
@@ -101,24 +100,14 @@ fn textures_are_drawn_as_render_draws_them() {
 }
 
 #[test]
-fn normals_of_textured_triangles_are_drawn_and_corners_at_one_vertex_have_their_own_places() {
+fn corners_at_one_vertex_have_their_own_places_on_the_picture() {
     let Some(mut card) = card() else { return };
     let (wall, whole) = (wall(), asset(wall(), 4));
-    let model = card.upload(&whole, None).unwrap();
-    let camera = camera(1.0);
-    let params = FrameParams { display: DisplayMode::Normals, ..FrameParams::new(&camera) };
-    let (textured, _) = card.render(&model, &params).unwrap();
-    let mut plain = whole.clone();
-    plain.mesh.texture = None;
-    let plain = card.upload(&plain, None).unwrap();
-    let (plain, _) = card.render(&plain, &params).unwrap();
-    assert!(textured == plain, "normals do not depend on colours");
-    // With indices, corners at one vertex have places of their own.
+    let model = card.upload(&whole).unwrap();
     let mut indexed = wall.clone();
     indexed.indices = (0..indexed.positions.len() as u32).collect();
     indexed.colors = Colors::Vertex(vec![[0.2; 3]; indexed.positions.len()]);
-    let indexed = card.upload(&asset(indexed, 1), None).unwrap();
-    let params = FrameParams::new(&camera);
+    let indexed = card.upload(&asset(indexed, 1)).unwrap();
+    let params = FrameParams::new(&camera(1.0));
     assert!(card.render(&indexed, &params).unwrap().0 == card.render(&model, &params).unwrap().0);
-    assert!(card.upload(&whole, Some(VertexLayout::Corner)).is_err());
 }

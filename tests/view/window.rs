@@ -228,11 +228,7 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     assert!(off(&turned, &cpu) > 0.3);
     same(&desk, &turned, "the screenshot");
 
-    // Normals, then colour again; wireframe; the photo over the picture.
-    desk.xdotool("key 2");
-    wait_for("normals", || (off(&desk.seen(), &turned) > 0.6).then_some(()));
-    desk.xdotool("key 1");
-    same(&desk, &turned, "colour");
+    // Wireframe; the photo over the picture.
     desk.xdotool("key 3");
     wait_for("wireframe", || (off(&desk.seen(), &turned) > 0.3).then_some(()));
     desk.xdotool("key 3");

@@ -116,7 +116,7 @@ pub(crate) fn run(args: &FpsArgs) -> Result<()> {
     let counts: Vec<Option<usize>> = if args.file.is_some() { vec![None] } else { counts.collect() };
     for triangles in counts {
         let flythrough = flythrough(args, triangles)?;
-        let model = card.upload(&flythrough.asset, None)?;
+        let model = card.upload(&flythrough.asset)?;
         for &size in &args.sizes {
             let row = measure(args, &mut card, &flythrough, &model, size)?;
             let FrameCost { frame_ms, frame_p99_ms, gpu_ms, cpu_ms, drawn } = &row.cost;

@@ -2,7 +2,6 @@
 
 use super::model::Model;
 use super::renderer::{Attachments, DrawStats, FrameOutput, FrameParams, Renderer, texture};
-use crate::model::VertexLayout;
 use glam::UVec2;
 use trisplat_gpu::{AdapterOptions, Gpu, readback};
 use trisplat_scene::{Asset, Error, Result, image::RgbImage};
@@ -27,9 +26,9 @@ impl Headless {
         Ok(Self { gpu, renderer })
     }
 
-    /// Uploads an asset to GPU memory; `None` chooses the layout.
-    pub fn upload(&self, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
-        self.renderer.upload(&self.gpu, asset, layout)
+    /// Uploads an asset to GPU memory. Errors: the card has no room.
+    pub fn upload(&self, asset: &Asset) -> Result<Model> {
+        Model::upload(&self.gpu, &self.renderer.texture_layout, asset)
     }
 
     /// The picture of `model`.

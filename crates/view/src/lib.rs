@@ -5,7 +5,6 @@
 #[cfg(feature = "gpu")]
 mod headless;
 #[cfg(feature = "gpu")]
-#[cfg(feature = "gpu")]
 mod model;
 #[cfg(feature = "gpu")]
 mod renderer;
@@ -18,6 +17,4 @@ pub use headless::{Canvas, Headless};
 #[cfg(feature = "gpu")]
 pub use model::Model;
 #[cfg(feature = "gpu")]
-pub use model::VertexLayout;
-#[cfg(feature = "gpu")]
-pub use renderer::{DisplayMode, DrawStats, FrameParams};
+pub use renderer::{DrawStats, FrameParams};

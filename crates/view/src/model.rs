@@ -12,73 +12,44 @@ use wgpu::*;
 /// An asset in GPU memory.
 #[derive(Debug)]
 pub struct Model {
-    /// How its vertices are stored.
-    pub layout: VertexLayout,
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
     /// Runs of faces that are drawn or culled as a whole, and their boxes.
     pub chunks: Vec<(Chunk, Aabb)>,
     vertices: Buffer,
     indices: Option<Buffer>,
-    /// Face colours.
-    faces: Option<BindGroup>,
-    page: Option<BindGroup>,
-}
-
-/// The layouts of the bind groups that models have.
-#[derive(Debug, Clone)]
-pub(crate) struct ModelGroups {
-    /// Face colours.
-    pub(crate) faces: BindGroupLayout,
-    /// The texture.
-    pub(crate) page: BindGroupLayout,
+    texture: Option<BindGroup>,
 }
 
 impl Model {
     /// Uploads the faces of `asset`.
     ///
-    /// Errors: the layout does not fit the mesh, or the card has no room.
-    pub(crate) fn upload(
-        gpu: &Gpu,
-        groups: &ModelGroups,
-        asset: &Asset,
-        layout: VertexLayout,
-    ) -> Result<Self> {
+    /// Errors: the card has no room; one colour per face of a mesh with indices.
+    pub(crate) fn upload(gpu: &Gpu, texture_layout: &BindGroupLayout, asset: &Asset) -> Result<Self> {
         let mesh = &asset.mesh;
         mesh.validate_shape()?;
-        if !layout.fits(mesh) {
-            let wants =
-                "texture for a textured mesh, corner for another with indices or one colour per vertex";
-            return Err(Error::invalid("layout", format!("{layout:?}"), wants));
-        }
         // One picture, also of a file with several.
         let texture = mesh.texture.as_ref().map(FaceTexture::joined);
         let indexed = !mesh.indices.is_empty() && texture.is_none();
-        let vertices = match layout {
-            VertexLayout::Corner => corners(gpu, mesh)?,
-            VertexLayout::Face => {
-                let at = |v: usize| mesh.positions[v].to_array();
-                buffer::filled(gpu, "corners", BufferUsages::VERTEX, mesh.vertex_count(), at)?
-            }
-            VertexLayout::Texture => texture_corners(gpu, mesh, texture.as_ref())?,
+        let vertices = match &texture {
+            None => corners(gpu, mesh)?,
+            Some(texture) => texture_corners(gpu, mesh, texture)?,
         };
         let usage = BufferUsages::INDEX;
         let index = |i: usize| mesh.indices[i];
         let indices =
             indexed.then(|| buffer::filled(gpu, "indices", usage, mesh.indices.len(), index)).transpose()?;
         let mut bytes = vertices.size() + indices.as_ref().map_or(0, Buffer::size);
-        let page = texture.map(|texture| page_group(gpu, &groups.page, &texture.pages[0])).transpose()?;
-        bytes += page.as_ref().map_or(0, |(_, size)| *size);
-        let faces = match &mesh.colors {
-            Colors::Face(colors) if layout == VertexLayout::Face => {
-                let (group, size) = face_group(gpu, &groups.faces, colors)?;
-                bytes += size;
-                Some(group)
-            }
-            _ => None,
-        };
-        let page = page.map(|(group, _)| group);
-        Ok(Self { layout, bytes, chunks: bounds(asset), vertices, indices, faces, page })
+        let texture =
+            texture.map(|texture| page_group(gpu, texture_layout, &texture.pages[0])).transpose()?;
+        bytes += texture.as_ref().map_or(0, |(_, size)| *size);
+        let texture = texture.map(|(group, _)| group);
+        Ok(Self { bytes, chunks: bounds(asset), vertices, indices, texture })
+    }
+
+    /// Whether it has a texture.
+    pub(crate) fn is_textured(&self) -> bool {
+        self.texture.is_some()
     }
 
     /// Number of triangles.
@@ -103,7 +74,7 @@ impl Model {
         draws
     }
 
-    /// Draws with a pipeline of this model's layout; returns the number of triangles.
+    /// Draws with a pipeline for such a model; returns the number of triangles.
     pub(crate) fn draw(&self, pass: &mut RenderPass<'_>, draws: &[Range<u32>]) -> u64 {
         self.bind(pass);
         for faces in draws {
@@ -121,7 +92,7 @@ impl Model {
         if let Some(indices) = &self.indices {
             pass.set_index_buffer(indices.slice(..), IndexFormat::Uint32);
         }
-        if let Some(group) = self.faces.as_ref().or(self.page.as_ref()) {
+        if let Some(group) = &self.texture {
             pass.set_bind_group(1, group, &[]);
         }
     }
@@ -149,24 +120,12 @@ fn corners(gpu: &Gpu, mesh: &Mesh) -> Result<Buffer> {
 }
 
 /// Position and place on the picture of every corner.
-fn texture_corners(gpu: &Gpu, mesh: &Mesh, texture: Option<&FaceTexture>) -> Result<Buffer> {
-    let uvs = texture.map_or(&[][..], |texture| texture.uvs.as_flattened());
+fn texture_corners(gpu: &Gpu, mesh: &Mesh, texture: &FaceTexture) -> Result<Buffer> {
+    let uvs = texture.uvs.as_flattened();
     buffer::filled(gpu, "corners", BufferUsages::VERTEX, uvs.len(), |corner| TextureVertex {
         position: mesh.positions[mesh.face(corner / 3)[corner % 3] as usize].to_array(),
         uv: uvs[corner].to_array(),
     })
-}
-
-/// The bind group of face colours, and its bytes.
-fn face_group(gpu: &Gpu, groups: &BindGroupLayout, colors: &[[f32; 3]]) -> Result<(BindGroup, u64)> {
-    let usage = BufferUsages::STORAGE;
-    let colors = buffer::filled(gpu, "face colours", usage, colors.len(), |f| pack_color(colors[f]))?;
-    let group = gpu.device.create_bind_group(&BindGroupDescriptor {
-        label: Some("faces"),
-        layout: groups,
-        entries: &[BindGroupEntry { binding: 0, resource: colors.as_entire_binding() }],
-    });
-    Ok((group, colors.size()))
 }
 
 /// Bytes of a texel.
@@ -184,7 +143,7 @@ pub(super) fn page_layout(gpu: &Gpu) -> BindGroupLayout {
     let sampler = BindingType::Sampler(SamplerBindingType::Filtering);
     gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor {
         label: Some("page"),
-        entries: &[entry(2, picture), entry(3, sampler)],
+        entries: &[entry(0, picture), entry(1, sampler)],
     })
 }
 
@@ -204,8 +163,8 @@ fn page_group(gpu: &Gpu, layout: &BindGroupLayout, page: &Texture) -> Result<(Bi
         label: Some("page"),
         layout,
         entries: &[
-            BindGroupEntry { binding: 2, resource: BindingResource::TextureView(&view) },
-            BindGroupEntry { binding: 3, resource: BindingResource::Sampler(&sampler) },
+            BindGroupEntry { binding: 0, resource: BindingResource::TextureView(&view) },
+            BindGroupEntry { binding: 1, resource: BindingResource::Sampler(&sampler) },
         ],
     });
     Ok((group, bytes))
@@ -256,38 +215,7 @@ fn picture(gpu: &Gpu, page: &Texture) -> Result<(TextureView, u64)> {
 
 // ---- How vertices are stored in GPU memory; boxes of chunks, and their culling -----------------------
 
-/// How vertices are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum VertexLayout {
-    /// Position and colour per corner: for indexed and vertex-coloured meshes.
-    Corner,
-    /// Position per corner, colour per face.
-    Face,
-    /// Position and place on the picture per corner: for textured meshes, and only for these.
-    Texture,
-}
-
-impl VertexLayout {
-    /// The smallest layout that stores every position exactly.
-    pub fn exact(mesh: &Mesh) -> Self {
-        let kinds = [VertexLayout::Texture, VertexLayout::Face];
-        kinds.into_iter().find(|layout| layout.fits(mesh)).unwrap_or(VertexLayout::Corner)
-    }
-
-    /// Whether a mesh can be stored this way.
-    pub fn fits(self, mesh: &Mesh) -> bool {
-        match self {
-            VertexLayout::Texture => mesh.texture.is_some(),
-            VertexLayout::Corner => mesh.texture.is_none(),
-            VertexLayout::Face => {
-                mesh.texture.is_none() && mesh.indices.is_empty() && matches!(mesh.colors, Colors::Face(_))
-            }
-        }
-    }
-}
-
-/// A corner of the layout [`VertexLayout::Corner`].
+/// A corner with its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct CornerVertex {
@@ -297,7 +225,7 @@ pub(crate) struct CornerVertex {
     pub color: u32,
 }
 
-/// A corner of the layout [`VertexLayout::Texture`].
+/// A corner of a textured face.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct TextureVertex {

@@ -2,13 +2,11 @@
 //! z-buffer, both sides, clipped at the near plane, colours interpolated perspective-correctly in linear
 //! light and sRGB-encoded when written.
 
-use super::model::{Model, ModelGroups, page_layout};
-use crate::model::{CornerVertex, TextureVertex, VertexLayout};
-use bytemuck::{Pod, Zeroable};
+use super::model::{CornerVertex, Model, TextureVertex, page_layout};
 use glam::{DMat4, DVec4, Mat4};
 use std::collections::HashMap;
 use trisplat_gpu::Gpu;
-use trisplat_scene::{Asset, Error, Result, camera::Camera, math::color::linear_from_srgb};
+use trisplat_scene::{Error, Result, camera::Camera, math::color::linear_from_srgb};
 use wgpu::*;
 
 /// How one frame is drawn.
@@ -20,8 +18,6 @@ pub struct FrameParams {
     pub near: f32,
     /// sRGB-encoded background colour.
     pub background: [f32; 3],
-    /// What the triangles show.
-    pub display: DisplayMode,
     /// Edges only.
     pub wireframe: bool,
     /// The card's multisampling: 1 or 4 samples per pixel at edges.
@@ -31,19 +27,8 @@ pub struct FrameParams {
 impl FrameParams {
     /// Colours over black, one sample per pixel.
     pub fn new(camera: &Camera) -> Self {
-        let (camera, background, display) = (*camera, [0.0; 3], DisplayMode::Color);
-        Self { camera, near: 0.01, background, display, wireframe: false, msaa: 1 }
+        Self { camera: *camera, near: 0.01, background: [0.0; 3], wireframe: false, msaa: 1 }
     }
-}
-
-/// What the triangles show.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum DisplayMode {
-    /// Their colour.
-    #[default]
-    Color,
-    /// Their normal: red to the right, green up, blue to the viewer.
-    Normals,
 }
 
 /// Counts of a drawn frame.
@@ -117,19 +102,10 @@ pub(crate) fn texture(
     })
 }
 
-/// The first bind group of the shader.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct FrameUniform {
-    clip: Mat4,
-    view: Mat4,
-}
-
 /// The key of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
-    layout: VertexLayout,
-    display: DisplayMode,
+    is_textured: bool,
     wireframe: bool,
     format: TextureFormat,
     samples: u32,
@@ -142,7 +118,8 @@ pub(crate) struct Renderer {
     frame: Buffer,
     frame_group: BindGroup,
     frame_layout: BindGroupLayout,
-    groups: ModelGroups,
+    /// Layout of the bind group of a texture.
+    pub(crate) texture_layout: BindGroupLayout,
     pipelines: HashMap<PipelineKey, RenderPipeline>,
 }
 
@@ -154,48 +131,30 @@ impl Renderer {
             gpu.device.create_shader_module(ShaderModuleDescriptor { label: Some("pass_mesh"), source });
         let frame = gpu.device.create_buffer(&BufferDescriptor {
             label: Some("frame"),
-            size: size_of::<FrameUniform>() as u64,
+            size: size_of::<Mat4>() as u64,
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let frame_layout =
-            group_layout(gpu, "frame", ShaderStages::VERTEX_FRAGMENT, &[BufferBindingType::Uniform]);
-        let storage = BufferBindingType::Storage { read_only: true };
-        let groups = ModelGroups {
-            faces: group_layout(gpu, "faces", ShaderStages::VERTEX, &[storage]),
-            page: page_layout(gpu),
+        let entry = BindGroupLayoutEntry {
+            binding: 0,
+            visibility: ShaderStages::VERTEX,
+            ty: BindingType::Buffer {
+                ty: BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
         };
+        let descriptor = BindGroupLayoutDescriptor { label: Some("frame"), entries: &[entry] };
+        let frame_layout = gpu.device.create_bind_group_layout(&descriptor);
+        let texture_layout = page_layout(gpu);
         let frame_group = gpu.device.create_bind_group(&BindGroupDescriptor {
             label: Some("frame"),
             layout: &frame_layout,
             entries: &[BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
         });
         gpu.check()?;
-        Ok(Self { shader, frame, frame_group, frame_layout, groups, pipelines: HashMap::new() })
-    }
-
-    /// The layouts of bind groups, for [`Model::upload`].
-    pub(crate) fn groups(&self) -> &ModelGroups {
-        &self.groups
-    }
-
-    /// The best layout for `asset` on this card.
-    pub(crate) fn best_layout(gpu: &Gpu, asset: &Asset) -> VertexLayout {
-        let limits = gpu.device.limits();
-        let color_bytes = 4 * asset.mesh.face_count() as u64;
-        let room = limits.max_storage_buffers_per_shader_stage >= 1
-            && color_bytes <= limits.max_storage_buffer_binding_size;
-        if room || asset.mesh.texture.is_some() {
-            VertexLayout::exact(&asset.mesh)
-        } else {
-            VertexLayout::Corner
-        }
-    }
-
-    /// Uploads an asset to GPU memory; `None` chooses the layout. Errors: see [`Model::upload`].
-    pub(crate) fn upload(&self, gpu: &Gpu, asset: &Asset, layout: Option<VertexLayout>) -> Result<Model> {
-        let layout = layout.unwrap_or_else(|| Self::best_layout(gpu, asset));
-        Model::upload(gpu, &self.groups, asset, layout)
+        Ok(Self { shader, frame, frame_group, frame_layout, texture_layout, pipelines: HashMap::new() })
     }
 
     /// Records the drawing of `model` onto a picture, which is cleared first.
@@ -210,11 +169,10 @@ impl Renderer {
         params: &FrameParams,
     ) -> Result<DrawStats> {
         let Attachments { format, samples, .. } = *output.attachments;
-        let FrameParams { display, wireframe, .. } = *params;
-        let key = PipelineKey { layout: model.layout, display, wireframe, format, samples };
+        let key =
+            PipelineKey { is_textured: model.is_textured(), wireframe: params.wireframe, format, samples };
         self.prepare(gpu, key)?;
-        let uniform = frame_uniform(params);
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&uniform));
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&to_clip_space(params)));
         let draws = model.draw_calls(&params.camera, params.near);
         let mut pass = begin(encoder, output, params.background);
         let Some(pipeline) = self.pipelines.get(&key) else { return Ok(DrawStats::default()) };
@@ -239,29 +197,17 @@ impl Renderer {
     }
 
     fn pipeline(&self, gpu: &Gpu, key: PipelineKey) -> RenderPipeline {
-        let plain = key.display == DisplayMode::Color;
-        let (vertex, light) = match (key.layout, plain) {
-            (VertexLayout::Corner, true) => ("corner_color", "smooth_light"),
-            (VertexLayout::Corner, false) => ("corner_display", "display_light"),
-            (VertexLayout::Face, true) => ("face_color", "flat_light"),
-            (VertexLayout::Face, false) => ("face_display", "display_light"),
-            (VertexLayout::Texture, true) => ("texture_color", "texture_light"),
-            (VertexLayout::Texture, false) => ("texture_display", "texture_display_light"),
+        let (vertex, light) = match key.is_textured {
+            false => ("corner_color", "smooth_light"),
+            true => ("texture_color", "texture_light"),
         };
-        let constants = [
-            ("DISPLAY", f64::from(key.display as u8)),
-            ("ENCODE", f64::from(u8::from(!key.format.is_srgb()))),
-        ];
+        let constants = [("ENCODE", f64::from(u8::from(!key.format.is_srgb())))];
         let compilation_options =
             PipelineCompilationOptions { constants: &constants, ..PipelineCompilationOptions::default() };
-        let groups: &[Option<&BindGroupLayout>] = match key.layout {
-            VertexLayout::Corner => &[Some(&self.frame_layout)],
-            VertexLayout::Face => &[Some(&self.frame_layout), Some(&self.groups.faces)],
-            VertexLayout::Texture => &[Some(&self.frame_layout), Some(&self.groups.page)],
-        };
+        let groups = [Some(&self.frame_layout), Some(&self.texture_layout)];
         let layout = gpu.device.create_pipeline_layout(&PipelineLayoutDescriptor {
             label: Some("mesh"),
-            bind_group_layouts: groups,
+            bind_group_layouts: if key.is_textured { &groups } else { &groups[..1] },
             immediate_size: 0,
         });
         gpu.device.create_render_pipeline(&RenderPipelineDescriptor {
@@ -271,7 +217,7 @@ impl Renderer {
                 module: &self.shader,
                 entry_point: Some(vertex),
                 compilation_options: compilation_options.clone(),
-                buffers: &[Some(vertex_buffer(key.layout))],
+                buffers: &[Some(vertex_buffer(key.is_textured))],
             },
             primitive: PrimitiveState {
                 polygon_mode: if key.wireframe { PolygonMode::Line } else { PolygonMode::Fill },
@@ -343,31 +289,12 @@ pub(crate) fn clear(
     drop(begin(encoder, FrameOutput { picture, attachments, timestamps: None }, background));
 }
 
-/// A group of buffers.
-fn group_layout(
-    gpu: &Gpu,
-    label: &str,
-    visibility: ShaderStages,
-    kinds: &[BufferBindingType],
-) -> BindGroupLayout {
-    let entry = |(binding, &ty): (u32, &BufferBindingType)| BindGroupLayoutEntry {
-        binding,
-        visibility,
-        ty: BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(kinds).map(entry).collect();
-    gpu.device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-}
-
-fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
+fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
     const CORNER: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Unorm10_10_10_2];
-    const FACE: [VertexAttribute; 1] = vertex_attr_array![0 => Float32x3];
     const TEXTURE: [VertexAttribute; 2] = vertex_attr_array![0 => Float32x3, 1 => Float32x2];
-    let (stride, attributes): (usize, &[VertexAttribute]) = match layout {
-        VertexLayout::Corner => (size_of::<CornerVertex>(), &CORNER),
-        VertexLayout::Face => (size_of::<[f32; 3]>(), &FACE),
-        VertexLayout::Texture => (size_of::<TextureVertex>(), &TEXTURE),
+    let (stride, attributes) = match is_textured {
+        false => (size_of::<CornerVertex>(), &CORNER),
+        true => (size_of::<TextureVertex>(), &TEXTURE),
     };
     VertexBufferLayout { array_stride: stride as u64, step_mode: VertexStepMode::Vertex, attributes }
 }
@@ -377,7 +304,7 @@ fn vertex_buffer(layout: VertexLayout) -> VertexBufferLayout<'static> {
 /// ```text
 /// (x, y, z, w) = (2 (fx X + cx Z) / W - Z,  Z - 2 (fy Y + cy Z) / H,  near,  Z)   of the camera's X, Y, Z
 /// ```
-fn frame_uniform(params: &FrameParams) -> FrameUniform {
+fn to_clip_space(params: &FrameParams) -> Mat4 {
     let (camera, near) = (&params.camera, params.near);
     let row = |r: usize| camera.rotation.row(r).as_dvec3().extend(camera.translation[r].into());
     let (x, y, z) = (row(0), row(1), row(2));
@@ -388,6 +315,5 @@ fn frame_uniform(params: &FrameParams) -> FrameUniform {
         DVec4::W * f64::from(near),
         z,
     );
-    let view = DMat4::from_cols(x, y, z, DVec4::W);
-    FrameUniform { clip: clip.transpose().as_mat4(), view: view.transpose().as_mat4() }
+    clip.transpose().as_mat4()
 }

@@ -5,7 +5,6 @@ use super::scene::{Message, MessageSender, SceneMessage, ShownScene};
 use super::scene::{SceneFiles, SceneLoader, SoupSource, WindowOptions};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
-use crate::renderer::DisplayMode;
 use glam::{UVec2, Vec2};
 use std::path::Path;
 use std::sync::{Arc, PoisonError};
@@ -306,8 +305,6 @@ impl App {
             KeyCode::KeyP => session.step(-1),
             KeyCode::KeyO => session.next_photo_placement(),
             KeyCode::KeyH => settings.no_panel = !settings.no_panel,
-            KeyCode::Digit1 => settings.display = DisplayMode::Color,
-            KeyCode::Digit2 => settings.display = DisplayMode::Normals,
             KeyCode::Digit3 => settings.wireframe = !settings.wireframe,
             KeyCode::Digit4 => {
                 settings.soft =

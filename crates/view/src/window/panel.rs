@@ -3,7 +3,6 @@
 use super::controls::Pane;
 use super::crop::CropClick;
 use super::session::{PhotoPlacement, Session, Settings};
-use crate::renderer::DisplayMode;
 use egui::{Color32, Pos2, Rect, Stroke, Ui};
 use glam::{Vec2, Vec3};
 use indicatif::HumanCount;
@@ -22,7 +21,7 @@ wheel: zoom
 W A S D, Q E, Shift: fly, down, up, faster
 F: the subject in view
 N, P: next, previous photo; O: show it
-1 2 3 4: colour, normals, wireframe, soft
+3 4: wireframe, soft
 X, Enter: crop, save the crop
 F12: screenshot; H: hide this panel; Esc: quit";
 
@@ -67,8 +66,7 @@ fn side(ui: &mut Ui, session: &mut Session) {
 
 fn figures(ui: &mut Ui, session: &Session) {
     let fps = session.meter.fps().map_or("at rest".to_owned(), |fps| format!("{fps:.0} FPS"));
-    let gpu = session.meter.gpu_ms.map_or(String::new(), |ms| format!(" · GPU {ms:.2} ms"));
-    ui.strong(format!("{fps}{gpu}"));
+    ui.strong(fps);
     if let Some(shown) = &session.shown {
         let (drawn, all) = (session.drawn.triangles, shown.model.triangles());
         ui.label(format!("{} of {} triangles drawn", HumanCount(drawn), HumanCount(all)));
@@ -81,11 +79,7 @@ fn figures(ui: &mut Ui, session: &Session) {
 
 fn settings(ui: &mut Ui, session: &mut Session) {
     let has_soft = session.shown.as_ref().is_some_and(|s| s.scene.source.is_some());
-    let Settings { soft, display, wireframe, .. } = &mut session.settings;
-    ui.horizontal_wrapped(|ui| {
-        ui.radio_value(display, DisplayMode::Color, "colour");
-        ui.radio_value(display, DisplayMode::Normals, "normals");
-    });
+    let Settings { soft, wireframe, .. } = &mut session.settings;
     ui.checkbox(wireframe, "wireframe");
     ui.add_enabled(has_soft, egui::Checkbox::new(soft, "soft, as trained (slow)"));
 }

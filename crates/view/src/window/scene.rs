@@ -3,7 +3,7 @@
 use super::crop::CropEditor;
 use crate::headless::Canvas;
 use crate::model::Aabb;
-use crate::model::{Model, ModelGroups};
+use crate::model::Model;
 use crate::renderer::{FrameParams, Renderer};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use trisplat_gpu::{AdapterOptions, Gpu};
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Asset, Error, Placement, Region, Result};
+use wgpu::BindGroupLayout;
 use winit::event_loop::EventLoopProxy;
 
 /// How a window looks.
@@ -202,7 +203,13 @@ impl MessageSender {
     }
 
     /// Loads the scene and uploads it to GPU memory.
-    pub(super) fn load(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: SceneLoader, files: SceneFiles) {
+    pub(super) fn load(
+        &self,
+        gpu: Arc<Gpu>,
+        groups: BindGroupLayout,
+        loader: SceneLoader,
+        files: SceneFiles,
+    ) {
         let sender = self.clone();
         self.spawn(move || {
             let progress = |what: &str| sender.send(Message::Progress(what.to_owned()));
@@ -216,7 +223,13 @@ impl MessageSender {
     }
 
     /// Shows changes of the scene of `files`, until it has ended.
-    pub(super) fn follow(&self, gpu: Arc<Gpu>, groups: ModelGroups, loader: &SceneLoader, files: SceneFiles) {
+    pub(super) fn follow(
+        &self,
+        gpu: Arc<Gpu>,
+        groups: BindGroupLayout,
+        loader: &SceneLoader,
+        files: SceneFiles,
+    ) {
         let sender = self.clone();
         let Some(follow) = loader.follow.clone() else { return };
         self.spawn(move || {
@@ -236,12 +249,11 @@ impl MessageSender {
 /// `scene` in GPU memory.
 fn uploaded(
     gpu: &Gpu,
-    groups: &ModelGroups,
+    groups: &BindGroupLayout,
     files: SceneFiles,
     scene: WindowScene,
 ) -> Result<Box<ShownScene>> {
-    let layout = Renderer::best_layout(gpu, &scene.asset);
-    let model = Arc::new(Model::upload(gpu, groups, &scene.asset, layout)?);
+    let model = Arc::new(Model::upload(gpu, groups, &scene.asset)?);
     let bounds = central_box(&scene.asset);
     let room = |v: Viewpoint| scene.asset.room(glam::DVec3::from(v.target).as_vec3());
     let viewpoint = scene.asset.provenance.viewpoint.map(|viewpoint| (viewpoint, room(viewpoint)));
@@ -252,7 +264,7 @@ fn uploaded(
 /// The triangles of `asset` in a region of its file, in GPU memory.
 pub(super) fn cropped(
     gpu: &Gpu,
-    groups: &ModelGroups,
+    groups: &BindGroupLayout,
     asset: &Asset,
     placement: &Placement,
     region: &Region,
@@ -260,8 +272,7 @@ pub(super) fn cropped(
     let inside = |face: &u32| region.holds(placement.to_world_f64(asset.mesh.centroid(*face as usize)), &[]);
     let mut mesh = asset.mesh.clone();
     mesh.select(&(0..mesh.face_count() as u32).filter(inside).collect::<Vec<_>>());
-    let part = Asset::from(mesh);
-    Model::upload(gpu, groups, &part, Renderer::best_layout(gpu, &part))
+    Model::upload(gpu, groups, &Asset::from(mesh))
 }
 
 /// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.

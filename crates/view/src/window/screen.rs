@@ -1,6 +1,5 @@
 //! The window's surface: pictures of the scene with the panel over them.
 
-use super::super::model::ModelGroups;
 use super::super::renderer::{Attachments, FrameOutput, Renderer, clear};
 use super::panel;
 use super::scene::WindowOptions;
@@ -8,7 +7,7 @@ use super::session::Session;
 use glam::UVec2;
 use std::sync::Arc;
 use std::time::Duration;
-use trisplat_gpu::{Gpu, Timer};
+use trisplat_gpu::Gpu;
 use trisplat_scene::{Error, Result};
 use wgpu::*;
 use winit::event_loop::ActiveEventLoop;
@@ -20,7 +19,6 @@ pub(super) struct Screen {
     pub(super) gpu: Arc<Gpu>,
     pub(super) input: egui_winit::State,
     renderer: Renderer,
-    timer: Option<Timer>,
     surface: Surface<'static>,
     config: SurfaceConfiguration,
     attachments: Attachments,
@@ -56,13 +54,12 @@ impl Screen {
         );
         let panel =
             egui_wgpu::Renderer::new(&gpu.device, config.format, egui_wgpu::RendererOptions::default());
-        let (renderer, timer) = (Renderer::new(&gpu)?, Timer::new(&gpu));
+        let renderer = Renderer::new(&gpu)?;
         Ok(Self {
             window,
             gpu,
             input,
             renderer,
-            timer,
             surface,
             config,
             attachments,
@@ -71,9 +68,9 @@ impl Screen {
         })
     }
 
-    /// The layouts of the bind groups of models.
-    pub(super) fn groups(&self) -> ModelGroups {
-        self.renderer.groups().clone()
+    /// The layout of the bind group of a texture.
+    pub(super) fn groups(&self) -> BindGroupLayout {
+        self.renderer.texture_layout.clone()
     }
 
     /// Takes a new size of the window.
@@ -116,23 +113,16 @@ impl Screen {
         if let Some(frame) = frame {
             let view = frame.texture.create_view(&TextureViewDescriptor::default());
             let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
-            let timed = self.draw_scene(&mut encoder, &view, session)?;
+            self.draw_scene(&mut encoder, &view, session)?;
             let shapes = std::mem::take(&mut output.shapes);
             let more = self.draw_panel(&mut encoder, &view, shapes, output.pixels_per_point);
             self.gpu.queue.submit(more.into_iter().chain([encoder.finish()]));
-            if let (Some(timer), true) = (&mut self.timer, timed) {
-                timer.submitted();
-            }
             self.window.pre_present_notify();
             self.gpu.queue.present(frame);
         }
         for id in &unused {
             self.panel.free_texture(id);
         }
-        // Timestamps arrive later; this does not wait.
-        let _ = self.gpu.device.poll(PollType::Poll);
-        let times = self.timer.as_mut().map(Timer::collect).unwrap_or_default();
-        session.meter.gpu_ms = times.last().copied().or(session.meter.gpu_ms);
         self.gpu.check()?;
         Ok(again)
     }
@@ -146,28 +136,23 @@ impl Screen {
         output
     }
 
-    /// Draws the scene with the session's settings, or background; returns whether it is timed.
+    /// Draws the scene with the session's settings, or background.
     fn draw_scene(
         &mut self,
         encoder: &mut CommandEncoder,
         view: &TextureView,
         session: &mut Session,
-    ) -> Result<bool> {
+    ) -> Result<()> {
         let attachments = &self.attachments;
         let params = session.frame_params(attachments.size, &self.options);
         session.camera = Some(params.camera);
         let Some(model) = session.model() else {
             clear(encoder, view, attachments, self.options.background);
-            return Ok(false);
+            return Ok(());
         };
-        let slot = self.timer.as_mut().and_then(Timer::begin);
-        let timestamps = slot.and_then(|slot| self.timer.as_ref().map(|t| t.writes(slot)));
-        let output = FrameOutput { picture: view, attachments, timestamps };
+        let output = FrameOutput { picture: view, attachments, timestamps: None };
         session.drawn = self.renderer.draw(&self.gpu, encoder, output, model, &params)?;
-        if let (Some(timer), Some(slot)) = (&mut self.timer, slot) {
-            timer.end(slot, encoder);
-        }
-        Ok(slot.is_some())
+        Ok(())
     }
 
     fn draw_panel(

@@ -1,7 +1,7 @@
 //! The present content of the window, and its settings.
 
 use super::super::model::Model;
-use super::super::renderer::{DisplayMode, DrawStats, FrameParams};
+use super::super::renderer::{DrawStats, FrameParams};
 use super::controls::{CameraControls, Keys, Pane};
 use super::scene::ShownScene;
 use super::scene::{SceneFiles, WindowOptions};
@@ -20,7 +20,6 @@ const NOTE_TIME: Duration = Duration::from_secs(4);
 pub(super) struct Settings {
     /// The soup as it was trained instead of the solid triangles.
     pub(super) soft: bool,
-    pub(super) display: DisplayMode,
     pub(super) wireframe: bool,
     pub(super) photo: PhotoPlacement,
     /// The panel is hidden.
@@ -241,10 +240,9 @@ impl Session {
 
     /// How a picture of `size` is drawn.
     pub(super) fn frame_params(&self, size: UVec2, window: &WindowOptions) -> FrameParams {
-        let Settings { display, wireframe, .. } = self.settings;
         let (camera, near) = (self.controls.camera(size, self.pane), self.controls.near());
         let WindowOptions { background, msaa, .. } = *window;
-        FrameParams { camera, near, background, display, wireframe, msaa }
+        FrameParams { camera, near, background, wireframe: self.settings.wireframe, msaa }
     }
 
     /// The part of a pane for the picture beside a photo.
@@ -265,13 +263,11 @@ pub(super) fn texture(context: &Context, name: &str, picture: &RgbImage) -> Text
     context.load_texture(name, image, TextureOptions::LINEAR)
 }
 
-/// Pictures per second, and time by the card's timestamps.
+/// Pictures per second.
 #[derive(Debug, Default)]
 pub(super) struct Meter {
     last: Option<Instant>,
     frame_secs: Option<f64>,
-    /// Milliseconds the card worked on the last picture.
-    pub(super) gpu_ms: Option<f64>,
 }
 
 impl Meter {
