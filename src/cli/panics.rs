@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::sync::{Mutex, PoisonError};
 use trisplat_scene::{
     Error, Result,
-    guard::{is_guarded, text},
+    input::{is_guarded, text},
 };
 
 /// Place of the last panic for [`caught`] to report.

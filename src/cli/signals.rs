@@ -49,7 +49,7 @@ pub(super) fn start() {
 fn receive(signal: i32) {
     let is_first = RECEIVED.swap(signal, Ordering::Relaxed) == 0;
     if !is_first || LISTENERS.load(Ordering::Relaxed) == 0 {
-        process::running::end_all();
+        process::end_all();
         atomic::remove_temporaries();
         std::process::exit(EXIT_BASE + signal);
     }

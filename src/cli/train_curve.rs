@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use std::path::Path;
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::{Error, Result, math::short::short};
+use trisplat_scene::{Error, Result, report::short};
 use trisplat_train::TrainSample;
 
 /// The curve as SVG; `path` is for messages.

@@ -15,8 +15,7 @@ use trisplat_job::{BakeInput, BakeJob, HARDEN_STEPS, SceneRenderer, describe};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,
-    guard::{self, is_guarded},
-    input,
+    input::{self, is_guarded},
     layered::Layers,
     placed,
     process::memory,
@@ -142,10 +141,10 @@ fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
 /// process.
 fn report_faults() {
     std::panic::set_hook(Box::new(|panic| {
-        let message = guard::text(panic.payload());
+        let message = input::text(panic.payload());
         let place = panic.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
         match INPUT.get().filter(|_| is_guarded()) {
-            Some(path) => say("error", guard::failed(path, message).to_string()),
+            Some(path) => say("error", input::failed(path, message).to_string()),
             None => {
                 let fault = format!("trisplat has a fault: {message}{place}; please report it with the file");
                 say("error", fault);

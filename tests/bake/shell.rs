@@ -9,7 +9,7 @@ use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::{
     Asset, ImportedScene, Rng, Scene, Soup,
     camera::Camera,
-    math::{color::linear_from_srgb, octasphere::octasphere},
+    math::{color::linear_from_srgb, geometry::octasphere},
     mesh::{Colors, Mesh},
 };
 

@@ -9,7 +9,7 @@ use trisplat_scene::{
     Asset, ImportedScene,
     image::RgbImage,
     math::color::srgb_from_linear,
-    math::octasphere::octasphere,
+    math::geometry::octasphere,
     mesh::{Colors, Mesh},
     report::Report,
 };

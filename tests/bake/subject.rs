@@ -11,7 +11,7 @@ use trisplat_scene::{
     ImportedScene, Limits, Scene,
     camera::Camera,
     image::RgbImage,
-    math::octasphere::octasphere,
+    math::geometry::octasphere,
     mesh::{Colors, Mesh},
     report::{Report, StageEvent},
 };

@@ -193,7 +193,7 @@ fn sixteen_bits_of_linear_light_hold_every_srgb_code() {
     let parsed = parse(&glb(&ramp(256), &GltfOptions::default()).unwrap().0);
     for (i, stored) in parsed.colors(0).1.iter().enumerate() {
         let red = f32::from(u16::from_le_bytes([stored[0], stored[1]])) / 65535.0;
-        assert_eq!(usize::from(trisplat_scene::math::srgb8::srgb8_from_linear(red)), i / 3);
+        assert_eq!(usize::from(trisplat_scene::math::color::srgb8_from_linear(red)), i / 3);
     }
 }
 

@@ -5,7 +5,7 @@ use trisplat_raster::kernel::splat::CameraTriangle;
 use trisplat_scene::{
     Rng,
     math::real::Real,
-    math::vec::{V2, V3},
+    math::real::{V2, V3},
 };
 
 /// Largest difference of two gradients relative to their size.

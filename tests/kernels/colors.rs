@@ -3,7 +3,7 @@
 use super::cases::{CASES, between, difference, duals};
 use crate::common::dual::Dual;
 use trisplat_raster::kernel::{composite, sh};
-use trisplat_scene::{Rng, math::real::Real, math::vec::V3};
+use trisplat_scene::{Rng, math::real::Real, math::real::V3};
 
 /// Layers of (alpha, value) over a background value, as duals.
 fn blended<R: Real>(alphas: &[R], values: &[R], background: R) -> R {

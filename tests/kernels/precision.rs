@@ -5,8 +5,8 @@ use trisplat_raster::kernel::{splat, window};
 use trisplat_scene::{
     Rng,
     math::lanes::{LANES, Lanes, SimdLevel, Work, dispatch_at},
+    math::real::V2,
     math::real::{Mask, Real},
-    math::vec::V2,
 };
 
 /// Alpha of a splat at a pixel: projection, ratio and window.

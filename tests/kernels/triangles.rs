@@ -9,7 +9,7 @@ use trisplat_raster::{
 use trisplat_scene::{
     Rng,
     math::real::Real,
-    math::vec::{V2, V3},
+    math::real::{V2, V3},
 };
 
 /// Pixels near the projection of v0, with the weight of each in a loss and the edge each looks at.

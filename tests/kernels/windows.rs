@@ -2,7 +2,7 @@
 
 use super::cases::{CASES, between, camera, corners, difference, duals, triangle};
 use trisplat_raster::kernel::{splat, window};
-use trisplat_scene::{Rng, math::real::Real, math::vec::V2};
+use trisplat_scene::{Rng, math::real::Real, math::real::V2};
 
 #[test]
 fn window_grad_is_exact() {

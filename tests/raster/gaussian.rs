@@ -46,7 +46,7 @@ fn color(splats: &Splats, i: usize, d: DVec3) -> DVec3 {
     let k = splats.sh_count();
     let basis = trisplat_raster::kernel::sh::basis::<f64>(
         splats.sh_degree,
-        trisplat_scene::math::vec::V3::new(d.x, d.y, d.z),
+        trisplat_scene::math::real::V3::new(d.x, d.y, d.z),
     );
     let terms = splats.sh[i * k..(i + 1) * k].iter().zip(basis);
     let sum: DVec3 = terms.map(|(c, b)| Vec3::from(*c).as_dvec3() * b).sum();

@@ -8,7 +8,7 @@ use trisplat_scene::{
     Rng,
     camera::Camera,
     math::color::linear_from_srgb,
-    math::srgb8::srgb8_from_linear,
+    math::color::srgb8_from_linear,
     mesh::{Colors, Mesh},
 };
 

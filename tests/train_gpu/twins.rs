@@ -12,8 +12,8 @@ use trisplat_raster::{
 use trisplat_scene::{
     Rng,
     math::color,
-    math::ssim::factors,
-    math::vec::{V2, V3},
+    math::metric::factors,
+    math::real::{V2, V3},
 };
 
 /// Rows of random numbers that each function gets.

@@ -15,7 +15,7 @@ pub(super) use sky::{Sky, closed, is_scattered, take_sky};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::octasphere::{face_count, octasphere};
+use trisplat_scene::math::geometry::{face_count, octasphere};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::{Outcome, StageDetails};
 

@@ -2,7 +2,7 @@
 //! an engine's caches warm.
 
 use glam::{DVec3, Vec3};
-use trisplat_scene::math::curve::along_curve;
+use trisplat_scene::math::geometry::along_curve;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::GRAIN;
 use trisplat_scene::report::{Outcome, StageDetails};

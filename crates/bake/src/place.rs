@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::finite::all_finite;
+use trisplat_scene::math::median::all_finite;
 use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::Called;

@@ -11,7 +11,7 @@ use crate::solid::color;
 use glam::UVec2;
 use trisplat_formats::info::Softness;
 use trisplat_raster::{soft::SoftOptions, solid::SolidRasterizer};
-use trisplat_scene::math::evenly_spaced::evenly_spaced;
+use trisplat_scene::math::median::evenly_spaced;
 use trisplat_scene::{
     ImportedScene, Result, Scene, Soup,
     camera::Camera,

@@ -56,7 +56,7 @@ pub(crate) fn viewpoint(
 mod tests {
     use super::*;
     use trisplat_scene::camera::Viewpoint;
-    use trisplat_scene::math::octasphere::octasphere;
+    use trisplat_scene::math::geometry::octasphere;
     use trisplat_scene::mesh::{Colors, Mesh};
 
     fn spheres() -> Asset {

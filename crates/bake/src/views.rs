@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos, exposure::Exposures};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
-use trisplat_scene::math::evenly_spaced::evenly_spaced;
+use trisplat_scene::math::median::evenly_spaced;
 use trisplat_scene::{
     Placement, Result, camera::Camera, image::RgbImage, math::median::median, math::metric, mesh::Mesh,
     placed,

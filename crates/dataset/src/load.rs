@@ -17,7 +17,7 @@ use trisplat_scene::{
     Error, Limits, Result,
     camera::Camera,
     image::RgbImage,
-    math::{evenly_spaced::evenly_spaced, median::median},
+    math::{median::evenly_spaced, median::median},
     parallel,
 };
 

@@ -6,7 +6,7 @@ use crate::source::is_packed;
 use crate::{Format, ReadOptions, Source, format, gltf, obj, output, ply, splats};
 use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
-use trisplat_scene::guard::guarded;
+use trisplat_scene::input::guarded;
 use trisplat_scene::report::{OutputReport, Report};
 use trisplat_scene::{Asset, ImportedScene, ImportedSplats, Limits, Result, Splats};
 

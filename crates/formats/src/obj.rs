@@ -21,8 +21,8 @@ use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
 use trisplat_scene::{
     Asset, Error, FaceTexture, ImportedScene, Result, Scene,
+    math::color::srgb8_from_linear,
     math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear},
-    math::srgb8::srgb8_from_linear,
     mesh::{Colors, Mesh},
 };
 

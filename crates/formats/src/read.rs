@@ -5,7 +5,7 @@ use crate::gltf;
 use crate::{Format, ReadOptions, Source, format, obj, off, ply, pt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{Error, ImportedScene, Result, guard::guarded, input};
+use trisplat_scene::{Error, ImportedScene, Result, input, input::guarded};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =

@@ -4,7 +4,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::{image::RgbImage, math::color_fit::ColorMap, math::metric};
+use trisplat_scene::{image::RgbImage, math::color::ColorMap, math::metric};
 use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.

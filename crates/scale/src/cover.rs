@@ -9,7 +9,7 @@ use trisplat_dataset::View;
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
-    Error, Result, SceneNormalization, Soup, camera::Camera, math::curve::along_curve, sh0_from_rgb,
+    Error, Result, SceneNormalization, Soup, camera::Camera, math::geometry::along_curve, sh0_from_rgb,
 };
 
 /// Longer side of the drawings, px: shares of a picture need no more.

@@ -4,8 +4,6 @@
 //! (3DGS, Held et al. 2025).
 
 mod decode;
-mod jpeg;
-mod palette;
 mod png;
 mod shrink;
 

@@ -1,8 +1,8 @@
 //! A mesh for engines: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
-use crate::math::finite::{all_finite, all_in_unit};
 use crate::math::median::median;
+use crate::math::median::{all_finite, all_in_unit};
 use crate::parallel::{self, GRAIN};
 use crate::texture::FaceTexture;
 use glam::{DVec3, Vec3};

@@ -4,7 +4,7 @@ use glam::{UVec2, Vec2, Vec3};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::StageProgress;
 use trisplat_scene::{Scene, SceneNormalization, Soup};

@@ -318,7 +318,7 @@ mod tests {
 
     /// A closed ball of 8 · 4^levels triangles around `center`.
     fn ball(center: Vec3, radius: f32, levels: u32) -> Mesh {
-        let (corners, faces) = trisplat_scene::math::octasphere::octasphere(levels);
+        let (corners, faces) = trisplat_scene::math::geometry::octasphere(levels);
         Mesh {
             colors: Colors::Vertex(vec![[0.5; 3]; corners.len()]),
             positions: corners.into_iter().map(|c| center + radius * c).collect(),

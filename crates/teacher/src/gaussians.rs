@@ -2,7 +2,7 @@
 
 use glam::UVec2;
 use trisplat_raster::{gaussian, gaussian::GaussianOptions, soft::Frame};
-use trisplat_scene::{Soup, Splats, camera::Camera, image::RgbImage, math::evenly_spaced::evenly_spaced};
+use trisplat_scene::{Soup, Splats, camera::Camera, image::RgbImage, math::median::evenly_spaced};
 
 /// A viewpoint sees a Gaussian that contributes this much to its picture, px.
 const LEAST_SEEN_PX: f32 = 0.5;

@@ -10,7 +10,7 @@ use super::survey::{camera, direction};
 use glam::{UVec2, Vec2, Vec3};
 use trisplat_raster::{gaussian, gaussian::GaussianOptions};
 use trisplat_scene::{
-    Rng, Splats, camera::Camera, math::evenly_spaced::evenly_spaced, math::median::median, sh0_from_rgb,
+    Rng, Splats, camera::Camera, math::median::evenly_spaced, math::median::median, sh0_from_rgb,
 };
 
 /// Distances of the cameras from the middle, in radii of the object, in turn: parts hide each other differently from near and far.

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, UVec2, Vec3};
 use trisplat_raster::{soft::SoftOptions, soft::SoftRasterizer, soft::SoupRef};
-use trisplat_scene::{Soup, camera::Camera, math::curve::along_curve};
+use trisplat_scene::{Soup, camera::Camera, math::geometry::along_curve};
 
 /// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;

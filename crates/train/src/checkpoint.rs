@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, guard::guarded, input};
+use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, input, input::guarded};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.

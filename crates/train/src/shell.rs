@@ -16,8 +16,8 @@ use trisplat_scene::{
     Result, SceneNormalization, Soup,
     camera::Camera,
     image::RgbImage,
+    math::geometry::{face_count, octasphere},
     math::median::median,
-    math::octasphere::{face_count, octasphere},
     sh0_from_rgb,
 };
 

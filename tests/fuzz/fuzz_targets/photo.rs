@@ -8,7 +8,7 @@ mod png;
 use libfuzzer_sys::fuzz_target;
 use std::io::Write;
 use trisplat::Limits;
-use trisplat_scene::guard::is_guarded;
+use trisplat_scene::input::is_guarded;
 use trisplat_scene::image::RgbImage;
 
 /// As in the program, a panic of the decoder is an error of the photo: it does not end the fuzzer, whose hook is for all others.

@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 use trisplat_raster::framing::hit;
 use trisplat_scene::{
+    math::geometry::octasphere,
     math::median::median,
-    math::octasphere::octasphere,
     mesh::{Colors, Mesh},
 };
 

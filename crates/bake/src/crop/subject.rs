@@ -9,7 +9,7 @@ use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Scene, UpAxis, camera::Camera, math::sets::Sets, mesh::Mesh};
+use trisplat_scene::{Scene, UpAxis, camera::Camera, math::median::Sets, mesh::Mesh};
 
 /// What is farther from the middle than this many radii of the subject's ball is not looked at.
 const REACH: f32 = 1.6;

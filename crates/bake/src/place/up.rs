@@ -5,7 +5,7 @@ use super::ground::{Foreground, Sample};
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Rng, camera::Camera, math::eigen::symmetric_eigen, math::median::median};
+use trisplat_scene::{Rng, camera::Camera, math::geometry::symmetric_eigen, math::median::median};
 
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;

@@ -210,7 +210,7 @@ fn solved_alone(alone: &[[f64; 6]], x: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::math::octasphere::octasphere;
+    use trisplat_scene::math::geometry::octasphere;
 
     /// A closed sphere.
     fn sphere() -> Mesh {

@@ -19,7 +19,7 @@ use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::GRAIN;
 use trisplat_scene::{Error, Result, parallel};

@@ -1,7 +1,7 @@
 //! What a grid says in one sentence: the settings to use, what they cost and reach, and what more time would give.
 
 use super::grid::CostCell;
-use trisplat_scene::math::short::short;
+use trisplat_scene::report::short;
 
 /// Less than this is no difference, dB.
 const LEAST_DB: f64 = 0.01;

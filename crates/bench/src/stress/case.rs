@@ -249,7 +249,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
     use trisplat_raster::kernel::splat::{CameraTriangle, splat};
-    use trisplat_scene::math::vec::{V2, V3};
+    use trisplat_scene::math::real::{V2, V3};
 
     #[test]
     fn random_cases_lie_on_their_axes_and_stretch_what_they_say() {

@@ -16,7 +16,7 @@ use trisplat_formats::gltf::PositionEncoding;
 use trisplat_raster::kernel::sh;
 use trisplat_raster::soft::{FrameGrad, SoftRasterizer, SoupGrad, SoupRef};
 use trisplat_raster::solid::SolidRasterizer;
-use trisplat_scene::{Result, Rng, math::vec::V3};
+use trisplat_scene::{Result, Rng, math::real::V3};
 
 /// Distance to a jump below which a pixel is not compared.
 pub(super) const UNDECIDED: f64 = 5e-4;

@@ -7,7 +7,7 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 use trisplat_scene::{
     Error, Result,
-    process::running::Running,
+    process::Running,
     report::{StageEvent, StageObserver},
 };
 

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
-use trisplat_scene::math::srgb8::srgb8_from_linear;
+use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Colors;
 use trisplat_scene::{Asset, Error, Result, parallel};
 

@@ -15,8 +15,8 @@ use std::path::Path;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{
     Asset, Error, Limits, Result,
+    math::color::srgb8_from_linear,
     math::color::{linear_from_srgb, linear_of_srgb8},
-    math::srgb8::srgb8_from_linear,
     mesh::{Colors, Mesh},
 };
 

@@ -210,7 +210,7 @@ mod tests {
 mod far_shell_tests {
     use super::*;
     use trisplat_scene::Rng;
-    use trisplat_scene::math::octasphere::octasphere;
+    use trisplat_scene::math::geometry::octasphere;
 
     /// Small triangles in a ball of this radius.
     fn things(count: u64, radius: f32) -> Vec<[Vec3; 3]> {

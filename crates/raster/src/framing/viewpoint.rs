@@ -270,7 +270,7 @@ mod tests {
 
     /// A ball of small triangles, radius 1.
     fn ball() -> Vec<[Vec3; 3]> {
-        let (corners, faces) = trisplat_scene::math::octasphere::octasphere(4);
+        let (corners, faces) = trisplat_scene::math::geometry::octasphere(4);
         faces.iter().map(|face| face.map(|i| corners[i as usize])).collect()
     }
 

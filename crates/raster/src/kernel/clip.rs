@@ -10,7 +10,7 @@
 //! ```
 
 use trisplat_scene::math::real::Real;
-use trisplat_scene::math::vec::V3;
+use trisplat_scene::math::real::V3;
 
 /// A corner of a piece: the point between two corners of the triangle, or the corner itself when both are the same.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

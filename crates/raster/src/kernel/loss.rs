@@ -15,7 +15,7 @@ pub use super::ssim::LossNumber;
 
 use super::ssim::{GRADS, MAPS, blur_column, blur_maps, lane_sum, ssim_rows, weight_by};
 use trisplat_scene::{
-    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::ssim::TAPS, math::ssim::window,
+    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::metric::TAPS, math::metric::window,
     parallel,
 };
 

@@ -2,8 +2,8 @@
 
 use std::ops::AddAssign;
 use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::Real,
-    math::ssim::Factors, math::ssim::TAPS, math::ssim::factors, parallel,
+    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::metric::Factors,
+    math::metric::TAPS, math::metric::factors, math::real::Real, parallel,
 };
 
 /// The number type of the loss: f32 for training, f64 for testing the gradient.

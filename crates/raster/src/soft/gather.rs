@@ -9,7 +9,7 @@ use crate::kernel::{clip, sh, splat};
 use glam::Vec3;
 use trisplat_scene::{
     camera::Camera, math::color::decode, math::color::srgb_from_linear, math::lanes::LANES,
-    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::vec::V2, math::vec::V3, parallel,
+    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::V2, math::real::V3, parallel,
 };
 
 /// Gradient of the corners of every splat; arbitrary for one that was not drawn.

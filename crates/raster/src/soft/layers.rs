@@ -12,7 +12,7 @@ use crate::kernel::splat::DepthPlane;
 use crate::kernel::{composite, window};
 use glam::UVec2;
 use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::real::Mask, math::vec::V2, math::vec::V3,
+    math::lanes::LANES, math::lanes::Lanes, math::real::Mask, math::real::V2, math::real::V3,
 };
 
 /// A splat's record in every lane.

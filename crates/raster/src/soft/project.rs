@@ -12,7 +12,7 @@ use crate::kernel::{clip, sh, splat, window};
 use std::ops::Range;
 use trisplat_scene::{
     camera::Camera, math::color::linear_from_srgb, math::lanes::LANES, math::lanes::Lanes, math::lanes::Work,
-    math::lanes::dispatch, math::real::Mask, math::vec::V2, math::vec::V3, parallel, parallel::GRAIN,
+    math::lanes::dispatch, math::real::Mask, math::real::V2, math::real::V3, parallel, parallel::GRAIN,
 };
 
 impl Projection {

@@ -4,7 +4,7 @@ use crate::kernel::clip;
 use crate::kernel::clip::{Piece, PieceCorner};
 use crate::kernel::splat::{CameraTriangle, DepthPlane};
 use glam::{Mat3, Vec3};
-use trisplat_scene::{camera::Camera, math::vec::V2, math::vec::V3};
+use trisplat_scene::{camera::Camera, math::real::V2, math::real::V3};
 
 /// Triangles that one task projects; also the unit of the gradient gather.
 pub(super) const CHUNK: usize = 1024;

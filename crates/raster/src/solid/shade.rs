@@ -7,9 +7,9 @@ use super::visibility::FaceBarycentrics;
 use super::visibility::NO_FACE;
 use trisplat_scene::{
     FaceTexture,
+    math::color::srgb8_from_linear,
     math::lanes::{LANES, Lanes, Work, dispatch, prefetch},
     math::real::{Mask, Real},
-    math::srgb8::srgb8_from_linear,
     mesh::{Colors, Mesh},
 };
 

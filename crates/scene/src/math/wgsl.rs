@@ -1,7 +1,7 @@
 //! The functions of this folder in WGSL, with the constants of their Rust twins.
 
-use super::lanes::poly::{EXP2, LOG2, SQRT_HALF_BITS};
-use super::ssim;
+use super::lanes::{EXP2, LOG2, SQRT_HALF_BITS};
+use super::metric;
 use std::fmt::{Debug, Write};
 
 /// The functions, and all constants they need.
@@ -11,9 +11,9 @@ pub fn library() -> String {
     constants(&mut out, "EXP2", &EXP2);
     let _ = writeln!(out, "const SQRT_HALF_BITS: i32 = {SQRT_HALF_BITS};");
     constant(&mut out, "LN_2", std::f64::consts::LN_2);
-    constant(&mut out, "SSIM_C1", ssim::C1);
-    constant(&mut out, "SSIM_C2", ssim::C2);
-    constants(&mut out, "SSIM_WINDOW", &ssim::window());
+    constant(&mut out, "SSIM_C1", metric::C1);
+    constant(&mut out, "SSIM_C2", metric::C2);
+    constants(&mut out, "SSIM_WINDOW", &metric::window());
     out + include_str!("functions.wgsl")
 }
 

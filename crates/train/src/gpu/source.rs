@@ -6,7 +6,7 @@ use crate::update::{SIZE_OF_ALL, SIZES};
 use std::fmt::Write;
 use trisplat_raster::kernel::wgsl_library;
 use trisplat_raster::soft::{MARGIN, TILE};
-use trisplat_scene::math::ssim::TAPS;
+use trisplat_scene::math::metric::TAPS;
 use trisplat_scene::math::wgsl::constant;
 
 /// Invocations of a workgroup.
