@@ -1,36 +1,36 @@
 //! `trisplat bake IN... -o OUT`.
 
-use super::Global;
-use super::bake_args::BakeArgs;
-use super::bake_city;
-use super::files;
+use super::flags::{self, Sources};
 use super::inputs::Inputs;
-use super::layers;
+use super::messages::{many, thousands};
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
+use super::{Global, messages};
 use clap::ArgMatches;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Instant;
 use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
-use trisplat_dataset::Dataset;
-use trisplat_formats::{info::Softness, output::Output};
+use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_formats::info::Softness;
+use trisplat_formats::output::{Output, OutputFormat};
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
-use trisplat_scene::{
-    Result,
-    layered::Layers,
-    report::{Report, counted},
-};
+use trisplat_scale::{Blocks, NAME, bake_tiles};
+use trisplat_scene::report::{Report, counted};
+use trisplat_scene::{Error, Result};
 use trisplat_train::TrainDetails;
 
 /// Bakes; `matches` says which flags were typed.
 pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<()> {
     let clock = Instant::now();
-    let mut options = resolve(args, matches)?;
+    let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+    let mut options =
+        sources.resolve(&args.options, &args.dataset_options.limits, BakeOptions::preset)?.options;
     if let [plan] = &args.inputs[..]
-        && bake_city::is_plan(plan)
+        && is_plan(plan)
     {
-        return bake_city::run(args, plan, options, global, inputs);
+        return bake_blocks(args, plan, options, global, inputs);
     }
     let output = options.plan_output(&args.output, args.format)?;
     let mut outputs = guard(args, inputs, &output)?;
@@ -45,18 +45,15 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         options,
         photos,
         dataset_options: args.dataset_options.clone(),
-        harden: args.harden.harden,
+        harden: args.harden,
         max_bytes: args.max_bytes.map(|size| size.0),
         began: Some(clock),
     };
-    let mut terminal = Terminal::new(global, command());
+    let mut terminal = Terminal::new(global, flags::command_of::<BakeArgs>("bake"));
     let BakeDone { mut report, .. } = job.write(&output, files, &mut |event| terminal.tell(event))?;
     report.dry_run = args.dry_run;
     say(&report, &terminal.done());
-    match &args.report {
-        Some(path) => files::save_json(&report, outputs.take(path)?),
-        None => Ok(()),
-    }
+    outputs.save_report(args.report.as_deref(), &report)
 }
 
 /// The lines after the stages of a bake.
@@ -69,16 +66,7 @@ fn say(report: &Report, progress: &Progress) {
     if let (Some(softness), None) = (softness, hardened) {
         progress.line(&soft_note(&softness, report.details().as_ref()));
     }
-    for file in &report.outputs {
-        let verb = if report.dry_run { "would write" } else { "wrote" };
-        let bytes = super::counts::thousands(file.bytes);
-        progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
-    }
-}
-
-/// The command, for the names of its flags.
-fn command() -> clap::Command {
-    <BakeArgs as clap::Args>::augment_args(clap::Command::new("bake"))
+    progress.wrote(report);
 }
 
 /// The softness of the scene, the score of its solid triangles, and a hint.
@@ -95,21 +83,182 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
     )
 }
 
-/// Preset, then config file, then `--set`, then the flags really typed.
-fn resolve(args: &BakeArgs, matches: &ArgMatches) -> Result<BakeOptions> {
-    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
-    let layers = match &args.config {
-        Some(path) => layers.file(path, &args.dataset_options.limits)?,
-        None => layers,
-    };
-    Ok(layers.resolve(BakeOptions::preset)?.options)
-}
-
 /// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
 fn guard<'a>(args: &BakeArgs, inputs: &'a Inputs, output: &Output) -> Result<Outputs<'a>> {
     let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
     outputs.plan_scene(output)?;
     outputs.replacing(args.force);
-    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    outputs.claim_report(args.report.as_deref())?;
     Ok(outputs)
+}
+
+// ---- The flags of `trisplat bake` --------------------------------------------------------------------
+
+/// Files, layers and the options of every stage.
+#[derive(Debug, clap::Args)]
+pub struct BakeArgs {
+    /// Files to bake: .ply .pt .off .obj .glb .gltf .html; several are merged; "-" is standard input. Gaussian splats (.ply .splat .spz .sog
+    /// .glb) are drawn, and triangles are trained on the pictures: about two minutes, with --preset fast less, with --harden more. The folder
+    /// of a plan whose blocks are trained is baked into tiles, block by block.
+    #[arg(required = true, value_name = "IN")]
+    pub inputs: Vec<PathBuf>,
+    /// File to write: .glb .gltf .obj .ply .usdz .html .tileset.json; "-" is standard output.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Format to write, when the name of OUT does not tell it.
+    #[arg(long, value_enum)]
+    pub format: Option<OutputFormat>,
+    /// Replace OUT if it exists.
+    #[arg(short, long)]
+    pub force: bool,
+    /// Do everything but write.
+    #[arg(long)]
+    pub dry_run: bool,
+    /// JSON file with options; --set and flags override it (schema: trisplat schema bake).
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Set any option of the bake by its key, as in refit=flat; may be given often.
+    ///
+    /// `trisplat schema bake` and docs/bake.md describe all keys.
+    #[arg(long = "set", value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    pub sets: Vec<String>,
+    /// Write what every stage did as JSON (schema: trisplat schema report).
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Write at most this many bytes, all files together, as in 5MB.
+    ///
+    /// The scene keeps the most triangles that fit. A trial measures the size, then the scene is baked once
+    /// or twice.
+    #[arg(long, value_name = "SIZE")]
+    pub max_bytes: Option<ByteSize>,
+    /// Posed photos of the scene: removes triangles hidden in all of them, and fits colours to them
+    #[arg(long, value_name = "DATASET")]
+    pub dataset: Option<PathBuf>,
+    /// Train a soft scene solid first: minutes, for a file that looks like the soft scene.
+    ///
+    /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. Gaussian
+    /// splats are always trained solid: with it in four times as many steps, on more and larger pictures.
+    #[arg(long, value_name = "STEPS", num_args = 0..=1, require_equals = true, default_missing_value = "2000",
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub harden: Option<u64>,
+    /// The options of the stages.
+    #[command(flatten)]
+    pub options: BakeOptions,
+    /// How the data set is read.
+    #[command(flatten)]
+    pub dataset_options: DatasetOptions,
+}
+
+// ---- Sizes in bytes, as they are typed ---------------------------------------------------------------
+
+/// A size, written as `5000000`, `5MB` or `5M` (millions), `500kB` or `4MiB`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ByteSize(pub u64);
+
+impl FromStr for ByteSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+        let unit = match &text[digits.len()..] {
+            "" | "B" => 1.0,
+            "k" | "K" | "kB" | "KB" => 1e3,
+            "M" | "MB" => 1e6,
+            "G" | "GB" => 1e9,
+            "KiB" => 1024.0,
+            "MiB" => f64::from(1 << 20),
+            "GiB" => f64::from(1 << 30),
+            _ => 0.0,
+        };
+        let bytes = digits.parse::<f64>().map_or(0.0, |number| number * unit);
+        // NaN is in no range.
+        match (1.0..=1e15).contains(&bytes) {
+            true => Ok(Self(bytes as u64)),
+            false => Err("expected a size of 1 byte or more, as in 5MB, 500kB, 4MiB or 5000000".to_owned()),
+        }
+    }
+}
+
+// ---- `trisplat bake CITY -o OUT.tileset.json`: the blocks of a plan, one after the other -------------
+
+/// Whether a path is a plan of a scene in blocks, or its folder.
+pub(super) fn is_plan(path: &Path) -> bool {
+    path.join(NAME).is_file() || path.file_name().is_some_and(|name| name == NAME)
+}
+
+/// Bakes the blocks of `plan`.
+fn bake_blocks(
+    args: &BakeArgs,
+    plan: &Path,
+    mut options: BakeOptions,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<()> {
+    let clock = Instant::now();
+    check(args, &options)?;
+    let output = options.plan_output(&args.output, args.format)?;
+    if !options.tiles.tiles {
+        let wants = "a name ending in .tileset.json; for one file merge the blocks first";
+        return Err(Error::invalid("output", args.output.display(), wants));
+    }
+    let blocks = Blocks::open(plan, &args.dataset_options.limits)?;
+    Outputs::new(inputs, args.force).plan_scene(&output)?;
+    let mut say = |index: usize, triangles: u64| {
+        if global.verbose {
+            messages::print(&format!("block {index}: {}", many(triangles, "triangle")));
+        }
+    };
+    let done = bake_tiles(&blocks, &args.output, &options, &mut say)?;
+    if !global.quiet {
+        let (out, folder) = (args.output.display(), done.folder.display());
+        let (triangles, bytes) = (many(done.triangles, "triangle"), thousands(done.bytes));
+        let seconds = clock.elapsed().as_secs_f64();
+        let count = many(blocks.count() as u64, "block");
+        messages::print(&format!(
+            "wrote {out} and {folder}: {triangles} of {count} ({bytes} bytes, {seconds:.2} s)"
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses options that need the whole scene at once.
+fn check(args: &BakeArgs, options: &BakeOptions) -> Result<()> {
+    let refused = [
+        (args.dataset.is_some(), "dataset", "a merged scene: blocks are baked one by one, without photos"),
+        (args.harden.is_some(), "harden", "a merged scene"),
+        (args.max_bytes.is_some(), "max_bytes", "a merged scene"),
+        (args.report.is_some(), "report", "a merged scene"),
+        (args.dry_run, "dry_run", "a merged scene"),
+        (options.collision.collision, "collision", "a merged scene"),
+        (options.texture.is_wanted(), "texture", "a merged scene"),
+        (options.prune.max_triangles.is_some(), "max_triangles", "a merged scene"),
+    ];
+    match refused.iter().find(|(is, ..)| *is) {
+        Some((_, option, wants)) => Err(Error::invalid(*option, "given with a plan", *wants)),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        for (text, bytes) in [
+            ("5000000", 5_000_000),
+            ("5MB", 5_000_000),
+            ("1.5kB", 1500),
+            ("500k", 500_000),
+            ("5M", 5_000_000),
+            ("4MiB", 4 << 20),
+            ("1GB", 1_000_000_000),
+            ("7B", 7),
+        ] {
+            assert_eq!(text.parse(), Ok(ByteSize(bytes)), "{text}");
+        }
+        for bad in ["", "0", "-1", "nan", "inf", "5 MB", "MB", "5TB", "5mb", "1e16"] {
+            assert!(bad.parse::<ByteSize>().is_err(), "{bad}");
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! `trisplat capture INPUT -o FOLDER`: photos or a video become a data set with poses.
 
 use super::Global;
-use super::files;
+use super::flags;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -38,14 +38,13 @@ pub struct CaptureArgs {
 pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let clock = Instant::now();
     let mut outputs = Outputs::new(inputs, args.force);
-    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    outputs.claim_report(args.report.as_deref())?;
     let mut job = Capture::new(args.inputs.iter().cloned(), args.output.clone());
     (job.options, job.force) = (args.options.clone(), args.force);
 
-    let command = <CaptureArgs as clap::Args>::augment_args(clap::Command::new("capture"));
     let mut report = Report::new("capture");
     report.options = serde_json::to_value(&args.options).unwrap_or_default();
-    let mut terminal = Terminal::new(global, command);
+    let mut terminal = Terminal::new(global, flags::command_of::<CaptureArgs>("capture"));
     terminal.begin_part(MakePart::Capture);
     let verdict = job.run(&mut report, &mut |event| terminal.tell_stage(event))?;
     let progress = &terminal.done();
@@ -54,17 +53,14 @@ pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitC
     let folder = args.output.display();
     let Some(verdict) = verdict else {
         progress.line("stopped; the same command goes on from here");
-        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+        return Ok(signals::ended());
     };
     advise(&verdict, progress);
     progress.line(&format!(
         "wrote {folder} ({:.0} s); next: trisplat train {folder} -o scene.ply",
         report.seconds
     ));
-    if let Some(path) = &args.report {
-        files::save_json(&report, outputs.take(path)?)?;
-    }
-    Ok(ExitCode::SUCCESS)
+    outputs.save_report(args.report.as_deref(), &report).map(|()| ExitCode::SUCCESS)
 }
 
 /// Prints what to do about a capture.

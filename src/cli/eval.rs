@@ -1,12 +1,12 @@
 //! `trisplat eval FILE DATASET`: PSNR, SSIM and FLIP against the photos, raw and with corrected colours.
 
 use super::Global;
-use super::counts::{many, thousands};
 use super::inputs::Inputs;
+use super::messages;
+use super::messages::{many, thousands};
 use super::outputs::Outputs;
-use super::pictures::Pictures;
 use super::progress::Progress;
-use super::{files, messages};
+use super::render::Pictures;
 use glam::UVec2;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -91,10 +91,10 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
         progress.warn(warning);
     }
     match args.json {
-        true => files::print_json(&report, out).map_err(|e| Error::io("-", e))?,
+        true => messages::print_json(&report, out).map_err(|e| Error::io("-", e))?,
         false => table.end(out, &report)?,
     }
-    args.report.as_deref().map_or(Ok(()), |path| files::save_json(&report, outputs.take(path)?))
+    args.report.as_deref().map_or(Ok(()), |path| messages::save_json(&report, outputs.take(path)?))
 }
 
 impl EvalArgs {

@@ -1,13 +1,15 @@
-//! `trisplat info FILE`: the content of a file of any format, or of a data set.
+//! `trisplat info FILE`: the content of a file of any format, or of a data set, as a table of names and values or as JSON.
 
-use super::counts::{many, thousands};
-use super::{files, info_dataset, messages};
+use super::messages::{self, many, thousands};
 use std::io::{self, Write};
-use std::path::PathBuf;
-use trisplat_dataset::DatasetOptions;
-use trisplat_formats::info::{Distribution, HistogramBin, Info, SceneKind, Softness, TextureInfo};
-use trisplat_job::describe;
-use trisplat_scene::{Error, Result};
+use std::path::{Path, PathBuf};
+use trisplat_dataset::{Dataset, DatasetOptions, Description};
+use trisplat_formats::info::{Distribution, Info, SceneKind, Softness, TextureInfo};
+use trisplat_scene::report::counted;
+use trisplat_scene::{Error, Placement, Result};
+
+/// Most cameras of a data set listed one by one; others are only counted.
+const LISTED: usize = 5;
 
 /// What to describe.
 #[derive(Debug, clap::Args)]
@@ -24,18 +26,45 @@ pub struct InfoArgs {
     pub dataset_options: DatasetOptions,
 }
 
+/// A name and a value; a row without a name stands below the one before.
+type Row = (&'static str, String);
+
 /// Describes the file on `out`.
 pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
-    if info_dataset::is_dataset(&args.input) {
-        return info_dataset::run(&args.input, &args.dataset_options, args.json, out);
-    }
-    let info = describe(&args.input, &args.dataset_options.read_options(3))?;
-    let printed = if args.json { files::print_json(&info, out) } else { print(&info, out) };
+    let how = &args.dataset_options;
+    let printed = if is_dataset(&args.input) {
+        let description = trisplat_dataset::describe(&Dataset::load(&args.input, how)?, &how.limits)?;
+        if args.json {
+            messages::print_json(&description, out)
+        } else {
+            print(dataset_rows(&description), out)
+        }
+    } else {
+        let info = trisplat_job::describe(&args.input, &how.read_options(3))?;
+        if args.json {
+            messages::print_json(&info, out)
+        } else {
+            let title = format!("{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes));
+            messages::write(out, &title).and_then(|()| print(scene_rows(&info), out))
+        }
+    };
     printed.map_err(|e| Error::io("-", e))
 }
 
-fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
-    messages::write(out, &format!("{}: {}, {} bytes", info.path, info.format.name(), thousands(info.bytes)))?;
+/// True for a data set: a folder or a transforms.json.
+pub fn is_dataset(path: &Path) -> bool {
+    path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+fn print(rows: Vec<Row>, out: &mut dyn Write) -> io::Result<()> {
+    rows.iter().try_for_each(|(name, value)| match *name {
+        "" => messages::write(out, value),
+        name => messages::write(out, &format!("{name:<10} {value}")),
+    })
+}
+
+fn scene_rows(info: &Info) -> Vec<Row> {
+    let are_splats = info.kind == SceneKind::Splats;
     let kind = match (info.kind, info.sh_degree) {
         (SceneKind::Soup, Some(degree)) => format!("soup, spherical harmonics of degree {degree}"),
         (SceneKind::Soup, None) => "soup".to_owned(),
@@ -45,91 +74,75 @@ fn print(info: &Info, out: &mut dyn Write) -> io::Result<()> {
             format!("Gaussian splats, spherical harmonics of degree {}", degree.unwrap_or(0))
         }
     };
-    line(out, "kind", &kind)?;
-    if info.kind == SceneKind::Splats {
-        line(out, "splats", &thousands(info.splats))?;
-    } else {
-        line(out, "triangles", &thousands(info.triangles))?;
-        line(out, "vertices", &thousands(info.vertices))?;
-    }
-    if info.shell > 0 {
-        line(out, "shell", &thousands(info.shell))?;
-    }
-    if info.cameras > 0 {
-        line(out, "cameras", &thousands(info.cameras))?;
-    }
+    let mut rows = vec![("kind", kind)];
+    let counts = [
+        ("splats", info.splats, are_splats),
+        ("triangles", info.triangles, !are_splats),
+        ("vertices", info.vertices, !are_splats),
+        ("shell", info.shell, info.shell > 0),
+        ("cameras", info.cameras, info.cameras > 0),
+    ];
+    rows.extend(counts.into_iter().filter(|(.., is)| *is).map(|(name, count, _)| (name, thousands(count))));
     let [min, max] = [info.bounds.min, info.bounds.max].map(|p| p.map(|x| format!("{x:.4}")).join(" "));
-    line(out, "bounds", &format!("{min}  to  {max}"))?;
-    print_origin(info, out)?;
+    rows.push(("bounds", format!("{min}  to  {max}")));
+    rows.extend(origin_rows(info));
     let hex = |c: [f32; 3]| c.map(|x| format!("{:02x}", (x.clamp(0.0, 1.0) * 255.0).round() as u8)).concat();
     let colors = &info.colors;
     let outside = match colors.outside {
         0 => String::new(),
         n => format!("; {} outside 0 to 1", thousands(n)),
     };
-    let colors = format!("mean #{}, #{} to #{}{outside}", hex(colors.mean), hex(colors.min), hex(colors.max));
-    line(out, "colors", &colors)?;
+    let [mean, min, max] = [colors.mean, colors.min, colors.max].map(hex);
+    rows.push(("colors", format!("mean #{mean}, #{min} to #{max}{outside}")));
     if let Some(TextureInfo { size: [width, height], pages, stored }) = &info.texture {
         let stored = stored.as_ref().map_or(String::new(), |stored| {
             format!(", {} of {} bytes", stored.format, thousands(stored.bytes))
         });
         let pages = if *pages > 1 { format!("{pages} pages of up to ") } else { String::new() };
-        line(out, "texture", &format!("{pages}{width}x{height} texels{stored}"))?;
+        rows.push(("texture", format!("{pages}{width}x{height} texels{stored}")));
     }
     for (name, spread) in [("opacity", &info.opacity), ("sigma", &info.sigma)] {
-        if let Some(spread) = spread {
-            print_spread(out, name, spread)?;
-        }
+        rows.extend(spread.iter().flat_map(|spread| spread_rows(name, spread)));
     }
-    if info.kind != SceneKind::Splats {
-        line(out, "bake", &bake_line(info))?;
-    }
-    if let Some(softness) = &info.softness {
-        line(out, "soft", &soft_line(softness))?;
-    }
-    info.warnings.iter().try_for_each(|warning| line(out, "warning", warning))
+    rows.extend((!are_splats).then(|| ("bake", bake_line(info))));
+    rows.extend(info.softness.as_ref().map(|softness| ("soft", soft_line(softness))));
+    rows.extend(info.warnings.iter().map(|warning| ("warning", warning.clone())));
+    rows
 }
 
 /// Provenance, and what a glTF document says.
-fn print_origin(info: &Info, out: &mut dyn Write) -> io::Result<()> {
+fn origin_rows(info: &Info) -> Vec<Row> {
     let origin = &info.provenance;
     let up = origin.up.and_then(|up| serde_json::to_value(up).ok());
     let up = up.as_ref().and_then(|up| up.as_str()).unwrap_or("the file does not say");
-    line(out, "up axis", up)?;
-    for (name, value) in
-        [("generator", &origin.generator), ("trainer", &origin.trainer), ("source", &origin.source)]
-    {
-        if let Some(value) = value {
-            line(out, name, value)?;
-        }
-    }
+    let mut rows = vec![("up axis", up.to_owned())];
+    let texts = [("generator", &origin.generator), ("trainer", &origin.trainer), ("source", &origin.source)];
+    rows.extend(texts.into_iter().filter_map(|(name, text)| Some((name, text.clone()?))));
     let placement = &origin.placement;
-    if *placement != trisplat_scene::Placement::IDENTITY {
+    if *placement != Placement::IDENTITY {
         let [x, y, z] = placement.center;
         let up = trisplat_bake::UpChoice::Given(placement.up);
         let turned = match placement.rotate {
             0.0 => String::new(),
             degrees => format!("rotate {degrees}, "),
         };
-        let how = format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale);
-        line(out, "placed", &how)?;
+        rows.push(("placed", format!("up {up}, {turned}scale {}, center {x} {y} {z}", placement.scale)));
     }
     if origin.backdrop > 0 {
-        line(out, "backdrop", &format!("the last {}", many(u64::from(origin.backdrop), "triangle")))?;
+        rows.push(("backdrop", format!("the last {}", many(u64::from(origin.backdrop), "triangle"))));
     }
     if let Some(gltf) = &info.gltf {
         let counts = format!(
             "{} nodes, {} meshes, {} primitives, {} materials",
             gltf.nodes, gltf.meshes, gltf.primitives, gltf.materials
         );
-        line(out, "glTF", &counts)?;
-        for (name, list) in [("uses", &gltf.extensions_used), ("requires", &gltf.extensions_required)] {
-            if !list.is_empty() {
-                line(out, name, &list.join(" "))?;
-            }
-        }
+        rows.push(("glTF", counts));
+        let lists = [("uses", &gltf.extensions_used), ("requires", &gltf.extensions_required)];
+        rows.extend(
+            lists.into_iter().filter(|(_, list)| !list.is_empty()).map(|(name, l)| (name, l.join(" "))),
+        );
     }
-    Ok(())
+    rows
 }
 
 fn bake_line(info: &Info) -> String {
@@ -151,21 +164,62 @@ fn soft_line(softness: &Softness) -> String {
 }
 
 /// A histogram of text bars; the longest is 40 characters.
-fn print_spread(out: &mut dyn Write, name: &str, spread: &Distribution) -> io::Result<()> {
+fn spread_rows(name: &'static str, spread: &Distribution) -> Vec<Row> {
     let Distribution { min, median, mean, max, bins } = spread;
-    line(out, name, &format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))?;
+    let mut rows = vec![(name, format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))];
     let most = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
-    for HistogramBin { low, high, count } in bins {
-        let range = match high {
-            Some(high) => format!("{low} to {high}"),
-            None => format!("{low} and more"),
+    rows.extend(bins.iter().map(|bin| {
+        let range = match bin.high {
+            Some(high) => format!("{} to {high}", bin.low),
+            None => format!("{} and more", bin.low),
         };
-        let bar = "#".repeat((40 * count).div_ceil(most) as usize);
-        writeln!(out, "  {range:>14}  {:>11}  {bar}", thousands(*count))?;
-    }
-    Ok(())
+        let bar = "#".repeat((40 * bin.count).div_ceil(most) as usize);
+        ("", format!("  {range:>14}  {:>11}  {bar}", thousands(bin.count)))
+    }));
+    rows
 }
 
-fn line(out: &mut dyn Write, name: &str, value: &str) -> io::Result<()> {
-    messages::write(out, &format!("{name:<10} {value}"))
+fn dataset_rows(d: &Description) -> Vec<Row> {
+    let mut rows = vec![("kind", d.kind.to_string())];
+    let photos = d.train + d.test;
+    rows.push(("photos", format!("{photos}: {} to train on, {} held out", d.train, d.test)));
+    for group in d.cameras.iter().take(LISTED) {
+        let ([w, h], [sw, sh]) = (group.size, group.stored);
+        let files = if group.size == group.stored { String::new() } else { format!(" (files {sw}x{sh})") };
+        let ([fx, fy], [cx, cy]) = (group.focal, group.center);
+        let lens = format!("f {fx:.1} {fy:.1}, centre {cx:.1} {cy:.1}, {:.1}° wide", group.field_of_view);
+        let photos = counted(group.photos, "photo");
+        rows.push(("camera", format!("{w}x{h}{files}, {lens}: {photos}")));
+    }
+    if d.cameras.len() > LISTED {
+        rows.push(("camera", format!("and {} more", d.cameras.len() - LISTED)));
+    }
+    let some = [
+        ("masks", d.masks, ""),
+        ("cut out", d.cut, " of an object without background"),
+        ("lens", d.undistorted, " undistorted while read"),
+    ];
+    let some = some.into_iter().filter(|(_, photos, _)| *photos > 0);
+    rows.extend(some.map(|(name, photos, what)| (name, counted(photos, "photo") + what)));
+    rows.push(("decoded", format!("{:.1} MiB", d.decoded_bytes as f64 / f64::from(1 << 20))));
+    rows.push(("cameras", format!("within {:.3} world units", d.camera_extent)));
+    rows.push(("points", thousands(d.points)));
+    if let Some([low, high]) = d.point_bounds {
+        let span = |i: usize| format!("{:.3}..{:.3}", low[i], high[i]);
+        rows.push(("bounds", format!("x {}  y {}  z {} (middle 98%)", span(0), span(1), span(2))));
+    }
+    if let Some(error) = d.stated_error_px {
+        rows.push(("stated", format!("{error:.3} px mean error")));
+    }
+    if let Some(fit) = d.reprojection {
+        let behind =
+            if fit.behind > 0 { format!(", {} behind the camera", fit.behind) } else { String::new() };
+        let seen = thousands(fit.observations);
+        rows.push(("measured", format!("{:.3} px mean error over {seen} observations{behind}", fit.mean_px)));
+    }
+    if let Some([x, y, z]) = d.origin {
+        rows.push(("origin", format!("{x} {y} {z} is subtracted from every position")));
+    }
+    rows.extend(d.warnings.iter().map(|warning| ("warning", warning.clone())));
+    rows
 }

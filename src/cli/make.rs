@@ -2,7 +2,7 @@
 
 use super::Global;
 use super::capture::advise;
-use super::files;
+use super::flags;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
@@ -100,7 +100,7 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
 
     let work = job.work.display().to_string();
     let budget = args.steps.is_none().then_some(args.budget);
-    let mut terminal = Terminal::new(global, command());
+    let mut terminal = Terminal::new(global, flags::command_of::<MakeArgs>("make"));
     let done = job.run(&mut |event| {
         if let (Event::Part(part), Some(budget)) = (&event, budget) {
             announced(*part, budget).iter().for_each(|text| terminal.line(text));
@@ -109,16 +109,9 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
     })?;
     say(&done, args, &work, &terminal.done());
     if done.stopped {
-        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+        return Ok(signals::ended());
     }
-    match &args.report {
-        Some(path) => files::save_json(&done.report, outputs.take(path)?).map(|()| ExitCode::SUCCESS),
-        None => Ok(ExitCode::SUCCESS),
-    }
-}
-
-fn command() -> clap::Command {
-    <MakeArgs as clap::Args>::augment_args(clap::Command::new("make"))
+    outputs.save_report(args.report.as_deref(), &done.report).map(|()| ExitCode::SUCCESS)
 }
 
 /// Refuses outputs that cannot or must not be written, before any work.
@@ -134,7 +127,7 @@ fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, mut bake: BakeOptions, page: &
     let mut outputs = Outputs::new(inputs, args.force);
     outputs.plan_scene(&planned)?;
     outputs.plan("--page", page)?;
-    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    outputs.claim_report(args.report.as_deref())?;
     Ok(outputs)
 }
 
@@ -147,7 +140,7 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         return;
     }
     for file in &done.report.outputs {
-        progress.line(&format!("wrote {} ({} bytes)", file.path, super::counts::thousands(file.bytes)));
+        progress.line(&format!("wrote {} ({} bytes)", file.path, super::messages::thousands(file.bytes)));
     }
     if let Some(details @ TrainDetails { psnr: Some(psnr), ssim: Some(ssim), .. }) =
         &done.report.details::<TrainDetails>()

@@ -1,11 +1,9 @@
 //! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos alone.
 
 use super::Global;
-use super::counts::thousands;
-use super::files;
-use super::info_dataset::is_dataset;
+use super::flags::{self, Sources};
+use super::info::is_dataset;
 use super::inputs::Inputs;
-use super::layers;
 use super::outputs::Outputs;
 use super::signals;
 use super::terminal::Terminal;
@@ -18,7 +16,7 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Beside, Output, OutputFormat};
 use trisplat_job::MeshJob;
-use trisplat_scene::{Error, Result, layered::Layers, report::Report};
+use trisplat_scene::{Error, Result, report::Report};
 
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]
@@ -57,8 +55,9 @@ pub struct MeshArgs {
 /// Makes the surface and writes it.
 pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let clock = Instant::now();
-    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
-    let options = &layers.resolve(|()| MeshOptions::default())?.options;
+    let sources = Sources { matches, sets: &args.sets, config: None };
+    let limits = &args.dataset_options.limits;
+    let options = &sources.resolve(&args.options, limits, |()| MeshOptions::default())?.options;
     options.validate()?;
     let output = plan(args, options)?;
     let from_photos = is_dataset(&args.input);
@@ -67,7 +66,6 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
             format!("one data set, or a scene before it: {} is a data set already", args.input.display());
         return Err(Error::invalid("DATASET", second.display(), wants));
     }
-    let limits = &args.dataset_options.limits;
     let has_pictures = from_photos || args.dataset.is_some() || formats::holds_splats(&args.input, limits);
     options.check_photos(has_pictures)?;
     let mut outputs = guard(args, inputs, &output)?;
@@ -82,10 +80,9 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     if !from_photos {
         job.scene = Some(formats::read_content(&args.input, &args.dataset_options.read_options(3))?);
     }
-    let command = <MeshArgs as clap::Args>::augment_args(clap::Command::new("mesh"));
-    let mut terminal = Terminal::new(global, command);
+    let mut terminal = Terminal::new(global, flags::command_of::<MeshArgs>("mesh"));
     let Some(asset) = job.run(&mut report, &mut |event| terminal.tell(event))? else {
-        return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+        return Ok(signals::ended());
     };
     output::write(&asset, &output, files, &options.output, &mut report, &mut |event| {
         terminal.tell_stage(event)
@@ -94,15 +91,8 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
 
     let progress = terminal.done();
     report.warnings.iter().for_each(|warning| progress.warn(warning));
-    for file in &report.outputs {
-        let verb = if args.dry_run { "would write" } else { "wrote" };
-        let bytes = thousands(file.bytes);
-        progress.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
-    }
-    match &args.report {
-        Some(path) => files::save_json(&report, outputs.take(path)?).map(|()| ExitCode::SUCCESS),
-        None => Ok(ExitCode::SUCCESS),
-    }
+    progress.wrote(&report);
+    outputs.save_report(args.report.as_deref(), &report).map(|()| ExitCode::SUCCESS)
 }
 
 /// The files of the output: a surface is one mesh, so formats for whole scenes are refused.
@@ -122,7 +112,7 @@ fn guard<'a>(args: &MeshArgs, inputs: &'a Inputs, output: &Output) -> Result<Out
     let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
     outputs.plan_scene(output)?;
     outputs.replacing(args.force);
-    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    outputs.claim_report(args.report.as_deref())?;
     Ok(outputs)
 }
 

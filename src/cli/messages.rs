@@ -5,9 +5,14 @@
 //! environment says otherwise (`NO_COLOR`, `CLICOLOR`, `CLICOLOR_FORCE`, `TERM=dumb`).
 
 use anstyle::{AnsiColor, Style};
+use indicatif::HumanCount;
+use serde::Serialize;
 use std::borrow::Cow;
 use std::fmt::Write as _;
-use std::io::{self, Write};
+use std::io;
+use std::io::{ErrorKind, Write};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::{Error, Result};
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
 const WARNING: Style = AnsiColor::Yellow.on_default().bold();
@@ -50,6 +55,53 @@ fn styled(text: &str) -> String {
         }
     }
     text.to_owned()
+}
+
+// ---- Numbers as a person reads them ------------------------------------------------------------------
+
+/// 1234567 as "1,234,567", to be padded like any text.
+pub(super) fn thousands(number: u64) -> String {
+    HumanCount(number).to_string()
+}
+
+/// The same with a noun: "1 triangle", "1,234 triangles".
+pub(super) fn many(number: u64, noun: &str) -> String {
+    let (text, end) = (thousands(number), if number == 1 { "" } else { "s" });
+    format!("{text} {noun}{end}")
+}
+
+// ---- JSON, as commands print and write it, and standard output ---------------------------------------
+
+/// Writes `value` as indented JSON and a final newline.
+pub fn print_json(value: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {
+    serde_json::to_writer_pretty(&mut *out, value)?;
+    writeln!(out)
+}
+
+/// Writes `value` as JSON into a file that was started.
+pub fn save_json(value: &impl Serialize, mut file: AtomicFile) -> Result<()> {
+    print_json(value, &mut file).map_err(|e| Error::io(file.path(), e))?;
+    file.commit().map(drop)
+}
+
+/// Standard output that discards text once its reader is gone.
+#[derive(Debug, Default)]
+pub(super) struct Stdout;
+
+impl Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match io::stdout().write(bytes) {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(bytes.len()),
+            written => written,
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match io::stdout().flush() {
+            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
+            flushed => flushed,
+        }
+    }
 }
 
 #[cfg(test)]

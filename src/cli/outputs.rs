@@ -2,6 +2,8 @@
 //! `--force`, an existing file; each can be written. Every command asks this for every file that it writes.
 
 use super::inputs::Inputs;
+use super::messages;
+use serde::Serialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
@@ -183,6 +185,16 @@ impl<'a> Outputs<'a> {
         self.plan(option, path)?;
         self.files.push(AtomicFile::create(path)?);
         self.confirm()
+    }
+
+    /// Plans to write a report, if one is asked for, and starts it.
+    pub(super) fn claim_report(&mut self, path: Option<&Path>) -> Result<()> {
+        path.map_or(Ok(()), |path| self.claim("--report", path))
+    }
+
+    /// Writes a report that was claimed.
+    pub(super) fn save_report(&mut self, path: Option<&Path>, report: &impl Serialize) -> Result<()> {
+        path.map_or(Ok(()), |path| messages::save_json(report, self.take(path)?))
     }
 
     /// Plans to write `path` repeatedly; fails if it cannot be written.

@@ -1,14 +1,12 @@
 //! `trisplat plan DATASET -o CITY`: a scene in blocks; `--status` prints their progress.
 
-use super::Global;
-use super::bake_bytes::ByteSize;
-use super::counts::many;
+use super::bake::ByteSize;
+use super::flags::Sources;
 use super::inputs::Inputs;
-use super::layers;
-use super::messages;
+use super::messages::many;
 use super::outputs::Outputs;
-use super::signals;
 use super::train_progress::Bar;
+use super::{Global, messages, signals};
 use clap::ArgMatches;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,9 +14,9 @@ use std::process::ExitCode;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scale::{
-    Expected, Manifest, NAME, PlanOptions, Planner, check, find_coarse, keep_coarse, status, unnamed,
+    Blocks, Expected, Manifest, NAME, PlanOptions, Planner, check, find_coarse, keep_coarse, status, unnamed,
 };
-use trisplat_scene::{Error, ImportedScene, Result, layered::Layers};
+use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_train::{BackendOptions, OpenRun, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
@@ -87,7 +85,9 @@ fn make(
     global: &Global,
     inputs: &Inputs,
 ) -> Result<ExitCode> {
-    let whole = resolve(args, matches)?;
+    let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+    let whole = sources.resolve(&args.options, &args.dataset_options.limits, TrainOptions::preset)?.options;
+    whole.validate()?;
     let max_bytes = args.memory.map(|size| size.0);
     check(&args.plan, &whole, max_bytes)?;
     let mut files = Outputs::new(inputs, args.force);
@@ -111,7 +111,7 @@ fn make(
             let name = planner.coarse_name(&options, &photos)?;
             match coarse_scene(args, &dataset, &options, &city.join(&name), global)? {
                 Some(coarse) => Some(coarse),
-                None => return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from)),
+                None => return Ok(signals::ended()),
             }
         }
     };
@@ -198,18 +198,6 @@ fn train_coarse(
     Ok(Some(made))
 }
 
-/// Preset, then config file, then `--set`, then the flags really typed.
-fn resolve(args: &PlanArgs, matches: &ArgMatches) -> Result<TrainOptions> {
-    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
-    let layers = match &args.config {
-        Some(path) => layers.file(path, &args.dataset_options.limits)?,
-        None => layers,
-    };
-    let options = layers.resolve(TrainOptions::preset)?.options;
-    options.validate()?;
-    Ok(options)
-}
-
 fn summary(manifest: &Manifest, city: &Path) -> String {
     let blocks = &manifest.blocks;
     let most = |of: &dyn Fn(&Expected) -> f64| blocks.iter().map(|b| of(&b.expected)).fold(0.0, f64::max);
@@ -239,4 +227,39 @@ fn print_status(args: &PlanArgs, city: &Path, out: &mut dyn Write) -> Result<()>
     }
     text += &format!("{done} of {all} done\n");
     out.write_all(text.as_bytes()).map_err(|e| Error::io("-", e))
+}
+
+// ---- `trisplat merge CITY -o OUT.ply`: one scene of the blocks of a plan -----------------------------
+
+/// What to merge.
+#[derive(Debug, clap::Args)]
+pub struct MergeArgs {
+    /// Folder of a plan all of whose blocks are trained, or its manifest.json.
+    #[arg(value_name = "CITY")]
+    pub city: PathBuf,
+    /// Soup to write, .ply.
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Replace files that are there.
+    #[arg(short, long)]
+    pub force: bool,
+}
+
+/// Merges.
+pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
+    if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
+        let wants = "a name that ends with .ply; bake turns it into .glb";
+        return Err(Error::invalid("--output", args.output.display(), wants));
+    }
+    let blocks = Blocks::open(&args.city, &global.limits()?)?;
+    let mut files = Outputs::new(inputs, args.force);
+    files.claim("--output", &args.output)?;
+    let mut scene = files.take(&args.output)?;
+    let triangles = blocks.merge_into(&mut scene)?;
+    scene.commit()?;
+    if !global.quiet {
+        let (triangles, count) = (many(triangles, "triangle"), many(blocks.count() as u64, "block"));
+        messages::print(&format!("wrote {}: {triangles} of {count}", args.output.display()));
+    }
+    Ok(())
 }

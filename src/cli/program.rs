@@ -1,19 +1,21 @@
 //! The program: its commands, and the run of one of them.
 
 use super::inputs::Inputs;
-#[cfg(not(feature = "view"))]
-use super::missing;
+use super::messages::Stdout;
 use super::{
-    Global, bake, bake_args, capture, eval, files::Stdout, flags, generated, info, make, merge, mesh,
-    messages, numbers, out_of_memory, panics, plan, render, schema, settings_hint, short_help, signals,
-    suggestions, train, train_args, validate, version::version,
+    Global, bake, capture, eval, flags, info, make, mesh, messages, plan, render, schema, signals,
+    suggestions, train, train_args, validate,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 use trisplat_dataset::DatasetOptions;
 use trisplat_formats::ReadOptions;
+use trisplat_scene::input::{is_guarded, text};
 use trisplat_scene::{Error, Limits, Result};
 
 /// Turns posed photographs into triangle scenes a game engine draws as they are.
@@ -36,7 +38,7 @@ pub enum Command {
     /// Make a data set from photos or a video: finds the camera poses.
     Capture(capture::CaptureArgs),
     /// Turn a trained soup or a coloured mesh into a file an engine draws.
-    Bake(Box<bake_args::BakeArgs>),
+    Bake(Box<bake::BakeArgs>),
     /// Make one connected surface of a scene, to walk on and to collide with.
     Mesh(Box<mesh::MeshArgs>),
     /// Describe a file, and the scene that a bake would make of it.
@@ -48,7 +50,7 @@ pub enum Command {
     /// Cut a scene that is too large for one run into blocks, to be trained one by one.
     Plan(Box<plan::PlanArgs>),
     /// Merge the trained blocks of a plan into one scene.
-    Merge(Box<merge::MergeArgs>),
+    Merge(Box<plan::MergeArgs>),
     /// Score a soup or mesh on photos that it was not trained on.
     Eval(Box<eval::EvalArgs>),
     /// Draw a soup or mesh from the photos' cameras, or from a circle around it.
@@ -58,37 +60,36 @@ pub enum Command {
     View(Box<view::ViewArgs>),
     /// Fly through a scene in a window (not in this build).
     #[cfg(not(feature = "view"))]
-    View(missing::MissingArgs),
+    View(MissingArgs),
     /// Print a JSON Schema.
     Schema(schema::SchemaArgs),
     /// Print a completion script for a shell.
-    Completions(generated::CompletionsArgs),
+    Completions(schema::CompletionsArgs),
     /// Write manual pages.
-    Man(generated::ManArgs),
+    Man(schema::ManArgs),
 }
 
 /// Parses the arguments of this process and runs the command.
 pub fn main() -> ExitCode {
-    out_of_memory::end_in_good_order();
     signals::start();
-    panics::report_once();
-    let mut program = short_help::shorten(Cli::command());
+    report_once();
+    let mut program = suggestions::shorten(Cli::command());
     // Built first, so that flags of all commands are known behind a subcommand too.
     program.build();
-    let arguments = numbers::written_out(&program, std::env::args_os());
+    let arguments = flags::written_out(&program, std::env::args_os());
     let matches = match program.try_get_matches_from_mut(arguments) {
         Ok(matches) => matches,
         Err(error) => {
             let words: Vec<String> =
                 std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-            settings_hint::with_hint(suggestions::plausible(error), &words).exit()
+            suggestions::with_hint(suggestions::plausible(error), &words).exit()
         }
     };
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
     };
-    match panics::caught(|| run(cli, &matches)) {
+    match caught(|| run(cli, &matches)) {
         Ok(code) => code,
         Err(error) => {
             let command = flags::innermost(&program, &matches);
@@ -118,16 +119,16 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         #[cfg(feature = "view")]
         Command::Train(args) if args.view => return train_view::run(args, typed, &cli.global, inputs),
         #[cfg(not(feature = "view"))]
-        Command::Train(args) if args.view => Err(missing::error("view")),
+        Command::Train(args) if args.view => Err(error("view")),
         Command::Train(args) => return train::run(args, typed, &cli.global, inputs, None),
         Command::Plan(args) => return plan::run(args, typed, &cli.global, inputs, out),
-        Command::Merge(args) => merge::run(args, &cli.global, inputs),
+        Command::Merge(args) => plan::merge(args, &cli.global, inputs),
         Command::Eval(args) => eval::run(args, &cli.global, inputs, out),
         Command::Render(args) => render::run(args, &cli.global, inputs),
         #[cfg(feature = "view")]
         Command::View(args) => view::run(args),
         #[cfg(not(feature = "view"))]
-        Command::View(_) => Err(missing::error("view")),
+        Command::View(_) => Err(error("view")),
         Command::Info(args) => info::run(args, out),
         Command::Validate(args) => {
             let options =
@@ -135,8 +136,8 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
             validate::run(args, &options, out)
         }
         Command::Schema(args) => schema::run(args),
-        Command::Completions(args) => generated::completions(args, &mut Cli::command()),
-        Command::Man(args) => generated::man(args, Cli::command()),
+        Command::Completions(args) => schema::completions(args, &mut Cli::command()),
+        Command::Man(args) => schema::man(args, Cli::command()),
     }?;
     Ok(ExitCode::SUCCESS)
 }
@@ -180,4 +181,78 @@ fn start_threads(global: &Global, limits: &Limits) -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().map_err(|e| {
         Error::invalid("--threads", threads, format!("a number that the system can start ({e})"))
     })
+}
+
+// ---- What `--version` says ---------------------------------------------------------------------------
+
+/// Version, commit of a release, and features: "0.1.0 (1a2b3c4d; gpu, view)".
+///
+/// Builds of releases and containers set `TRISPLAT_COMMIT`: asking git here would compile the program again after every commit.
+pub(super) fn version() -> String {
+    let features = [("gpu", cfg!(feature = "gpu")), ("view", cfg!(feature = "view"))];
+    let on: Vec<&str> = features.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+    let features = if on.is_empty() { "default features".to_owned() } else { on.join(", ") };
+    let commit = option_env!("TRISPLAT_COMMIT").unwrap_or("built from source");
+    format!("{} ({commit}; {features})", env!("CARGO_PKG_VERSION"))
+}
+
+// ---- Commands that this build lacks ------------------------------------------------------------------
+
+/// Any arguments; they are ignored.
+#[derive(Debug, clap::Args)]
+#[command(disable_help_flag = true)]
+pub struct MissingArgs {
+    /// The arguments of a build with the feature.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    pub rest: Vec<OsString>,
+}
+
+/// The one error of a command whose feature is missing.
+pub fn error(feature: &str) -> Error {
+    Error::invalid(
+        "this trisplat",
+        format!("built without the feature `{feature}`"),
+        format!("a build with it: cargo install --path . --features {feature}, in the folder of its sources"),
+    )
+}
+
+// ---- Panics: a fault of the program itself is one error like any other, and unwinding removes its tempora ----
+
+/// Place of the last panic for [`caught`] to report.
+static PLACE: Mutex<Option<String>> = Mutex::new(None);
+
+/// From now on panics of this thread and its workers print nothing, because they become errors of files or of
+/// [`caught`]. Panics of other threads print one line. Must be called from the main thread.
+pub(super) fn report_once() {
+    let main = std::thread::current().id();
+    // A requested backtrace is still printed.
+    let whole = std::env::var_os("RUST_BACKTRACE").map(|_| std::panic::take_hook());
+    std::panic::set_hook(Box::new(move |info| {
+        if is_guarded() {
+            return;
+        }
+        whole.iter().for_each(|print| print(info));
+        let place = info.location().map_or_else(String::new, |at| format!(" ({}:{})", at.file(), at.line()));
+        if std::thread::current().id() == main || rayon::current_thread_index().is_some() {
+            *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = Some(place);
+        } else {
+            messages::print(&format!("warning: {}", fault(message_of(info), &place)));
+        }
+    }));
+}
+
+fn message_of<'a>(info: &'a PanicHookInfo<'_>) -> &'a str {
+    text(info.payload())
+}
+
+/// The result of `run`; a panic becomes an error.
+pub(super) fn caught<T>(run: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|payload| {
+        let place = PLACE.lock().unwrap_or_else(PoisonError::into_inner).take().unwrap_or_default();
+        Err(Error::Incomplete(fault(text(&*payload), &place)))
+    })
+}
+
+fn fault(message: &str, place: &str) -> String {
+    format!("trisplat has a fault: {message}{place}; please report it with the command and its files")
 }

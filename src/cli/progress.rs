@@ -1,14 +1,17 @@
 //! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
 //! stage table.
 
-use super::counts::{many, thousands};
-use super::{Global, capture_rows, flags, messages};
-use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use super::messages::{many, thousands};
+use super::{Global, flags, messages};
+use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
+use trisplat_dataset::capture::{
+    FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
+};
 use trisplat_job::watched::TrialRun;
-use trisplat_scene::report::{StageDetails, StageEvent, StageReport, counted};
+use trisplat_scene::report::{Report, StageDetails, StageEvent, StageReport, counted};
 use trisplat_train::TrainDetails;
 
 /// What is shown for a stage that does not report progress.
@@ -77,6 +80,15 @@ impl Progress {
     /// Prints a warning of the library.
     pub fn warn(&self, warning: &str) {
         self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
+    }
+
+    /// Names the files that were written.
+    pub fn wrote(&self, report: &Report) {
+        let verb = if report.dry_run { "would write" } else { "wrote" };
+        for file in &report.outputs {
+            let bytes = thousands(file.bytes);
+            self.line(&format!("{verb} {} ({bytes} bytes, {:.2} s)", file.path, report.seconds));
+        }
     }
 
     /// Names the card that draws soft pictures, if any, and prints a note.
@@ -184,7 +196,7 @@ fn row(stage: &StageReport) -> String {
         };
         return format!("{name:<11}not needed: {why}{took}");
     }
-    if let Some(text) = capture_rows::row(stage) {
+    if let Some(text) = capture_row(stage) {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
     if let Some(watched) = stage.details_as::<TrialRun>() {
@@ -218,6 +230,55 @@ fn pictures(details: &TeacherDetails) -> String {
     let count = many(details.pictures.unwrap_or(0), "picture");
     let [width, height] = details.size_px.unwrap_or_default();
     format!("{count} of {width}x{height} px")
+}
+
+// ---- The rows of the stage table for the steps of a capture ------------------------------------------
+
+/// The middle of the row of a step; `None` for other stages.
+fn capture_row(stage: &StageReport) -> Option<String> {
+    if let Some(details) = stage.details_as::<PhotosDetails>() {
+        return Some(photos(&details));
+    }
+    if let Some(FeaturesDetails { program, focal_px }) = stage.details_as() {
+        let focal =
+            focal_px.map_or(String::new(), |f| format!(", focal length {f:.0} px by the photos' notes"));
+        return Some(format!("{program}{focal}"));
+    }
+    if let Some(MatchesDetails { how, pairs }) = stage.details_as() {
+        return Some(pairs.map_or(how.clone(), |pairs| format!("{}, {how}", many(pairs, "pair"))));
+    }
+    if let Some(ModelDetails { mapper, registered, photos, models }) = stage.details_as() {
+        let parts = if models > 1 { format!(", in {models} parts") } else { String::new() };
+        return Some(format!("{registered} of {photos} photos have a pose{parts} ({mapper})"));
+    }
+    stage.details_as::<VerdictDetails>().map(|details| verdict(&details))
+}
+
+fn photos(details: &PhotosDetails) -> String {
+    let PhotosDetails { photos, frames, video_frames, turned, converted, cameras, .. } = *details;
+    let mut text = match frames {
+        0 => counted(photos, "photo"),
+        _ if photos == frames => format!("{frames} of {} frames", HumanCount(video_frames)),
+        _ => {
+            let stills = photos - frames;
+            format!("{}, {frames} of {} frames", counted(stills, "photo"), HumanCount(video_frames))
+        }
+    };
+    for (number, what) in [(turned, "turned upright"), (converted, "converted")] {
+        if number > 0 {
+            text += &format!(", {number} {what}");
+        }
+    }
+    if cameras > 1 {
+        text += &format!(", {cameras} cameras");
+    }
+    text
+}
+
+fn verdict(details: &VerdictDetails) -> String {
+    let error = details.error_px.map_or(String::new(), |error| format!(", {error:.2} px"));
+    let (points, track) = (many(details.points, "point"), details.track_length);
+    format!("{}: {points}, each in {track:.1} photos{error}", details.verdict.word())
 }
 
 #[cfg(test)]

@@ -1,25 +1,29 @@
 //! `trisplat schema NAME`: JSON Schemas, generated from their types.
 
-use super::files::Stdout;
+use super::messages::Stdout;
+use clap_mangen::Man;
 use std::io::Write;
+use std::path::{Path, PathBuf};
+use trisplat_bake::refit::RefitDetails;
+use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails, CropDetails,
     ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails, ReshapeDetails,
     SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
-    refit::RefitDetails, unseen::UnseenDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
-use trisplat_formats::{check::Checked, info::Info, output::WriteDetails};
+use trisplat_formats::check::Checked;
+use trisplat_formats::info::Info;
+use trisplat_formats::output::WriteDetails;
 use trisplat_job::EvalReport;
 use trisplat_job::watched::TrialRun;
 use trisplat_scale::Manifest;
-use trisplat_scene::{
-    Error, Result,
-    report::{Report, stage_schema},
-};
+use trisplat_scene::atomic::AtomicFolder;
+use trisplat_scene::report::{Report, stage_schema};
+use trisplat_scene::{Error, Result};
 use trisplat_surface::{CollisionDetails, SurfaceDetails};
 use trisplat_train::{TrainDetails, TrainOptions};
 
@@ -85,40 +89,40 @@ fn config_schema(mut schema: schemars::Schema) -> schemars::Schema {
 /// A report with the details of each stage.
 fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
-    let g = &mut generator;
-    let stages = vec![
-        stage_schema::<PhotosDetails>(g),
-        stage_schema::<FeaturesDetails>(g),
-        stage_schema::<MatchesDetails>(g),
-        stage_schema::<ModelDetails>(g),
-        stage_schema::<VerdictDetails>(g),
-        stage_schema::<BackgroundDetails>(g),
-        stage_schema::<CropDetails>(g),
-        stage_schema::<ArrangeDetails>(g),
-        stage_schema::<TrialRun>(g),
-        stage_schema::<TeacherDetails>(g),
-        stage_schema::<CollisionDetails>(g),
-        stage_schema::<SurfaceDetails>(g),
-        stage_schema::<TilesDetails>(g),
-        stage_schema::<PruneDetails>(g),
-        stage_schema::<SolidDetails>(g),
-        stage_schema::<ColorDetails>(g),
-        stage_schema::<UnseenDetails>(g),
-        stage_schema::<ExposureDetails>(g),
-        stage_schema::<BackdropDetails>(g),
-        stage_schema::<ReshapeDetails>(g),
-        stage_schema::<RefitDetails>(g),
-        stage_schema::<TextureDetails>(g),
-        stage_schema::<LitDetails>(g),
-        stage_schema::<WeldDetails>(g),
-        stage_schema::<PlaceDetails>(g),
-        stage_schema::<ViewpointDetails>(g),
-        stage_schema::<ChunkDetails>(g),
-        stage_schema::<OrderDetails>(g),
-        stage_schema::<LodDetails>(g),
-        stage_schema::<WriteDetails>(g),
-        stage_schema::<TrainDetails>(g),
-    ];
+    macro_rules! schemas { ($($details:ty),*) => { [$(stage_schema::<$details>(&mut generator)),*] } }
+    let stages = schemas!(
+        PhotosDetails,
+        FeaturesDetails,
+        MatchesDetails,
+        ModelDetails,
+        VerdictDetails,
+        BackgroundDetails,
+        CropDetails,
+        ArrangeDetails,
+        TrialRun,
+        TeacherDetails,
+        CollisionDetails,
+        SurfaceDetails,
+        TilesDetails,
+        PruneDetails,
+        SolidDetails,
+        ColorDetails,
+        UnseenDetails,
+        ExposureDetails,
+        BackdropDetails,
+        ReshapeDetails,
+        RefitDetails,
+        TextureDetails,
+        LitDetails,
+        WeldDetails,
+        PlaceDetails,
+        ViewpointDetails,
+        ChunkDetails,
+        OrderDetails,
+        LodDetails,
+        WriteDetails,
+        TrainDetails
+    );
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {
         stage.insert("oneOf".to_owned(), serde_json::json!(stages));
@@ -129,4 +133,52 @@ fn report_schema() -> schemars::Schema {
 /// Prints the schema to standard output.
 pub fn run(args: &SchemaArgs) -> Result<()> {
     Stdout.write_all(args.name.text().as_bytes()).map_err(|e| Error::io("-", e))
+}
+
+// ---- What is generated from the flags: manual pages (`trisplat man FOLDER`) and completions (`trisplat co ----
+
+/// The main page, which names all others.
+const PROGRAM_PAGE: &str = "trisplat.1";
+
+/// Where to.
+#[derive(Debug, clap::Args)]
+pub struct ManArgs {
+    /// Folder for the pages; made if missing. Pages in it are replaced.
+    #[arg(value_name = "FOLDER")]
+    pub folder: PathBuf,
+}
+
+/// Writes trisplat.1, trisplat-bake.1 and so on.
+pub fn man(args: &ManArgs, program: clap::Command) -> Result<()> {
+    let folder = AtomicFolder::create(&args.folder)?;
+    let mut program = program.disable_help_subcommand(true);
+    program.build();
+    write_pages(program, folder.path()).map_err(|e| Error::io(&args.folder, e))?;
+    folder.publish(PROGRAM_PAGE)
+}
+
+/// Writes the pages of a command and its subcommands, each in one write, because rendering into a file would
+/// take hundreds.
+fn write_pages(command: clap::Command, folder: &Path) -> std::io::Result<()> {
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()).cloned() {
+        write_pages(below, folder)?;
+    }
+    let page = Man::new(command);
+    let mut text = Vec::new();
+    page.render(&mut text)?;
+    std::fs::write(folder.join(page.get_filename()), text)
+}
+
+/// Which shell.
+#[derive(Debug, clap::Args)]
+pub struct CompletionsArgs {
+    /// The shell to complete for.
+    pub shell: clap_complete::Shell,
+}
+
+/// Prints the completion script of `program` to standard output.
+pub fn completions(args: &CompletionsArgs, program: &mut clap::Command) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, program, "trisplat", &mut script);
+    Stdout.write_all(&script).map_err(|e| Error::io("-", e))
 }

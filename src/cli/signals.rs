@@ -5,6 +5,7 @@
 //! While an observer listens, the first one is a request. Otherwise, and the second time, it ends the program
 //! at once and removes its temporary files.
 
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 use trisplat_scene::atomic;
 use trisplat_scene::process;
@@ -61,6 +62,11 @@ pub(super) fn exit_code() -> Option<u8> {
         0 => None,
         signal => u8::try_from(EXIT_BASE + signal).ok(),
     }
+}
+
+/// The end of a run that may have been stopped.
+pub(super) fn ended() -> ExitCode {
+    exit_code().map_or(ExitCode::SUCCESS, ExitCode::from)
 }
 
 /// An observer that stops cleanly when asked to.

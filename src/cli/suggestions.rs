@@ -2,8 +2,11 @@
 //! suggest the one for the engine that was named.
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Error, ValueEnum};
+use clap::{Arg, Command, Error, ValueEnum};
+use serde_json::Value;
+use trisplat_bake::{BakeOptions, MeshOptions};
 use trisplat_formats::OutputTarget;
+use trisplat_train::TrainOptions;
 
 /// Fewer letters are the beginning of too many names.
 const SHORTEST_NAME: usize = 4;
@@ -86,6 +89,99 @@ fn distance(a: &[char], b: &[char]) -> usize {
     rows[a.len()][b.len()]
 }
 
+// ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3` -----
+
+/// `error` of the arguments `words`, with a hint if an unknown flag is a key of `--set`.
+pub(super) fn with_hint(mut error: Error, words: &[String]) -> Error {
+    if error.kind() != ErrorKind::UnknownArgument {
+        return error;
+    }
+    let Some(ContextValue::String(flag)) = error.get(ContextKind::InvalidArg) else { return error };
+    let field = flag.trim_start_matches('-').split('=').next().unwrap_or_default().replace('-', "_");
+    if !words.iter().find_map(|word| options_of(word)).is_some_and(|options| has(&options, &field)) {
+        return error;
+    }
+    let hint = format!("`{field}` is a setting: --set {field}=VALUE");
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
+    error.remove(ContextKind::SuggestedArg);
+    error
+}
+
+/// The options that the command `word` sets.
+fn options_of(word: &str) -> Option<Value> {
+    match word {
+        "bake" => serde_json::to_value(BakeOptions::DEFAULT).ok(),
+        "mesh" => serde_json::to_value(MeshOptions::default()).ok(),
+        "train" | "plan" => serde_json::to_value(TrainOptions::default()).ok(),
+        _ => None,
+    }
+}
+
+/// Whether an option, or an option of a group, has this name.
+fn has(options: &Value, field: &str) -> bool {
+    let own = options.get(field).is_some_and(|value| !value.is_object());
+    own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())
+}
+
+// ---- The short help (`-h`) of a command with many flags: the dozen that people use, each with the first c ----
+
+/// Commands whose flags do not fit one screen, and the fields that `-h` shows.
+const SHOWN: &[(&str, &str)] = &[
+    (
+        "make",
+        "output force budget work page target max_triangles crop backdrop frames poses report max_size masks",
+    ),
+    (
+        "bake",
+        "output force target preset dataset harden max_triangles max_bytes texture collision lod crop up scale_by config sets",
+    ),
+    ("mesh", "output force resolution max_triangles texture crop up scale_by sets max_size masks"),
+    (
+        "train",
+        "output force preset budget steps max_triangles max_size masks from teacher resume backend view report config sets",
+    ),
+    ("eval", "as split save_renders sheet report json force max_size"),
+    ("render", "output dataset split orbit width show as force max_size"),
+    ("plan", "output force status blocks memory steps max_triangles preset config sets max_size"),
+    ("merge", "output force"),
+    ("view", "dataset size screenshots max_size"),
+    ("info", "json max_size masks"),
+];
+
+/// Longest help of a flag that `-h` shows whole, characters.
+const WHOLE: usize = 90;
+/// A clause ends no earlier than after this many bytes.
+const CLAUSE: usize = 24;
+
+/// `program` with a `-h` of one screen for each command.
+pub(super) fn shorten(program: Command) -> Command {
+    SHOWN.iter().fold(program, |program, (name, fields)| {
+        let shown = |arg: &Arg| arg.is_positional() || fields.split(' ').any(|field| arg.get_id() == field);
+        let short = |arg: Arg| {
+            let hidden = !shown(&arg) || arg.is_hide_short_help_set();
+            with_first_clause(arg).hide_short_help(hidden)
+        };
+        program.mut_subcommand(name, |command| command.mut_args(short))
+    })
+}
+
+/// `arg` with the first clause of its help for `-h`, and all of it for `--help`.
+fn with_first_clause(arg: Arg) -> Arg {
+    match arg.get_help().map(ToString::to_string) {
+        Some(help) if arg.get_long_help().is_none() => {
+            let short = first_clause(&help).to_owned();
+            arg.help(short).long_help(help)
+        }
+        _ => arg,
+    }
+}
+
+fn first_clause(help: &str) -> &str {
+    let end = |separator| help.match_indices(separator).map(|(at, _)| at).find(|at| *at >= CLAUSE);
+    let clause = [". ", "; ", ": "].into_iter().filter_map(end).min();
+    clause.filter(|_| help.chars().count() > WHOLE).map_or(help, |end| &help[..end])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -102,5 +198,53 @@ mod tests {
         ] {
             assert_eq!(near(typed, suggested), wants, "{typed} {suggested}");
         }
+    }
+}
+
+#[cfg(test)]
+mod short_help_tests {
+    use super::*;
+    use crate::cli::program::Cli;
+    use clap::CommandFactory;
+
+    /// Lines of a screen.
+    const SCREEN: usize = 50;
+    /// The most flags of `trisplat bake`, without global flags.
+    const MOST_FLAGS: usize = 30;
+
+    fn program() -> Command {
+        let mut program = shorten(Cli::command());
+        program.build();
+        program
+    }
+
+    #[test]
+    fn the_short_help_of_every_command_fits_a_screen() {
+        for command in program().get_subcommands() {
+            let help = command.clone().max_term_width(100).render_help().to_string();
+            let lines = help.lines().count();
+            assert!(lines <= SCREEN, "{} -h has {lines} lines:\n{help}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn every_field_that_is_shown_is_a_flag() {
+        let program = program();
+        for (name, fields) in SHOWN {
+            let Some(command) = program.find_subcommand(name) else { panic!("no command {name}") };
+            let missing = cfg!(not(feature = "view")) && *name == "view";
+            for field in fields.split(' ').filter(|_| !missing) {
+                assert!(command.get_arguments().any(|arg| arg.get_id() == field), "{name} has no {field}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_bake_has_at_most_thirty_flags() {
+        let program = program();
+        let bake = program.find_subcommand("bake").expect("a command");
+        let own = bake.get_arguments().filter(|arg| !arg.is_global_set() && arg.get_id() != "help");
+        let flags: Vec<&str> = own.filter_map(Arg::get_long).collect();
+        assert!(flags.len() <= MOST_FLAGS, "{} flags: {}", flags.len(), flags.join(" "));
     }
 }

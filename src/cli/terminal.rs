@@ -1,7 +1,7 @@
 //! What the terminal shows of a job: trainings, drawings, stages.
 
 use super::Global;
-use super::counts::thousands;
+use super::messages::thousands;
 use super::progress::Progress;
 use super::signals::{self, Listener};
 use super::train_progress::Bar;

@@ -1,21 +1,18 @@
 //! `trisplat train DATASET -o scene.ply`.
 
 use super::Global;
-use super::counts::many;
-use super::files;
-use super::flags;
-use super::harden;
+use super::flags::{self, Sources};
 use super::inputs::Inputs;
-use super::layers;
+use super::messages;
+use super::messages::many;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::resume;
 use super::signals;
-use super::teacher_args;
 use super::terminal::Terminal;
+use super::train_args;
 use super::train_args::TrainArgs;
 use super::train_block;
-use super::train_curve;
+use super::train_progress;
 use super::train_progress::Bar;
 use clap::ArgMatches;
 use std::io::Write;
@@ -30,9 +27,10 @@ use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPa
 use trisplat_scene::{
     Error, ImportedScene, Result,
     atomic::AtomicFile,
-    layered::{Layered, Layers},
+    layered::Layered,
     report::{OutputReport, Report, counted},
 };
+use trisplat_teacher as teacher;
 use trisplat_train::{
     Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
     TrainSample, Trained,
@@ -60,14 +58,20 @@ pub fn run(
     let (point, warnings) = read?;
     let options = match &point {
         Some(point) => Layered::over(&point.meta.options, point.meta.options.clone()),
-        None => resolve(args, matches)?,
+        None => {
+            let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
+            let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
+            let options = sources.resolve(&args.options, &args.dataset_options.limits, preset)?;
+            options.options.validate()?;
+            options
+        }
     };
     let how = reading(&args.dataset_options, point.as_ref());
     let read = |path| formats::read(path, &how.read_options(3));
     let mut from = args.from.as_deref().map(read).transpose()?;
     let dataset = dataset(args, &how, from.as_mut(), &options.options, global)?;
     files.spare_photos(&dataset)?;
-    let teacher_file = teacher_args::beside(&args.output);
+    let teacher_file = train_args::beside(&args.output);
     let mut job = TrainJob::new(dataset, options.options.clone());
     (job.dataset_options, job.options, job.from) = (how, options, from);
     (job.teacher, job.teacher_share) = (args.teacher.teacher.clone(), args.teacher.teacher_share);
@@ -76,7 +80,7 @@ pub fn run(
     (job.began, job.backend, job.outputs) = (Some(clock), args.backend_options.clone(), outputs);
     (job.resume, job.force_resume) = (point, args.force_resume);
 
-    let mut terminal = Terminal::new(global, command());
+    let mut terminal = Terminal::new(global, flags::command_of::<TrainArgs>("train"));
     if args.teacher.teacher.is_none() {
         terminal.hint = " (--teacher off skips it)";
     }
@@ -91,7 +95,7 @@ pub fn run(
         Err(Error::Stopped { what }) if signals::exit_code().is_some() => {
             drop(terminal);
             Progress::new(global).line(&what);
-            return Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from));
+            return Ok(signals::ended());
         }
         done => done?,
     };
@@ -110,7 +114,7 @@ pub fn run(
     watcher.iter_mut().for_each(|watcher| watcher.ended(&written, trained.clone().into()));
     summary(args, (&teacher, teacher_share), &trained, &bar);
     if let (true, Some(checkpoint)) = (trained.stopped, &trained.checkpoint) {
-        let command = resume::command(matches, args, checkpoint);
+        let command = train_args::command(matches, args, checkpoint);
         bar.line(&format!("stopped early; to continue: {command}"));
     }
     ended(args, &trained, &lost)
@@ -185,7 +189,10 @@ impl Shown<'_, '_> {
             watcher.begun(photos);
         }
         for warning in self.warnings.iter().chain(begins.warnings) {
-            self.terminal.line(&format!("warning: {}", flags::spell(warning, &command())));
+            self.terminal.line(&format!(
+                "warning: {}",
+                flags::spell(warning, &flags::command_of::<TrainArgs>("train"))
+            ));
         }
         // What was decided for the user, and how to decide otherwise.
         let asked = self.args.dataset_options.masks;
@@ -224,11 +231,6 @@ fn ended(args: &TrainArgs, trained: &Trained, lost: &[String]) -> Result<ExitCod
     }
 }
 
-/// The command, for the names of its flags.
-fn command() -> clap::Command {
-    <TrainArgs as clap::Args>::augment_args(clap::Command::new("train"))
-}
-
 /// The checkpoint of `--resume`, and the faults of newer ones. Its run keeps its options, because with others
 /// it would be another run.
 fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Option<Checkpoint>, Vec<String>)> {
@@ -241,7 +243,7 @@ fn checkpoint_to_resume(args: &TrainArgs, matches: &ArgMatches) -> Result<(Optio
         }
         false => (checkpoint::read(path)?, Vec::new()),
     };
-    match resume::fixed().into_iter().find(|id| layers::is_typed(matches, id)) {
+    match train_args::fixed().into_iter().find(|id| flags::is_typed(matches, id)) {
         Some(id) => {
             let flag = if id == "sets" { "--set".into() } else { format!("--{}", id.replace('_', "-")) };
             Err(Error::invalid(flag, "given with --resume", "the options of the checkpoint, or a new run"))
@@ -262,10 +264,27 @@ fn dataset(
         (None, Some(path), Some(scene)) => {
             let mut found = BackgroundDetails::default();
             background(scene, false, &BackgroundOptions::DEFAULT, &mut found);
-            harden::draw(path, scene, options, found.behind(), how, global)
+            draw(path, scene, options, found.behind(), how, global)
         }
         (path, ..) => Dataset::load(path.as_deref().unwrap_or(Path::new("")), how),
     }
+}
+
+/// The soft pictures of `scene` that replace photos in training, drawn under a bar.
+fn draw(
+    path: &Path,
+    scene: &ImportedScene,
+    options: &TrainOptions,
+    behind: Option<[f32; 3]>,
+    how: &DatasetOptions,
+    global: &Global,
+) -> Result<Dataset> {
+    let drawing = options.drawing(how.background.to_f32());
+    let progress = Progress::new(global);
+    let mut drawn = |done, all| progress.note(&format!("drawing soft pictures: {done} of {all}"));
+    let dataset = teacher::dataset(path, scene, &drawing, behind, how.photo_bytes(), &mut drawn);
+    progress.done();
+    dataset
 }
 
 /// What the run leaves behind.
@@ -283,19 +302,6 @@ fn outputs(args: &TrainArgs) -> RunOptions {
     }
 }
 
-/// Preset, then config file, then `--set`, then the flags really typed.
-fn resolve(args: &TrainArgs, matches: &ArgMatches) -> Result<Layered<TrainOptions>> {
-    let preset = if args.from.is_some() { TrainOptions::from_scene } else { TrainOptions::preset };
-    let layers = Layers::default().settings(&args.sets).given(layers::typed(&args.options, matches)?);
-    let layers = match &args.config {
-        Some(path) => layers.file(path, &args.dataset_options.limits)?,
-        None => layers,
-    };
-    let options = layers.resolve(preset)?;
-    options.options.validate()?;
-    Ok(options)
-}
-
 /// Refuses outputs that would fail, or replace a file, only after the training.
 fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
     let out = &args.output;
@@ -307,7 +313,7 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
         ));
     }
     // A default one is claimed when the photos are counted.
-    let teacher_file = teacher_args::beside(out);
+    let teacher_file = train_args::beside(out);
     let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));
     let teacher = args.teacher.teacher.as_ref().map(plan);
     let read = teacher.as_ref().and_then(TeacherPlan::input);
@@ -360,7 +366,7 @@ fn write(
     if let Some(path) = &args.report {
         report.warnings.extend_from_slice(bar.lost_so_far());
         report.seconds = clock.elapsed().as_secs_f64();
-        if let Err(error) = files.take(path).and_then(|file| files::save_json(&report, file)) {
+        if let Err(error) = files.take(path).and_then(|file| messages::save_json(&report, file)) {
             bar.note_lost(&error, "the report is missing");
         }
     }
@@ -379,7 +385,7 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
 }
 
 fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
-    let svg = train_curve::svg(file.path(), &trained.curve)?;
+    let svg = train_progress::svg(file.path(), &trained.curve)?;
     file.write_all(svg.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
     file.commit()
 }
@@ -436,7 +442,7 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
             }
             TeacherPlan::Without(_) => String::new(),
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
-            TeacherPlan::Train => format!(" --teacher {}", teacher_args::beside(&args.output).display()),
+            TeacherPlan::Train => format!(" --teacher {}", train_args::beside(&args.output).display()),
         };
         let share = share.map_or(String::new(), |share| format!(" --teacher-share {share}"));
         bar.line(&format!(

@@ -1,10 +1,11 @@
 //! The flags of `trisplat train`.
 
-use super::teacher_args::TeacherArgs;
 use clap::builder::ArgPredicate;
-use std::path::PathBuf;
+use clap::{ArgMatches, Args, Command};
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::DatasetOptions;
+use trisplat_job::{MOST_PICTURES, TEACHER_FILE, TeacherSource};
 use trisplat_train::budget::Seconds;
 use trisplat_train::{BackendOptions, TrainOptions};
 
@@ -151,10 +152,146 @@ pub struct TrainArgs {
     pub options: TrainOptions,
 }
 
+/// A share below 1, which leaves some steps to the photos.
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=MOST_PICTURES).contains(share));
+    share.ok_or_else(|| format!("a number from 0 to {MOST_PICTURES}"))
+}
+
 /// The longest permitted time, in seconds: thirty years.
 const LONGEST: f64 = 1e9;
 
 fn seconds(text: &str) -> Result<f64, String> {
     let wants = || format!("expected seconds, 0 to {LONGEST:.0}");
     text.parse().ok().filter(|secs| (0.0..=LONGEST).contains(secs)).ok_or_else(wants)
+}
+
+// ---- The flags of a training's teacher ---------------------------------------------------------------
+
+/// The teacher: a soft scene beside the photos.
+#[derive(Debug, clap::Args)]
+pub struct TeacherArgs {
+    /// Also train on pictures of this soft scene, drawn from half way between neighbouring photos. auto:
+    /// train one first and keep it as OUT.teacher.ply. off: no teacher. Solid scenes of up to 16 photos
+    /// have auto, unless --max-cpu-secs is given. With 17 to 100 photos, a run that is long enough
+    /// decides by short trial trainings.
+    #[arg(long, value_name = "SCENE|auto|off", requires = "dataset")]
+    pub teacher: Option<TeacherSource>,
+    /// Share of the steps that use these pictures, 0 to 0.9, at most one picture per place between the
+    /// photos. Two thirds by default.
+    #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
+    pub teacher_share: Option<f64>,
+}
+
+/// The path of a teacher that is trained for `output`.
+pub(super) fn beside(output: &Path) -> PathBuf {
+    output.with_extension(TEACHER_FILE)
+}
+
+// ---- The command that continues a training that was stopped ------------------------------------------
+
+/// Flags that apply only to this part of the run.
+const ONCE: [&str; 4] = ["resume", "force_resume", "force", "max_cpu_secs"];
+
+/// Names of the options that a checkpoint holds: a resumed run keeps them.
+pub(super) fn fixed() -> Vec<String> {
+    let options = TrainOptions::augment_args(Command::new("options"));
+    let named = options.get_arguments().map(|arg| arg.get_id().to_string());
+    named.chain(["config", "sets", "budget", "budget_wall"].map(String::from)).collect()
+}
+
+/// The command to type: all typed flags, without options that the checkpoint stores.
+pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path) -> String {
+    let fixed = fixed();
+    let mut words = vec!["trisplat train".to_owned()];
+    words.extend(args.dataset.iter().map(|path| quoted(&path.to_string_lossy())));
+    for arg in TrainArgs::augment_args(Command::new("train")).get_arguments() {
+        let id = arg.get_id().as_str();
+        let kept = !ONCE.contains(&id) && !fixed.iter().any(|name| name == id);
+        let (true, Some(long)) = (kept && super::flags::is_typed(matches, id), arg.get_long()) else {
+            continue;
+        };
+        let values = matches.get_raw(id).into_iter().flatten().map(|v| quoted(&v.to_string_lossy()));
+        match arg.get_action().takes_values() {
+            true => values.for_each(|value| words.push(format!("--{long} {value}"))),
+            false => words.push(format!("--{long}")),
+        }
+    }
+    words.push(format!("--force --resume {}", quoted(&checkpoint.to_string_lossy())));
+    words.join(" ")
+}
+
+/// A word quoted for the shells of this system.
+fn quoted(word: &str) -> String {
+    if cfg!(windows) { quoted_for_windows(word) } else { quoted_for_posix(word) }
+}
+
+/// True for a word that no shell changes; `more` are characters that are plain on one system only.
+fn is_plain(word: &str, more: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+".contains(c) || more.contains(c);
+    !word.is_empty() && word.chars().all(plain)
+}
+
+fn quoted_for_posix(word: &str) -> String {
+    match is_plain(word, ",@%") {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
+}
+
+/// For `cmd` and PowerShell, which both understand double quotes; names of files contain none.
+fn quoted_for_windows(word: &str) -> String {
+    if is_plain(word, "\\") { word.to_owned() } else { format!("\"{word}\"") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::FromArgMatches;
+
+    fn after(typed: &[&str]) -> String {
+        let words = [&["train", "photos", "-o", "x.ply"], typed].concat();
+        let matches = TrainArgs::augment_args(Command::new("train")).get_matches_from(words);
+        let args = TrainArgs::from_arg_matches(&matches).expect("parsed");
+        command(&matches, &args, Path::new("x.checkpoint"))
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_command_repeats_what_the_checkpoint_does_not_hold() {
+        assert_eq!(after(&[]), "trisplat train photos --output x.ply --force --resume x.checkpoint");
+        let typed = [
+            "--steps",
+            "70",
+            "--set",
+            "densify.every=5",
+            "--max-size",
+            "300",
+            "--test-every=4",
+            "--skip-broken",
+        ];
+        let more =
+            ["--background", "#ffffff", "--log", "a log.jsonl", "--max-cpu-secs", "3", "--images", "it's"];
+        assert_eq!(
+            after(&[&typed[..], &more].concat()),
+            "trisplat train photos --output x.ply --log 'a log.jsonl' --max-size 300 --test-every 4 --skip-broken \
+             --images 'it'\\''s' --background '#ffffff' --force --resume x.checkpoint"
+        );
+    }
+
+    #[test]
+    fn words_for_windows_are_in_double_quotes() {
+        assert_eq!(quoted_for_windows(r"C:\scans\a.log"), r"C:\scans\a.log");
+        assert_eq!(quoted_for_windows(r"C:\my scans\it's.log"), r#""C:\my scans\it's.log""#);
+        assert_eq!(quoted_for_windows(""), r#""""#);
+    }
+
+    #[test]
+    fn what_a_checkpoint_holds_is_named_by_the_options_themselves() {
+        let fixed = fixed();
+        for id in ["preset", "steps", "max_triangles", "sh_degree", "seed", "config", "sets"] {
+            assert!(fixed.iter().any(|name| name == id), "{id}");
+        }
+        assert!(!fixed.iter().any(|name| name == "max_size"));
+    }
 }

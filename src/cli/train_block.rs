@@ -1,8 +1,8 @@
 //! `trisplat train --block PLAN:BLOCK`: one block of a scene that is trained in blocks.
 
 use super::Global;
-use super::counts::many;
 use super::inputs::Inputs;
+use super::messages::many;
 use super::outputs::Outputs;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
@@ -91,7 +91,7 @@ fn stopped(trained: &Trained, bar: &Bar, lost: Vec<String>) -> Result<ExitCode> 
     match &trained.checkpoint {
         Some(checkpoint) => {
             bar.line(&format!("stopped at {}; the same command continues", checkpoint.display()));
-            Ok(signals::exit_code().map_or(ExitCode::SUCCESS, ExitCode::from))
+            Ok(signals::ended())
         }
         None => {
             Err(Error::Incomplete(format!("the block was stopped without a checkpoint: {}", lost.join("; "))))

@@ -1,6 +1,6 @@
 //! `trisplat validate FILE`: what stops a file from being read, and what engines reject.
 
-use super::{files, messages};
+use super::messages;
 use std::io::{self, Write};
 use std::path::PathBuf;
 use trisplat_formats::{
@@ -23,7 +23,7 @@ pub struct ValidateArgs {
 /// Lists every finding on `out`; an error when any of them is one.
 pub fn run(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write) -> Result<()> {
     let checked = check(&args.input, options)?;
-    let printed = if args.json { files::print_json(&checked, out) } else { print(&checked, out) };
+    let printed = if args.json { messages::print_json(&checked, out) } else { print(&checked, out) };
     printed.map_err(|e| Error::io("-", e))?;
     match checked.count(Severity::Error) {
         0 => Ok(()),

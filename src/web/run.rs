@@ -1,9 +1,9 @@
 //! Runs the job of this process.
 
-use super::job::Job;
-use super::lines::{Lines, say};
 use glam::{DVec3, UVec2, Vec3};
-use serde_json::{Map, Value};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+use std::io;
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -11,15 +11,17 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
-use trisplat_job::{BakeInput, BakeJob, HARDEN_STEPS, SceneRenderer, describe};
+use trisplat_job::{BakeInput, BakeJob, Event, HARDEN_STEPS, SceneRenderer, describe};
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
     atomic::AtomicFile,
+    camera::Viewpoint,
     input::{self, is_guarded},
     layered::Layers,
     placed,
-    process::memory,
+    report::StageEvent,
 };
+use trisplat_train::TrainEvent;
 
 /// The folder for temporary files, because this target names none.
 const TEMPORARY: &str = "/tmp";
@@ -137,8 +139,7 @@ fn matrix(placement: &Placement) -> [[f32; 3]; 4] {
     [axis(Vec3::X), axis(Vec3::Y), axis(Vec3::Z), origin.to_array()]
 }
 
-/// From now on panics, which do not unwind here, and failed allocations print a line before they end the
-/// process.
+/// From now on panics, which do not unwind here, print a line before they end the process.
 fn report_faults() {
     std::panic::set_hook(Box::new(|panic| {
         let message = input::text(panic.payload());
@@ -151,17 +152,124 @@ fn report_faults() {
             }
         }
     }));
-    memory::end_with(|bytes| {
-        // There may be no memory for text either, so the line is composed on the stack.
-        let mut line = [0u8; 200];
-        let mut rest = &mut line[..];
-        let remedy = "give fewer triangles, crop, or use the program, which may use more than 4 GB";
-        let _ = writeln!(
-            rest,
-            "{{\"error\":\"out of memory: {bytes} bytes more could not be allocated; {remedy}\"}}"
-        );
-        let left = rest.len();
-        let _ = std::io::stdout().write_all(&line[..line.len() - left]);
-        std::process::exit(1)
-    });
+}
+
+// ---- The progress of a job: lines of JSON on standard output, one object each, with one key that names it ----
+
+/// Smallest reported change of a fraction.
+const STEP: f64 = 0.01;
+
+/// Prints one line; failures are ignored.
+pub(super) fn say(key: &str, value: impl Serialize) {
+    let line = json!({ key: value }).to_string() + "\n";
+    let mut out = io::stdout().lock();
+    let _ = out.write_all(line.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Reports stages and their progress.
+#[derive(Debug, Default)]
+pub(super) struct Lines {
+    told: f64,
+    /// Steps of the training.
+    steps: u64,
+}
+
+impl Lines {
+    fn at(&mut self, fraction: f64) {
+        if fraction < self.told || fraction >= self.told + STEP {
+            self.told = fraction;
+            say("fraction", fraction);
+        }
+    }
+}
+
+impl Lines {
+    /// Prints what is new.
+    pub(super) fn tell(&mut self, event: &Event<'_>) {
+        match event {
+            Event::Stage(StageEvent::Started(name)) => self.start(name),
+            Event::Stage(StageEvent::Progressed(fraction)) => self.at(*fraction),
+            Event::Stage(StageEvent::Finished(stage)) => say("finished", stage),
+            Event::Begins(begins) => {
+                self.start("train");
+                self.steps = begins.steps;
+            }
+            Event::Train(_, TrainEvent::Step { sample, .. }) => {
+                self.at(sample.step as f64 / self.steps.max(1) as f64);
+            }
+            Event::Drew { done, all } => self.at(*done as f64 / (*all).max(1) as f64),
+            _ => {}
+        }
+    }
+
+    fn start(&mut self, name: &str) {
+        self.told = 0.0;
+        say("stage", name);
+    }
+}
+
+// ---- The jobs, as JSON -------------------------------------------------------------------------------
+
+/// One job. Names of files are those of the caller.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "command", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum Job {
+    /// What a file holds.
+    Info {
+        /// The file.
+        input: PathBuf,
+    },
+    /// A scene for immediate display, baked as fast as possible.
+    Look {
+        /// The scene.
+        input: PathBuf,
+        /// The GLB to show.
+        output: PathBuf,
+        /// Options of the bake: the part of the scene, and its rotation.
+        #[serde(default)]
+        options: Map<String, Value>,
+    },
+    /// A picture of a soft scene or of Gaussians as they were trained.
+    Picture {
+        /// The scene.
+        input: PathBuf,
+        /// The PNG.
+        output: PathBuf,
+        /// The viewpoint, in the frame of [`Job::Look`] with these options.
+        view: Viewpoint,
+        /// Options of the bake.
+        #[serde(default)]
+        options: Map<String, Value>,
+        /// Width and height, px.
+        size: [u32; 2],
+        /// The background, sRGB from 0 to 1.
+        #[serde(default)]
+        background: [f32; 3],
+    },
+    /// The bake.
+    Bake {
+        /// The inputs; several are merged.
+        inputs: Vec<PathBuf>,
+        /// The output, whose ending decides the format; other files come beside it.
+        output: PathBuf,
+        /// Options by the names of their fields or groups.
+        #[serde(default)]
+        options: Map<String, Value>,
+        /// Train a soft scene solid first.
+        #[serde(default)]
+        harden: bool,
+        /// Limit on the bytes of all files together.
+        #[serde(default)]
+        max_bytes: Option<u64>,
+    },
+}
+
+impl Job {
+    /// The first file that is read, for messages.
+    pub(super) fn input(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Info { input } | Self::Look { input, .. } | Self::Picture { input, .. } => Some(input),
+            Self::Bake { inputs, .. } => inputs.first(),
+        }
+    }
 }

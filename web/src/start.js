@@ -25,6 +25,7 @@ function ear(line) {
 /** The words for how a run ended. */
 function reason(ended, { error, rest }) {
   if (error) return error;
+  if (rest.some((text) => text.startsWith('memory allocation of'))) return 'out of memory; give fewer triangles, crop, or use the program, which may use more than 4 GB';
   if (ended instanceof RangeError) return 'this scene is nested too deeply for this browser; use the program';
   if (ended instanceof Exit) return rest.join(' ');
   return `trisplat has a fault: ${[ended.message, ...rest].join(' ')}; please report it with the file`;

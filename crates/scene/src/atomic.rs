@@ -25,7 +25,7 @@ mod temporary;
 pub use folder::{AtomicFolder, FolderLock};
 pub use identity::{FileId, folder_of};
 pub use inside::lies_inside;
-pub use live::{remove_temporaries, try_remove_temporaries};
+pub use live::remove_temporaries;
 pub use made::MadeFolders;
 pub use manifest::Manifest;
 pub use names::{is_leftover, resolved, temporary_name};

@@ -3,17 +3,13 @@
 use crate::error::{Error, Result};
 use crate::input;
 use crate::limits::Limits;
-use serde::de::value::StringDeserializer;
-use serde::de::{
-    DeserializeOwned, DeserializeSeed, Deserializer, IgnoredAny, IntoDeserializer, MapAccess, Visitor,
-};
+use serde::de::{DeserializeOwned, IgnoredAny};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use std::fmt;
 use std::path::Path;
 
 /// The key of a config file that names its schema for editors; it is not an option.
-const SCHEMA_KEY: &str = "$schema";
+const SCHEMA_KEY: &str = "\"$schema\"";
 /// The key of the preset, where options have one.
 const PRESET_KEY: &str = "preset";
 
@@ -109,12 +105,9 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
             let reason = reason.split(" at line ").next().unwrap_or(&reason).replace('`', "``");
             Error::malformed(path, format!("line {} column {}", e.line(), e.column()), reason)
         };
-        let mut file: Value = serde_json::from_str(&text).map_err(broken)?;
-        let mut json = serde_json::Deserializer::from_str(&text);
-        T::deserialize(WithoutSchema(&mut json)).map_err(broken)?;
-        if let Some(map) = file.as_object_mut() {
-            map.remove(SCHEMA_KEY);
-        }
+        let text = without_schema(&text);
+        serde_json::from_str::<T>(&text).map_err(broken)?;
+        let file = serde_json::from_str(&text).map_err(broken)?;
         Ok(Self { file, ..self })
     }
 
@@ -270,67 +263,23 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
     }
 }
 
-/// A JSON object without its key `$schema`. Types of options refuse unknown keys, and errors must keep their
-/// place in the text, so the key is skipped during reading.
-struct WithoutSchema<D>(D);
-
-impl<'de, D: Deserializer<'de>> Deserializer<'de> for WithoutSchema<D> {
-    type Error = D::Error;
-
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> std::result::Result<V::Value, D::Error> {
-        self.0.deserialize_any(visitor)
+/// `text` of a JSON object with spaces in place of its key `$schema`: types of options refuse unknown keys, and errors must keep
+/// their place in the text.
+fn without_schema(text: &str) -> String {
+    let found = text.find(SCHEMA_KEY).and_then(|key| Some((key, key + text[key..].find(':')? + 1)));
+    let Some((key, value)) = found else { return text.to_owned() };
+    let mut values = serde_json::Deserializer::from_str(&text[value..]).into_iter::<IgnoredAny>();
+    if !matches!(values.next(), Some(Ok(_))) {
+        return text.to_owned();
     }
-
-    fn deserialize_struct<V: Visitor<'de>>(
-        self,
-        name: &'static str,
-        fields: &'static [&'static str],
-        visitor: V,
-    ) -> std::result::Result<V::Value, D::Error> {
-        self.0.deserialize_struct(name, fields, WithoutSchema(visitor))
-    }
-
-    serde::forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf option unit unit_struct newtype_struct seq tuple
-        tuple_struct map enum identifier ignored_any
-    }
-}
-
-impl<'de, V: Visitor<'de>> Visitor<'de> for WithoutSchema<V> {
-    type Value = V::Value;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.expecting(f)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> std::result::Result<V::Value, A::Error> {
-        self.0.visit_map(WithoutSchema(map))
-    }
-}
-
-impl<'de, A: MapAccess<'de>> MapAccess<'de> for WithoutSchema<A> {
-    type Error = A::Error;
-
-    fn next_key_seed<K: DeserializeSeed<'de>>(
-        &mut self,
-        seed: K,
-    ) -> std::result::Result<Option<K::Value>, A::Error> {
-        while let Some(key) = self.0.next_key::<String>()? {
-            if key != SCHEMA_KEY {
-                let key: StringDeserializer<A::Error> = key.into_deserializer();
-                return seed.deserialize(key).map(Some);
-            }
-            self.0.next_value::<IgnoredAny>()?;
-        }
-        Ok(None)
-    }
-
-    fn next_value_seed<V: DeserializeSeed<'de>>(
-        &mut self,
-        seed: V,
-    ) -> std::result::Result<V::Value, A::Error> {
-        self.0.next_value_seed(seed)
-    }
+    let end = value + values.byte_offset();
+    let comma = text[end..].find(|c: char| !c.is_whitespace()).map(|at| end + at);
+    let (start, end) = match comma.filter(|at| text[*at..].starts_with(',')) {
+        Some(comma) => (key, comma + 1),
+        None => (text[..key].rfind(',').unwrap_or(key), end),
+    };
+    let blank: String = text[start..end].bytes().map(|byte| if byte == b'\n' { '\n' } else { ' ' }).collect();
+    [&text[..start], &blank, &text[end..]].concat()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Limits: of inputs, one value for all readers, and of the time of a run.
 
 use crate::error::{Error, Result};
-use crate::process::{cpu_secs, memory};
+use crate::process::cpu_secs;
 use bytemuck::Zeroable;
 use glam::UVec2;
 use schemars::JsonSchema;
@@ -140,15 +140,14 @@ impl Limits {
     /// memory, is an error.
     pub fn reserve<T>(&self, place: impl Display, list: &mut Vec<T>, additional: usize) -> Result<()> {
         let bytes = self.array::<T>(&place, list.len().saturating_add(additional))?;
-        let reserved = memory::foreseen(|| list.try_reserve_exact(additional));
-        reserved.map_err(|_| Error::Memory { place: place.to_string(), bytes })
+        list.try_reserve_exact(additional).map_err(|_| Error::Memory { place: place.to_string(), bytes })
     }
 
     /// An array of `count` zeros. Errors as for [`Limits::reserve`].
     pub fn zeroed<T: Zeroable>(&self, place: impl Display, count: usize) -> Result<Vec<T>> {
         let bytes = self.array::<T>(&place, count)?;
-        let zeros = memory::foreseen(|| bytemuck::allocation::try_zeroed_vec(count));
-        zeros.map_err(|()| Error::Memory { place: place.to_string(), bytes })
+        bytemuck::allocation::try_zeroed_vec(count)
+            .map_err(|()| Error::Memory { place: place.to_string(), bytes })
     }
 
     /// Bytes of an array of `count` entries, if within the limit.

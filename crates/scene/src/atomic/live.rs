@@ -30,17 +30,7 @@ pub(super) fn forget(list: &mut Vec<PathBuf>, path: &Path) {
 /// Removes every temporary file of this process and keeps files from getting names: for a process that is about to end
 /// without dropping its values. It must end then.
 pub fn remove_temporaries() {
-    remove(list());
-}
-
-/// The same, unless a thread, possibly this one, holds the list.
-pub fn try_remove_temporaries() {
-    if let Ok(list) = TEMPORARY.try_lock() {
-        remove(list);
-    }
-}
-
-fn remove(mut list: MutexGuard<'_, Vec<PathBuf>>) {
+    let mut list = list();
     // Files of a folder are removed before the folder.
     list.sort_by_key(|path| Reverse(path.components().count()));
     for path in list.drain(..) {

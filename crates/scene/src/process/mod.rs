@@ -1,6 +1,5 @@
 //! Processes: CPU seconds and memory from the system's accounting, and programs that end with this one.
 
-pub mod memory;
 
 use std::io;
 use std::process::{Child, ChildStdout, Command, ExitStatus};
