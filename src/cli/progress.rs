@@ -27,12 +27,45 @@ const LEAST_TIME: Duration = Duration::from_millis(500);
 /// A stage that changed nothing gets a line if it took this long.
 const TRIED_SECS: f64 = 0.1;
 
+/// Lines on stderr, above a bar when stderr is a TTY; none with `-q`.
+#[derive(Debug)]
+pub(super) struct Lines {
+    quiet: bool,
+    pub(super) verbose: bool,
+    pub(super) bar: Option<ProgressBar>,
+}
+
+impl Lines {
+    pub(super) fn new(global: &Global, bar: impl FnOnce() -> ProgressBar) -> Self {
+        let bar = (!global.quiet && std::io::stderr().is_terminal()).then(bar);
+        Self { quiet: global.quiet, verbose: global.verbose, bar }
+    }
+
+    pub(super) fn print(&self, text: &str) {
+        match &self.bar {
+            _ if self.quiet => {}
+            Some(bar) => bar.suspend(|| messages::print(text)),
+            None => messages::print(text),
+        }
+    }
+
+    /// Removes the bar.
+    pub(super) fn clear(&self) {
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
+/// A failed run leaves no bar either.
+impl Drop for Lines {
+    fn drop(&mut self) {
+        self.clear();
+    }
+}
+
 /// Prints the stage table to stderr; shows a spinner or a bar for the running stage when stderr is a TTY.
 #[derive(Debug)]
 pub struct Progress {
-    quiet: bool,
-    verbose: bool,
-    bar: Option<ProgressBar>,
+    lines: Lines,
     /// When the running stage started, and its progress if it reports any.
     running: (Instant, Option<f64>),
     /// Spells the fields named in reasons and warnings as flags.
@@ -42,7 +75,7 @@ pub struct Progress {
 impl Progress {
     /// Follows `-q` and `-v`.
     pub fn new(global: &Global) -> Self {
-        let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
+        let lines = Lines::new(global, || {
             let bar = ProgressBar::new(PARTS);
             set_template(&bar, SPINNER);
             // The bar's own thread panics where the system has none left.
@@ -51,8 +84,7 @@ impl Progress {
             }
             bar
         });
-        let (quiet, verbose) = (global.quiet, global.verbose);
-        Self { quiet, verbose, bar, running: (Instant::now(), None), command: clap::Command::default() }
+        Self { lines, running: (Instant::now(), None), command: clap::Command::default() }
     }
 
     /// Spells the fields named in reasons and warnings as the flags of `command`.
@@ -62,16 +94,12 @@ impl Progress {
 
     /// Prints a line, above the bar when there is one; nothing when quiet.
     pub fn line(&self, text: &str) {
-        match &self.bar {
-            _ if self.quiet => {}
-            Some(bar) => bar.suspend(|| messages::print(text)),
-            None => messages::print(text),
-        }
+        self.lines.print(text);
     }
 
     /// Runs code that prints on standard output, with the bar hidden.
     pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
-        match &self.bar {
+        match &self.lines.bar {
             Some(bar) => bar.suspend(print),
             None => print(),
         }
@@ -99,16 +127,14 @@ impl Progress {
 
     /// Shows the present activity beside the spinner.
     pub fn note(&self, text: &str) {
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.lines.bar {
             bar.set_message(text.to_owned());
         }
     }
 
     /// Removes the bar.
     pub fn done(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.lines.clear();
     }
 }
 
@@ -126,7 +152,7 @@ impl Progress {
 
     fn started(&mut self, name: &str) {
         self.running = (Instant::now(), None);
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.lines.bar {
             set_template(bar, SPINNER);
             bar.set_prefix(name.to_owned());
             bar.set_message("");
@@ -137,7 +163,7 @@ impl Progress {
         let (start, before) = self.running;
         let fraction = fraction.max(before.unwrap_or(0.0));
         self.running.1 = Some(fraction);
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.lines.bar {
             if before.is_none() {
                 set_template(bar, BAR);
             }
@@ -147,11 +173,11 @@ impl Progress {
     }
 
     fn finished(&mut self, stage: &StageReport) {
-        if !self.verbose && !is_told(stage) {
+        if !self.lines.verbose && !is_told(stage) {
             return;
         }
         self.line(&flags::spell(&row(stage), &self.command));
-        if self.verbose {
+        if self.lines.verbose {
             for (key, value) in &stage.details {
                 self.line(&format!("           {key}: {value}"));
             }

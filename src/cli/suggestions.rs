@@ -60,33 +60,10 @@ fn meant_target(error: &Error) -> Option<String> {
 
 /// Whether one is the other with at most a third of its letters changed, or its beginning.
 fn near(typed: &str, suggested: &str) -> bool {
-    let letters = |flag: &str| -> Vec<char> {
-        let name = flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default();
-        name.chars().collect()
-    };
-    let (a, b) = (letters(typed), letters(suggested));
-    let begins = a.len() >= 3 && (b.starts_with(&a) || a.starts_with(&b));
-    begins || 3 * distance(&a, &b) <= a.len().max(b.len())
-}
-
-/// Number of letters to insert, delete, change or swap.
-fn distance(a: &[char], b: &[char]) -> usize {
-    let mut rows = vec![vec![0; b.len() + 1]; a.len() + 1];
-    for i in 0..=a.len() {
-        for j in 0..=b.len() {
-            rows[i][j] = match (i, j) {
-                (0, _) => j,
-                (_, 0) => i,
-                _ => {
-                    let same = usize::from(a[i - 1] != b[j - 1]);
-                    let plain = (rows[i - 1][j - 1] + same).min(rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
-                    let swapped = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
-                    if swapped { plain.min(rows[i - 2][j - 2] + 1) } else { plain }
-                }
-            };
-        }
-    }
-    rows[a.len()][b.len()]
+    let [a, b] = [typed, suggested]
+        .map(|flag| flag.trim_start_matches('-').split([' ', '=']).next().unwrap_or_default());
+    let begins = a.len() >= 3 && (b.starts_with(a) || a.starts_with(b));
+    begins || 3 * strsim::osa_distance(a, b) <= a.len().max(b.len())
 }
 
 // ---- The hint of an unknown flag that is a setting: `--contour 0.3` is typed `--set contour=0.3` -----

@@ -72,7 +72,7 @@ impl<'a> Terminal<'a> {
 
     /// Shows an event of a stage. Only a capture is stopped.
     pub(super) fn tell_stage(&mut self, event: StageEvent<'_>) -> ControlFlow<()> {
-        self.drawing.take().iter().for_each(Progress::done);
+        self.drawing = None;
         if !self.captures {
             (self.bar, self.stop) = (None, None);
         }
@@ -146,19 +146,11 @@ impl<'a> Terminal<'a> {
     }
 
     fn clear(&mut self) {
-        self.drawing.take().iter().chain(&self.stages.take()).for_each(Progress::done);
-        self.bar = None;
+        (self.drawing, self.stages, self.bar) = (None, None, None);
     }
 
     fn stages(&mut self) -> &mut Progress {
         let (global, command) = (self.global, &self.command);
         self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))
-    }
-}
-
-/// A failed job leaves no bar either.
-impl Drop for Terminal<'_> {
-    fn drop(&mut self) {
-        self.clear();
     }
 }

@@ -2,12 +2,13 @@
 
 use super::messages::Stdout;
 use super::messages::many;
+use super::progress::Lines;
 use super::signals::Listener;
-use super::{Global, messages};
+use super::Global;
 use indicatif::{ProgressBar, ProgressStyle};
 use plotters::prelude::*;
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::ShrunkSize;
@@ -18,9 +19,7 @@ use trisplat_train::{Densified, TrainEvent, TrainSample};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
-    quiet: bool,
-    verbose: bool,
-    bar: Option<ProgressBar>,
+    lines: Lines,
     log: Option<(PathBuf, Box<dyn Write>)>,
     /// Outputs that could not be written, with their errors.
     lost: Vec<String>,
@@ -47,20 +46,16 @@ impl Bar {
         log: Option<&Path>,
         before: &[TrainSample],
     ) -> Result<Self> {
-        let bar = (!global.quiet && std::io::stderr().is_terminal()).then(|| {
+        let lines = Lines::new(global, || {
             let bar = ProgressBar::new(steps).with_position(done);
-            let template = "{bar:30} {pos}/{len}  {msg}  {eta} left";
-            if let Ok(style) = ProgressStyle::with_template(template) {
-                bar.set_style(style);
-            }
+            let style = ProgressStyle::with_template("{bar:30} {pos}/{len}  {msg}  {eta} left");
+            style.into_iter().for_each(|style| bar.set_style(style));
             bar
         });
         let log = log.map(|path| open_log(path, before)).transpose()?;
-        let stop = Some(Listener::new());
-        let (quiet, verbose) = (global.quiet, global.verbose);
-        let percent = (verbose && bar.is_none()).then(|| percent(done, steps));
-        let (lost, psnr, rate_from) = (Vec::new(), None, None);
-        Ok(Self { quiet, verbose, bar, log, lost, stop, psnr, steps, percent, rate_from })
+        let percent = (lines.verbose && lines.bar.is_none()).then(|| percent(done, steps));
+        let (stop, lost, psnr, rate_from) = (Some(Listener::new()), Vec::new(), None, None);
+        Ok(Self { lines, log, lost, stop, psnr, steps, percent, rate_from })
     }
 
     /// Makes it print the steps per second when known; `done` steps are made already.
@@ -76,20 +71,14 @@ impl Bar {
 
     /// Prints a line above the bar; nothing when quiet.
     pub fn line(&self, text: &str) {
-        match &self.bar {
-            _ if self.quiet => {}
-            Some(bar) => bar.suspend(|| messages::print(text)),
-            None => messages::print(text),
-        }
+        self.lines.print(text);
     }
 
     /// Removes the bar and returns outputs that could not be written. From here on the first Ctrl-C ends the
     /// program.
     pub fn done(&mut self) -> Vec<String> {
         self.stop = None;
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.lines.clear();
         std::mem::take(&mut self.lost)
     }
 
@@ -127,15 +116,6 @@ fn write_line(log: &mut dyn Write, sample: &TrainSample) -> std::io::Result<()> 
     log.flush()
 }
 
-/// A failed run leaves no bar either.
-impl Drop for Bar {
-    fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
-}
-
 impl Bar {
     /// Shows an event of the training; `Break` after a request to stop.
     pub fn tell(&mut self, event: TrainEvent<'_>) -> ControlFlow<()> {
@@ -165,7 +145,7 @@ impl Bar {
         let held_out = self.psnr.map_or(String::new(), held_out);
         let status = || format!("{:.2} dB{held_out}  {triangles}", sample.psnr);
         let now = percent(sample.step, self.steps);
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.lines.bar {
             bar.set_position(sample.step);
             bar.set_message(status());
         } else if self.percent.is_some_and(|before| now > before) {
@@ -187,7 +167,7 @@ impl Bar {
     }
 
     fn densified(&mut self, step: u64, r: &Densified) {
-        if self.verbose {
+        if self.lines.verbose {
             self.line(&format!(
                 "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
                 many(r.triangles as u64, "triangle"),
@@ -203,10 +183,10 @@ impl Bar {
     fn corrected(&mut self, correction: &Correction) {
         let Correction { step, spent_secs, steps } = *correction;
         self.steps = steps;
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.lines.bar {
             bar.set_length(steps);
         }
-        if self.verbose {
+        if self.lines.verbose {
             self.line(&format!("step {step}: {spent_secs:.1} s spent, {steps} steps in all"));
         }
     }
