@@ -1,10 +1,10 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
+use super::Global;
 use super::messages::Stdout;
 use super::messages::many;
 use super::progress::Lines;
 use super::signals::Listener;
-use super::Global;
 use indicatif::{ProgressBar, ProgressStyle};
 use plotters::prelude::*;
 use std::fs::File;

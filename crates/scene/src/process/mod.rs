@@ -1,6 +1,5 @@
 //! Processes: CPU seconds and memory from the system's accounting, and programs that end with this one.
 
-
 use std::io;
 use std::process::{Child, ChildStdout, Command, ExitStatus};
 use std::sync::{Mutex, MutexGuard, PoisonError};
