@@ -200,7 +200,7 @@ impl SceneRenderer {
         match self {
             Self::Soft(scene) => scene.color(camera),
             Self::Solid(scene) => scene.solid.render(&scene.mesh, camera, &scene.options),
-            Self::Splats(scene) => show::color(&scene.draw(camera)),
+            Self::Splats(scene) => scene.draw(camera).to_pixels(),
         }
     }
 
@@ -276,7 +276,7 @@ impl SoftScene {
     }
 
     fn color(&mut self, camera: &Camera) -> RgbImage {
-        show::color(self.draw(camera, false))
+        self.draw(camera, false).to_pixels()
     }
 }
 
@@ -292,12 +292,12 @@ impl SoftScene {
         if let Some(card) = &mut self.card {
             let camera = self.space.camera_to_training(camera);
             if let Ok(frame) = card.frame(&camera, &self.options) {
-                return show::color(&frame);
+                return frame.to_pixels();
             }
             // The card is lost or too small for this picture; the CPU draws this picture and all later ones.
             self.card = None;
         }
-        show::color(self.draw(camera, false))
+        self.draw(camera, false).to_pixels()
     }
 }
 

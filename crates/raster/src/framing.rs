@@ -6,7 +6,7 @@ mod viewpoint;
 
 pub use subject::Subject;
 pub use surroundings::{Surroundings, far_shell, hit, up_of};
-pub use viewpoint::{Scenery, camera_holding, orbit, viewpoint};
+pub use viewpoint::{Scenery, orbit, viewpoint};
 
 /// A lens of 100 pixels for tests.
 #[cfg(test)]

@@ -18,12 +18,12 @@ mod manifest;
 mod merge;
 mod plan;
 mod region;
-mod source;
 mod task;
 
 pub use manifest::PlanOptions;
+pub use manifest::find_coarse;
 pub use manifest::{Expected, Manifest, NAME};
 pub use merge::Blocks;
 pub use merge::bake_tiles;
-pub use plan::{Planner, check, find_coarse, keep_coarse};
+pub use plan::{Planner, check, keep_coarse};
 pub use task::{Task, status, unnamed};

@@ -1,8 +1,8 @@
 //! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is in memory at a time.
 
+use crate::manifest;
 use crate::manifest::{Manifest, NAME};
 use crate::region::{halves, middle};
-use crate::source;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -195,7 +195,7 @@ pub fn bake_tiles(
 fn placement(blocks: &Blocks, options: &BakeOptions) -> Result<(Placement, Placement)> {
     let plan = &blocks.manifest;
     let mut scene = match &plan.coarse {
-        Some(coarse) => source::read(blocks.folder(), coarse, &plan.dataset_options.limits)?,
+        Some(coarse) => manifest::read(blocks.folder(), coarse, &plan.dataset_options.limits)?,
         None => {
             let OwnedBlock { rest, provenance, cameras, .. } = blocks.read(0)?;
             ImportedScene { provenance, cameras, ..ImportedScene::from(rest) }

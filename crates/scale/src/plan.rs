@@ -1,10 +1,11 @@
 //! The plan: cuts a scene into blocks by its coarse scene, gives them photos, and writes what each starts from.
 
 use super::cover::{Coverage, assign, middles, owners, visible};
-use super::manifest::{Block, BlockPhoto, Expected, Manifest, PlannedPhoto};
+use super::manifest::{Block, BlockPhoto, Expected, FORMAT, Manifest, PlannedPhoto};
 use super::region::{Region, Surroundings, cut, extent};
-use super::source::{self, Source, digits, hash_of, hash_of_file};
+use crate::manifest;
 use crate::manifest::PlanOptions;
+use crate::manifest::{Source, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
@@ -121,31 +122,37 @@ impl Planner<'_> {
         coarse: Option<(&Path, &ImportedScene)>,
         max_bytes: Option<u64>,
     ) -> Result<Manifest> {
-        let options = self.whole;
         let folder = &file.path().parent().unwrap_or(Path::new("")).to_owned();
         let dataset = self.address(folder)?;
         // Some blocks have too few photos or points to decide alike.
         let masks = self.dataset.masks(self.dataset_options.masks);
-        let how = DatasetOptions { masks, ..self.dataset_options.clone() };
-        let mut manifest = Manifest::new(dataset, how, options.clone());
-        manifest.origin = self.dataset.origin.to_array();
-        manifest.photos = photos;
+        let dataset_options = DatasetOptions { masks, ..self.dataset_options.clone() };
         let views: Vec<&View> = self.dataset.train().collect();
         let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
-        match coarse {
-            None => {
-                manifest.points = Some(self.points());
-                manifest.blocks = vec![self.only_block(&views)];
-            }
+        let (points, coarse, space, blocks) = match coarse {
+            None => (Some(self.points()), None, ([0.0; 3], 1.0), vec![self.only_block(&views)]),
             Some((path, scene)) => {
                 let cutter = Cutter::new(self, scene, &views, &cameras)?;
-                manifest.space = (cutter.space.center.to_array(), cutter.space.scale);
                 let hash = hash_of_file(path, &self.dataset_options.limits)?;
-                manifest.coarse =
-                    Some(Source { file: name_of(path), hash, triangles: cutter.soup.len() as u64 });
-                manifest.blocks = cutter.blocks(file, max_bytes)?;
+                let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let coarse = Source { file: file_name, hash, triangles: cutter.soup.len() as u64 };
+                let space = (cutter.space.center.to_array(), cutter.space.scale);
+                (None, Some(coarse), space, cutter.blocks(file, max_bytes)?)
             }
-        }
+        };
+        let mut manifest = Manifest {
+            format: FORMAT,
+            generator: trisplat_scene::report::generator(),
+            dataset,
+            dataset_options,
+            origin: self.dataset.origin.to_array(),
+            space,
+            coarse,
+            points,
+            options: self.whole.clone(),
+            photos,
+            blocks,
+        };
         for index in 0..manifest.blocks.len() {
             manifest.blocks[index].key = manifest.key_of(index)?;
             let expected = manifest.blocks[index].expected;
@@ -168,21 +175,12 @@ impl Planner<'_> {
     }
 }
 
-/// The finished coarse scene that was begun as `path`, if it is there and unchanged.
-pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
-    source::find(path, limits)
-}
-
 /// Writes the coarse scene that was begun as `path`; returns the path of the finished file.
 ///
 /// Errors: a file of that name with other bytes; what the operating system refuses.
 pub fn keep_coarse(path: &Path, trained: &Trained, limits: &Limits) -> Result<PathBuf> {
     let parts = (&trained.soup, &trained.provenance, &trained.cameras[..]);
-    source::write(path, parts, limits, |_| ()).map(|(path, _)| path)
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    manifest::write(path, parts, limits, |_| ()).map(|(path, _)| path)
 }
 
 /// The photos of `dataset` that are not held out, with the hashes of their files.
@@ -379,7 +377,7 @@ impl<'a> Cutter<'a> {
             }
         };
         let limits = &self.planner.dataset_options.limits;
-        source::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)
+        manifest::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)
             .map(|(_, source)| source)
     }
 }

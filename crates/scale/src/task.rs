@@ -3,7 +3,7 @@
 
 use super::manifest::{Block, Manifest, PlannedPhoto};
 use super::plan::planned_photos;
-use super::source;
+use crate::manifest;
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ impl Task {
     /// Errors: a file that is not as it was planned.
     fn start(&self) -> Result<Option<ImportedScene>> {
         let Some(start) = &self.block().start else { return Ok(None) };
-        let mut loaded = source::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
+        let mut loaded = manifest::read(&self.folder, start, &self.manifest.dataset_options.limits)?;
         if let Scene::Soup(soup) = &mut loaded.scene {
             let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
             let first = count(self.block().frozen);

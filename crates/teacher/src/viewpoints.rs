@@ -11,7 +11,7 @@ use glam::{Mat3, Quat, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera};
+use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera, math::median::quantile};
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -218,12 +218,6 @@ impl Unit {
         let eye = camera.position() * self.length + self.middle;
         Camera { translation: -(camera.rotation * eye), ..*camera }
     }
-}
-
-/// The quantile of `values` for this share.
-fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
-    let last = values.len().checked_sub(1)?;
-    Some(*values.select_nth_unstable_by((last as f32 * share) as usize, f32::total_cmp).1)
 }
 
 /// Rings of cameras that show everything within `reach`, or cameras on all sides.

@@ -3,8 +3,6 @@
 //! In: scenes and assets. Out: pictures drawn as an engine draws them, and a window.
 
 #[cfg(feature = "gpu")]
-mod headless;
-#[cfg(feature = "gpu")]
 mod model;
 #[cfg(feature = "gpu")]
 mod renderer;
@@ -13,8 +11,6 @@ pub mod show;
 pub mod window;
 
 #[cfg(feature = "gpu")]
-pub use headless::{Canvas, Headless};
-#[cfg(feature = "gpu")]
 pub use model::Model;
 #[cfg(feature = "gpu")]
-pub use renderer::{DrawStats, FrameParams};
+pub use renderer::{Canvas, DrawStats, FrameParams, Headless};

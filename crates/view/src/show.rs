@@ -7,11 +7,6 @@ use trisplat_scene::image::RgbImage;
 /// A pixel with less coverage counts as background.
 const LEAST_COVERAGE: f32 = 0.05;
 
-/// The frame's colours in 8 bits, clamped and rounded.
-pub fn color(frame: &Frame) -> RgbImage {
-    picture(frame, |i| frame.rgb[i])
-}
-
 /// Expected depth, near bright and far dark, stretched over the middle 98% of the picture's inverse
 /// depths; black for background. The frame must have been drawn with geometry.
 pub fn depth(frame: &Frame) -> RgbImage {
@@ -60,15 +55,13 @@ pub fn wires(seen: &Visibility, size: UVec2) -> RgbImage {
 
 /// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.
 pub fn heat(size: UVec2, errors: &[f32]) -> RgbImage {
-    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-    let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) }).map(code);
-    RgbImage { size, rgb: errors.iter().map(shown).collect(), alpha: None }
+    let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) });
+    RgbImage::from_rgb(size, &errors.iter().map(shown).collect::<Vec<_>>())
 }
 
 fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> RgbImage {
-    let code = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
     let count = frame.size.x as usize * frame.size.y as usize;
-    RgbImage { size: frame.size, rgb: (0..count).map(|i| at(i).map(code)).collect(), alpha: None }
+    RgbImage::from_rgb(frame.size, &(0..count).map(at).collect::<Vec<_>>())
 }
 
 /// The colour map magma of FLIP: black, violet, orange, white; for values in [0, 1].

@@ -5,8 +5,8 @@ use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::{
-    camera, camera::Camera, camera::OrbitRange, camera::Viewpoint, math::median::median, mesh::Colors,
-    mesh::Mesh,
+    camera, camera::Camera, camera::OrbitRange, camera::Viewpoint, math::median::median,
+    math::median::quantile, mesh::Colors, mesh::Mesh,
 };
 
 /// Most points to sample.
@@ -107,10 +107,7 @@ fn dense(points: &[Vec3]) -> Option<Subject> {
 fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
     let along = |axis: usize| median(points.iter().map(|p| p[axis]).collect(), f32::total_cmp);
     let center = Vec3::new(along(0)?, along(1)?, along(2)?);
-    let mut distances: Vec<f32> = points.iter().map(|p| p.distance(center)).collect();
-    let last = distances.len() - 1;
-    let at = (last as f32 * share) as usize;
-    let radius = *distances.select_nth_unstable_by(at, f32::total_cmp).1;
+    let radius = quantile(points.iter().map(|p| p.distance(center)).collect(), share)?;
     (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius, is_alone: false })
 }
 

@@ -138,7 +138,7 @@ fn looking(camera: &Camera, subject: Subject, up: Vec3) -> Viewpoint {
 
 /// The camera of a viewpoint for a picture of `size` that shows the whole subject, independent of the
 /// viewpoint's lens.
-pub fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
+fn camera_holding(viewpoint: &Viewpoint, size: UVec2) -> Camera {
     let camera = viewpoint.camera(size);
     let Some(radius) = viewpoint.radius else { return camera };
     let needed = half_tangent(radius as f32, viewpoint.distance(), MOST_SINE);
@@ -191,14 +191,14 @@ const SIZE: UVec2 = UVec2::new(960, 720);
 
 /// A place to look from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
-    pub(super) camera: Camera,
+struct Candidate {
+    camera: Camera,
     /// The number of its photo, if any.
-    pub(super) photo: Option<usize>,
+    photo: Option<usize>,
 }
 
 /// The cameras of photos, made level, and turned to the subject if they show its middle.
-pub(super) fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
+fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<Candidate> {
     let step = cameras.len().div_ceil(MOST_PHOTOS).max(1);
     let level = |photo: usize| {
         let camera = &cameras[photo];
@@ -214,14 +214,14 @@ pub(super) fn of_photos(cameras: &[Camera], subject: Subject, up: Vec3) -> Vec<C
 }
 
 /// Tangent of half the visual angle of a ball at a distance, at most that of an angle with this sine.
-pub(super) fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
+fn half_tangent(radius: f32, distance: f32, most_sine: f32) -> f32 {
     let sine = (radius / distance).min(most_sine);
     sine / (1.0 - sine * sine).sqrt()
 }
 
 /// A ring of cameras around the subject at an elevation of this sine. Their distance shows the whole subject,
 /// times `nearer`. In a scene that is closed at the distance `room`, they stay inside and have a wider lens.
-pub(super) fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
+fn ring(subject: Subject, up: Vec3, sine: f32, nearer: f32, room: f32) -> Vec<Candidate> {
     let sin_half = HALF_FOV_TAN / (1.0 + HALF_FOV_TAN * HALF_FOV_TAN).sqrt();
     let whole = MARGIN * subject.radius / sin_half;
     let distance = (nearer * whole).min(room);

@@ -1,4 +1,4 @@
-//! Lists of numbers: the median, an even choice, disjoint sets and range checks.
+//! Lists of numbers: quantiles, an even choice, disjoint sets and range checks.
 
 use crate::parallel;
 use std::cmp::Ordering;
@@ -7,6 +7,12 @@ use std::cmp::Ordering;
 pub fn median<T: Copy>(mut values: Vec<T>, order: fn(&T, &T) -> Ordering) -> Option<T> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
+}
+
+/// The value below which this share of `values` lies; `None` of no values.
+pub fn quantile(mut values: Vec<f32>, share: f32) -> Option<f32> {
+    let last = values.len().checked_sub(1)?;
+    Some(*values.select_nth_unstable_by((last as f32 * share) as usize, f32::total_cmp).1)
 }
 
 // ---- A selection that is spread over a list ----------------------------------------------------------

@@ -202,12 +202,12 @@ impl App {
 
     fn redraw(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let Some((screen, session)) = &mut self.window else { return Ok(()) };
-        let secs = session.meter.tick(session.keys.any() || self.mouse.down.is_some());
+        let secs = session.meter.tick(!session.keys.is_empty() || self.mouse.down.is_some());
         session.controls.fly(&session.keys, secs as f32);
         let again = screen.draw(session)?;
         self.start_work();
         let Some((screen, session)) = &self.window else { return Ok(()) };
-        let moving = session.keys.any() || again.is_zero();
+        let moving = !session.keys.is_empty() || again.is_zero();
         if moving {
             screen.window.request_redraw();
         }
@@ -279,19 +279,11 @@ impl App {
     fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent) {
         let Some((screen, session)) = &mut self.window else { return };
         let PhysicalKey::Code(code) = event.physical_key else { return };
-        let down = if event.state == ElementState::Pressed { 1.0 } else { 0.0 };
         screen.window.request_redraw();
-        let keys = &mut session.keys;
-        match code {
-            KeyCode::KeyW => keys.forward = down,
-            KeyCode::KeyS => keys.forward = -down,
-            KeyCode::KeyD => keys.right = down,
-            KeyCode::KeyA => keys.right = -down,
-            KeyCode::KeyE => keys.up = down,
-            KeyCode::KeyQ => keys.up = -down,
-            KeyCode::ShiftLeft | KeyCode::ShiftRight => keys.fast = down > 0.0,
-            _ if event.state == ElementState::Pressed && !event.repeat => self.press(events, code),
-            _ => {}
+        match event.state {
+            ElementState::Released => drop(session.keys.remove(&code)),
+            ElementState::Pressed if session.keys.insert(code) => self.press(events, code),
+            ElementState::Pressed => {}
         }
     }
 
@@ -344,9 +336,8 @@ impl App {
             WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if !consumed => {
                 self.mouse.down = Some((button, self.mouse.at, false));
             }
-            WindowEvent::MouseInput { state: ElementState::Released, .. } => {
-                self.mouse.down = None;
-            }
+            WindowEvent::MouseInput { state: ElementState::Released, .. } => self.mouse.down = None,
+            WindowEvent::Focused(false) => session.keys.clear(),
             WindowEvent::MouseWheel { delta, .. } if !consumed => {
                 let steps = match delta {
                     MouseScrollDelta::LineDelta(_, y) => y,

@@ -2,12 +2,14 @@
 
 use crate::model::Aabb;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
+use std::collections::HashSet;
 use std::f32::consts::FRAC_PI_2;
 use trisplat_scene::{
     Placement,
     camera::{Camera, OrbitRange, Viewpoint},
     placed,
 };
+use winit::keyboard::KeyCode;
 
 /// A drag across the whole height of the window turns the camera by this, rad.
 const DRAG_ANGLE: f32 = 3.0;
@@ -38,26 +40,6 @@ pub(super) struct CameraControls {
     extent: f32,
     /// Where photos looked; orbits stay there.
     range: Option<(Viewpoint, OrbitRange)>,
-}
-
-/// The pressed keys, each axis in -1, 0, 1.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Keys {
-    /// D - A.
-    pub(super) right: f32,
-    /// E - Q.
-    pub(super) up: f32,
-    /// W - S.
-    pub(super) forward: f32,
-    /// Shift: faster.
-    pub(super) fast: bool,
-}
-
-impl Keys {
-    /// Whether a key moves the camera.
-    pub(super) fn any(&self) -> bool {
-        self.right != 0.0 || self.up != 0.0 || self.forward != 0.0
-    }
 }
 
 impl CameraControls {
@@ -231,10 +213,16 @@ impl CameraControls {
         self.pivot_distance = (self.pivot_distance - nearer).max(0.02 * self.extent);
     }
 
-    /// Flies for `secs`.
-    pub(super) fn fly(&mut self, keys: &Keys, secs: f32) {
-        let direction = self.right() * keys.right + self.up * keys.up + self.forward() * keys.forward;
-        let speed = if keys.fast { 2.0 } else { 0.5 } * self.extent;
+    /// Flies for `secs` while these keys are held.
+    pub(super) fn fly(&mut self, held: &HashSet<KeyCode>, secs: f32) {
+        let along = |to: KeyCode, back: KeyCode| {
+            f32::from(i8::from(held.contains(&to)) - i8::from(held.contains(&back)))
+        };
+        let direction = self.right() * along(KeyCode::KeyD, KeyCode::KeyA)
+            + self.up * along(KeyCode::KeyE, KeyCode::KeyQ)
+            + self.forward() * along(KeyCode::KeyW, KeyCode::KeyS);
+        let is_fast = held.contains(&KeyCode::ShiftLeft) || held.contains(&KeyCode::ShiftRight);
+        let speed = if is_fast { 2.0 } else { 0.5 } * self.extent;
         self.position += direction.normalize_or_zero() * speed * secs.min(0.1);
     }
 
@@ -418,9 +406,8 @@ mod tests {
             assert!(pixel(&camera, point).distance(wants) < 1e-3);
         }
         let before = controls.position;
-        controls.fly(&Keys { forward: 1.0, ..Keys::default() }, 0.05);
+        controls.fly(&HashSet::from([KeyCode::KeyW]), 0.05);
         assert!((controls.position - before).dot(Vec3::Z) > 0.0);
-        assert!(!Keys::default().any());
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! How a window looks, its content, and what loads it.
 
 use super::crop::CropEditor;
-use crate::headless::Canvas;
 use crate::model::Aabb;
 use crate::model::Model;
+use crate::renderer::Canvas;
 use crate::renderer::{FrameParams, Renderer};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};

@@ -2,15 +2,17 @@
 
 use super::super::model::Model;
 use super::super::renderer::{DrawStats, FrameParams};
-use super::controls::{CameraControls, Keys, Pane};
+use super::controls::{CameraControls, Pane};
 use super::scene::ShownScene;
 use super::scene::{SceneFiles, WindowOptions};
 use crate::model::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use trisplat_scene::{Region, camera::Camera, image::RgbImage};
+use winit::keyboard::KeyCode;
 
 /// Duration of a note.
 const NOTE_TIME: Duration = Duration::from_secs(4);
@@ -39,7 +41,8 @@ pub(super) enum PhotoPlacement {
 pub(super) struct Session {
     pub(super) settings: Settings,
     pub(super) controls: CameraControls,
-    pub(super) keys: Keys,
+    /// The held keys.
+    pub(super) keys: HashSet<KeyCode>,
     pub(super) shown: Option<Box<ShownScene>>,
     /// The files shown, or loaded first.
     pub(super) files: SceneFiles,
@@ -88,7 +91,7 @@ impl Session {
         Self {
             settings: Settings::default(),
             controls: CameraControls::new(&bounds, Vec3::Y),
-            keys: Keys::default(),
+            keys: HashSet::new(),
             shown: None,
             files,
             scene: 0,
