@@ -23,16 +23,12 @@ pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(Fou
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
     };
-    let mut buffer = Vec::new();
-    for first in (0..table.rows()).step_by(table.rows_per_block()) {
-        let count = table.rows_per_block().min(table.rows() - first);
-        for row in table.block(first, count, &mut buffer)?.chunks_exact(table.stride()) {
-            let position = DVec3::from(position.map(|column| column.f64(row)));
-            let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
-            visit(FoundPoint { position, rgb, error: None });
-        }
-    }
-    Ok(())
+    table.each_row(|_, row| {
+        let position = DVec3::from(position.map(|column| column.f64(row)));
+        let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
+        visit(FoundPoint { position, rgb, error: None });
+        Ok(())
+    })
 }
 
 /// Where the points are.

@@ -5,9 +5,9 @@
 
 pub use crate::gltf::{Finding, Severity};
 
-use crate::gltf::Findings;
+use crate::gltf::{self, Findings};
 use crate::read::{detect, read_as};
-use crate::{Format, ReadOptions, Source, gltf, html};
+use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,9 +1,9 @@
 //! Reads a file of any format, triangles or Gaussians; the plain case of writing.
 
-use crate::output::{Beside, Output, OutputOptions};
+use crate::output::{self, Beside, Output, OutputOptions};
 use crate::read::{detect, read_as};
 use crate::source::is_packed;
-use crate::{Format, ReadOptions, Source, format, gltf, obj, output, ply, splats};
+use crate::{Format, ReadOptions, Source, format, gltf, obj, ply, splats};
 use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
 use trisplat_scene::input::guarded;

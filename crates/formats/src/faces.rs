@@ -10,8 +10,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::parallel::GRAIN;
-use trisplat_scene::{Error, FaceTexture, Result, Texture, parallel};
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Error, FaceTexture, Result, Texture};
 
 /// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
 pub const MAX_CORNERS: usize = 1 << 12;
@@ -217,7 +217,7 @@ impl Clamped {
         value.clamp(0.0, 1.0)
     }
 
-    /// Adds what another thread counted.
+    /// Adds the counts of another thread.
     pub(super) fn merge(&mut self, other: Clamped) {
         self.count += other.count;
         self.largest = self.largest.max(other.largest);
@@ -245,13 +245,13 @@ impl Clamped {
 /// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
 const MOST_PAGES: usize = 256;
 
-/// The textured faces of a part of a mesh, and the places of their corners on the texture.
+/// Textured faces of a part of a mesh, with texture coordinates.
 pub(crate) struct PaintedFaces {
     /// Number of the picture.
     pub image: usize,
     /// Consecutive faces of the mesh.
     pub faces: Range<usize>,
-    /// Places of their corners on the picture, each from 0 to 1 and beyond.
+    /// Texture coordinates of their corners; they may exceed 0 to 1.
     pub uvs: Vec<[Vec2; 3]>,
     /// Nothing else colours them.
     pub plain: bool,

@@ -8,12 +8,14 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup};
 
-/// The scene without triangles that are not finite; a warning counts these.
+/// The scene without triangles that are not finite; a warning counts these. `origin` was subtracted from its
+/// positions.
 ///
 /// A valid scene costs one parallel pass over its numbers. Errors: `Malformed` when opacity, σ or colours are
 /// out of range, when a corner names a missing vertex, or when no triangle is left.
-pub fn finish(path: &Path, loaded: ImportedScene) -> Result<ImportedScene> {
+pub(crate) fn finish(path: &Path, loaded: ImportedScene, origin: DVec3) -> Result<ImportedScene> {
     let ImportedScene { mut scene, mut provenance, mut warnings, cameras } = loaded;
+    note_origin(&mut provenance, &mut warnings, origin);
     let total = scene.triangle_count();
     let error = |e: Error| Error::malformed(path, "values", e.to_string());
     let first = match &mut scene {
@@ -162,12 +164,7 @@ impl FarPositions {
 }
 
 /// Records the origin subtracted from a scene's positions.
-pub(crate) fn note_origin(loaded: &mut ImportedScene, origin: DVec3) {
-    note_in(&mut loaded.provenance, &mut loaded.warnings, origin);
-}
-
-/// The same for what is no scene of triangles.
-pub(super) fn note_in(provenance: &mut Provenance, warnings: &mut Vec<String>, origin: DVec3) {
+pub(super) fn note_origin(provenance: &mut Provenance, warnings: &mut Vec<String>, origin: DVec3) {
     if origin == DVec3::ZERO {
         return;
     }
@@ -223,7 +220,8 @@ mod tests {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut broken = soup(4);
                 damage(&mut broken, bad);
-                let out = finish(Path::new("a"), loaded(Scene::Soup(broken))).expect("three are left");
+                let out =
+                    finish(Path::new("a"), loaded(Scene::Soup(broken)), DVec3::ZERO).expect("three are left");
                 assert_eq!(out.scene, Scene::Soup(soup(3)));
                 assert_eq!(out.warnings.len(), 1);
                 assert!(out.warnings[0].contains("triangle 2"), "{}", out.warnings[0]);
@@ -242,7 +240,7 @@ mod tests {
         for damage in damages {
             let mut broken = mesh();
             damage(&mut broken);
-            let out = finish(Path::new("a"), loaded(Scene::Mesh(broken))).expect("one is left");
+            let out = finish(Path::new("a"), loaded(Scene::Mesh(broken)), DVec3::ZERO).expect("one is left");
             let mut wanted = mesh();
             wanted.retain(|face| face == 0);
             assert_eq!((out.scene, out.warnings.len()), (Scene::Mesh(wanted), 1));
@@ -251,7 +249,7 @@ mod tests {
         let mut unused = mesh();
         unused.positions.push(Vec3::NAN);
         unused.colors = Colors::Face(vec![[0.5; 3]; 2]);
-        let out = finish(Path::new("a"), loaded(Scene::Mesh(unused))).expect("both are left");
+        let out = finish(Path::new("a"), loaded(Scene::Mesh(unused)), DVec3::ZERO).expect("both are left");
         assert_eq!((out.scene.triangle_count(), out.warnings.len()), (2, 0));
     }
 
@@ -260,12 +258,14 @@ mod tests {
         for (opacity, sigma, wants) in [(-2.0, 1.0, "sigmoid"), (1.5, 1.0, "sigmoid"), (0.5, -4.6, "raw")] {
             let mut raw = soup(3);
             (raw.opacity[1], raw.sigma[1]) = (opacity, sigma);
-            let message = finish(Path::new("a"), loaded(Scene::Soup(raw))).expect_err("raw").to_string();
+            let message =
+                finish(Path::new("a"), loaded(Scene::Soup(raw)), DVec3::ZERO).expect_err("raw").to_string();
             assert!(message.contains("triangle 1") && message.contains(wants), "{message}");
         }
         let mut far = mesh();
         far.indices[4] = 4;
-        let message = finish(Path::new("a"), loaded(Scene::Mesh(far))).expect_err("far").to_string();
+        let message =
+            finish(Path::new("a"), loaded(Scene::Mesh(far)), DVec3::ZERO).expect_err("far").to_string();
         assert!(message.contains("face 1"), "{message}");
     }
 
@@ -274,7 +274,8 @@ mod tests {
         for count in [0, 2] {
             let mut none = soup(count);
             none.sigma.fill(f32::NAN);
-            let message = finish(Path::new("a"), loaded(Scene::Soup(none))).expect_err("none").to_string();
+            let message =
+                finish(Path::new("a"), loaded(Scene::Soup(none)), DVec3::ZERO).expect_err("none").to_string();
             assert!(message.contains("none"), "{message}");
         }
     }

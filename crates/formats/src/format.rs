@@ -1,7 +1,6 @@
 //! The formats that are read: recognised by their first bytes, and by their name only where the bytes are
 //! ambiguous.
 
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
@@ -9,10 +8,11 @@ use trisplat_scene::Error;
 use trisplat_scene::input::BYTE_ORDER_MARK;
 
 /// A format we read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// Polygon file format: our soup PLY or a mesh with vertex or face colours.
+    #[default]
     Ply,
     /// A checkpoint written by `torch.save`.
     Pt,
@@ -157,12 +157,6 @@ pub(crate) fn is_sog(entries: &[String]) -> bool {
     has("meta.json") && (has("means_l.webp") || has("means_l.png"))
 }
 
-/// Whether a JSON text is the `meta.json` of SOG.
-pub(crate) fn is_sog_json(json: &[u8]) -> bool {
-    let parsed: Option<Value> = serde_json::from_slice(json).ok();
-    parsed.is_some_and(|json| ["means", "quats", "scales"].iter().all(|key| json.get(key).is_some()))
-}
-
 /// Whether a checkpoint with these tensors is one of Gaussians: gsplat's, nerfstudio's.
 pub(crate) fn are_parameters(tensors: &[String]) -> bool {
     let has = |names: [&str; 2]| {
@@ -173,26 +167,14 @@ pub(crate) fn are_parameters(tensors: &[String]) -> bool {
 
 // ---- JSON files that are neither scenes nor lists of photos, recognised for a helpful message --------
 
-/// The keys that make a JSON file a tileset.
-#[derive(Deserialize)]
-struct TilesetKeys {
-    #[serde(rename = "geometricError")]
-    _geometric_error: IgnoredAny,
-    #[serde(rename = "root")]
-    _root: IgnoredAny,
-}
-
-/// Whether a JSON text is a tileset (3D Tiles).
-fn is_tileset_json(json: &[u8]) -> bool {
-    serde_json::from_slice::<TilesetKeys>(json).is_ok()
-}
-
 /// The refusal of a JSON file in place of a scene or a list of photos; `None` for an unknown kind.
 pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
-    if is_sog_json(json) {
+    let json: Value = serde_json::from_slice(json).ok()?;
+    let has = |keys: &[&str]| keys.iter().all(|key| json.get(key).is_some());
+    if has(&["means", "quats", "scales"]) {
         return Some(refusal(path, "SOG"));
     }
-    is_tileset_json(json).then(|| {
+    has(&["geometricError", "root"]).then(|| {
         let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
         Error::unsupported(path, reason)
     })

@@ -28,7 +28,7 @@ const BLOCK_BYTES: usize = 3 << 20;
 /// Longer lines do not belong to this format.
 const MAX_LINE_BYTES: u64 = 1 << 25;
 
-/// Writes the page of `asset`, with its `sky` as an encoded picture, and returns what was written; `path` is for messages.
+/// Writes the page of `asset`, with its `sky` as media type and bytes, and returns what was written; `path` is for messages.
 ///
 /// # Errors
 /// As [`gltf::write_glb`].
@@ -37,7 +37,7 @@ pub(crate) fn write(
     path: &Path,
     title: &str,
     asset: &Asset,
-    sky: Option<&EncodedPicture>,
+    sky: Option<(&str, Vec<u8>)>,
     options: &GltfOptions,
 ) -> Result<Written> {
     let io = |e| Error::io(path, e);
@@ -45,7 +45,7 @@ pub(crate) fn write(
     let head =
         head.replace("@TITLE@", &escaped(title)).replace("@GENERATOR@", &trisplat_scene::report::generator());
     out.write_all(head.as_bytes()).map_err(io)?;
-    if let Some(EncodedPicture { mime, bytes }) = sky {
+    if let Some((mime, bytes)) = sky {
         let text = BASE64.encode(bytes);
         writeln!(out, "<script type=\"{mime};base64\" id=\"sky\">{text}</script>").map_err(io)?;
     }
@@ -55,13 +55,6 @@ pub(crate) fn write(
     out.write_all(tail.as_bytes()).map_err(io)?;
     out.flush().map_err(io)?;
     Ok(written)
-}
-
-/// A picture as a file holds it.
-pub(crate) struct EncodedPicture {
-    /// "image/jpeg" or "image/png".
-    pub(crate) mime: &'static str,
-    pub(crate) bytes: Vec<u8>,
 }
 
 /// Text escaped for HTML, in elements and attributes.

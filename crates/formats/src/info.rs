@@ -1,22 +1,17 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
-use super::html;
-use super::read::{detect, read_as};
-use crate::Format;
-use crate::ReadOptions;
-use crate::Source;
 use crate::content::{Content, format_of_splats, read_splats};
 use crate::gltf::{GltfInfo, gltf_info};
+use crate::read::{detect, read_as};
+use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use trisplat_scene::{
-    FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture,
-    math::color::srgb_from_linear,
-    math::median::median,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture};
 
 /// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
 const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f32::MAX];
@@ -24,7 +19,7 @@ const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f
 const OPACITY_BINS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
 /// What a file holds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat info")]
 pub struct Info {
     /// The file as given.
@@ -82,12 +77,13 @@ pub struct Info {
 }
 
 /// The kinds of scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum SceneKind {
     /// Unconnected triangles with opacity, σ and spherical harmonics.
     Soup,
     /// Coloured triangles.
+    #[default]
     Mesh,
     /// Gaussians with opacity and spherical harmonics.
     Splats,
@@ -103,7 +99,7 @@ pub struct Softness {
 }
 
 /// A box along the axes, in file units.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BoundingBox {
     /// Lowest corner.
     pub min: [f32; 3],
@@ -139,7 +135,7 @@ pub struct HistogramBin {
 }
 
 /// Colours of all triangles or Gaussians, sRGB-encoded, 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ColorStats {
     /// Mean of each channel.
     pub mean: [f32; 3],
@@ -247,76 +243,48 @@ fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Resu
 }
 
 fn soup_info(soup: &Soup) -> Info {
-    let bounds = BoundingBox::of(soup.vertices.iter().flatten().copied());
-    let colors = ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1);
     Info {
         kind: SceneKind::Soup,
+        triangles: soup.len() as u64,
+        vertices: 3 * soup.len() as u64,
         sh_degree: Some(soup.sh_degree),
+        bounds: BoundingBox::of(soup.vertices.iter().flatten().copied()),
         sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
         opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
-        ..Info::new(SceneKind::Soup, soup.len(), 3 * soup.len(), bounds, colors)
+        colors: ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1),
+        ..Info::default()
     }
 }
 
 fn splats_info(splats: &Splats) -> Info {
-    let bounds = BoundingBox::of(splats.positions.iter().copied());
-    let colors = ColorStats::of((0..splats.len()).map(|i| splats.rgb(i)), 1);
     Info {
+        kind: SceneKind::Splats,
         splats: splats.len() as u64,
         sh_degree: Some(splats.sh_degree),
+        bounds: BoundingBox::of(splats.positions.iter().copied()),
         opacity: Distribution::of(splats.opacity.clone(), &OPACITY_BINS),
-        ..Info::new(SceneKind::Splats, 0, 0, bounds, colors)
+        colors: ColorStats::of((0..splats.len()).map(|i| splats.rgb(i)), 1),
+        ..Info::default()
     }
 }
 
 fn mesh_info(mesh: &Mesh) -> Info {
-    let used = (0..mesh.face_count()).flat_map(|face| mesh.corners(face));
+    let faces = || 0..mesh.face_count();
     let encoded = |c: [f32; 3]| c.map(srgb_from_linear);
     let colors = match &mesh.colors {
         Colors::Face(colors) => ColorStats::of(colors.iter().map(|c| encoded(*c)), 1),
-        Colors::Vertex(_) => {
-            ColorStats::of((0..mesh.face_count()).flat_map(|f| mesh.corner_colors(f)).map(encoded), 3)
-        }
+        Colors::Vertex(_) => ColorStats::of(faces().flat_map(|f| mesh.corner_colors(f)).map(encoded), 3),
     };
     Info {
+        kind: SceneKind::Mesh,
+        triangles: mesh.face_count() as u64,
+        vertices: mesh.vertex_count() as u64,
         indexed: !mesh.indices.is_empty(),
+        bounds: BoundingBox::of(faces().flat_map(|face| mesh.corners(face))),
         opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
+        colors,
         texture: mesh.texture.as_ref().map(TextureInfo::of),
-        ..Info::new(SceneKind::Mesh, mesh.face_count(), mesh.vertex_count(), BoundingBox::of(used), colors)
-    }
-}
-
-impl Info {
-    fn new(
-        kind: SceneKind,
-        triangles: usize,
-        vertices: usize,
-        bounds: BoundingBox,
-        colors: ColorStats,
-    ) -> Self {
-        Self {
-            path: String::new(),
-            format: Format::Ply,
-            bytes: 0,
-            kind,
-            splats: 0,
-            triangles: triangles as u64,
-            vertices: vertices as u64,
-            indexed: false,
-            sh_degree: None,
-            cameras: 0,
-            shell: 0,
-            bounds,
-            sigma: None,
-            opacity: None,
-            colors,
-            texture: None,
-            gltf: None,
-            provenance: Provenance::default(),
-            warnings: Vec::new(),
-            bake: None,
-            softness: None,
-        }
+        ..Info::default()
     }
 }
 

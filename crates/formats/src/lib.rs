@@ -26,7 +26,7 @@ mod usdz;
 
 pub use content::{Content, WrittenFiles, holds_splats, named_files, read_content, write};
 pub use faces::MAX_CORNERS;
-pub use finish::{far_origin, finish, is_far};
+pub use finish::{far_origin, is_far};
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
 pub use read::{read, read_bytes};

@@ -1,9 +1,8 @@
 //! A text file line by line, with line numbers for messages.
 
-use crate::source::Source;
+use crate::Source;
 use std::fs::File;
-use std::io;
-use std::io::{BufRead, BufReader, Read, Seek, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::str::FromStr;
 use trisplat_scene::input::BYTE_ORDER_MARK;
@@ -22,9 +21,8 @@ pub(super) struct Lines<'a> {
 impl<'a> Lines<'a> {
     /// Before the first line.
     pub(super) fn new(source: &'a Source) -> Result<Self> {
-        let mut file = &*source.file;
-        file.rewind().map_err(|e| Error::io(&source.path, e))?;
-        let reader = BufReader::with_capacity(1 << 18, file);
+        source.rewind()?;
+        let reader = BufReader::with_capacity(1 << 18, &*source.file);
         Ok(Self { path: &source.path, reader, line: Vec::new(), number: 0 })
     }
 
@@ -106,18 +104,9 @@ pub(super) fn push_float(block: &mut Vec<u8>, value: f32) {
 }
 
 /// Appends `value`.
-pub(super) fn push_integer(block: &mut Vec<u8>, mut value: u64) {
-    let mut digits = [b'0'; 20];
-    let mut at = digits.len();
-    loop {
-        at -= 1;
-        digits[at] = b'0' + (value % 10) as u8;
-        value /= 10;
-        if value == 0 {
-            break;
-        }
-    }
-    block.extend_from_slice(&digits[at..]);
+pub(super) fn push_integer(block: &mut Vec<u8>, value: u64) {
+    // Memory takes every byte.
+    let _ = write!(block, "{value}");
 }
 
 // ---- Rows formatted on all threads, written in order -------------------------------------------------

@@ -7,28 +7,19 @@
 
 mod materials;
 
-use super::faces::Faces;
-use super::finish::finish;
-use super::lines::{Lines, clip, number};
-use super::source::Source;
-use crate::faces::Clamped;
-use crate::finish::{FarPositions, note_origin};
-use crate::lines;
-use crate::lines::write_blocks;
-use crate::lines::{push_float, push_integer};
-use crate::source::ReadOptions;
+use crate::faces::{Clamped, Faces};
+use crate::finish::{FarPositions, finish};
+use crate::lines::{self, Lines, clip, number, push_float, push_integer, write_blocks};
+use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
 use materials::Materials;
-use trisplat_scene::{
-    Asset, Error, FaceTexture, ImportedScene, Result, Scene,
-    math::color::srgb8_from_linear,
-    math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear},
-    mesh::{Colors, Mesh},
-};
-
-pub use materials::named_files;
 use std::io::{self, Write};
 use std::sync::LazyLock;
+use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene};
+
+pub use materials::named_files;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
 /// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if
@@ -56,9 +47,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let comments = draft.comments.iter().map(String::as_str);
     let provenance = lines::from_comments(comments, &mut warnings);
     let (mesh, origin) = draft.mesh(path, options, &mut warnings)?;
-    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
-    note_origin(&mut loaded, origin);
-    finish(path, loaded)
+    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    finish(path, loaded, origin)
 }
 
 /// A mesh during reading.
@@ -76,8 +66,7 @@ struct ObjDraft {
     comments: Vec<String>,
     /// Texture coordinates, from the lower left corner.
     places: Vec<Vec2>,
-    /// Vertices and texture coordinates (by number) of all corners; empty until the first face with texture
-    /// coordinates.
+    /// Vertex and texture-coordinate indices of all corners; empty until the first face with the latter.
     placed: Vec<(u32, u32)>,
     /// End of each face's corners in that list. `[F]`
     placed_until: Vec<usize>,

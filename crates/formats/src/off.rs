@@ -10,20 +10,15 @@
 //! The format has no σ and its exporter drops opacity, so triangles are read as solid; an alpha below 1 at a
 //! face becomes opacity.
 
-use super::faces::{Faces, check_corners};
-use super::finish::finish;
-use super::lines::{Lines, clip, number};
-use super::source::Source;
-use crate::faces::Clamped;
-use crate::finish::{FarPositions, note_origin};
-use crate::source::ReadOptions;
+use crate::faces::{Clamped, Faces, check_corners};
+use crate::finish::{FarPositions, finish};
+use crate::lines::{Lines, clip, number};
+use crate::{ReadOptions, Source};
 use glam::DVec3;
 use std::path::Path;
-use trisplat_scene::{
-    Error, ImportedScene, Limits, Provenance, Result, Scene,
-    math::color::linear_from_srgb,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
 
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
@@ -74,9 +69,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     }
     mesh.indices = triangles.indices;
     let provenance = Provenance::default();
-    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
-    note_origin(&mut loaded, origin);
-    finish(&source.path, loaded)
+    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    finish(&source.path, loaded, origin)
 }
 
 /// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such, without softness.

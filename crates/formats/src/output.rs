@@ -1,24 +1,20 @@
-//! Writes an asset to all files of its format: they are planned first, then written, then renamed together.
+//! The files of an asset: options, formats and a plan of all. They are written, then renamed together.
 
-mod beside;
 mod encode;
 
-use super::levels::EngineLevels;
-use super::target::OutputTarget;
-use super::tiles::{self, TileFiles};
 use crate::gltf::{GltfOptions, TextureFormat};
+use crate::levels::EngineLevels;
+use crate::target::OutputTarget;
+use crate::tiles;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{
-    Asset, Error, Provenance, Result,
-    atomic::{AtomicFile, publish},
-    ranges::{self, Called},
-    report::{Outcome, OutputReport, Report, StageDetails, StageObserver},
-};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::StageDetails;
+use trisplat_scene::{Error, Result};
 
-pub use beside::Beside;
+pub use encode::{OutputFiles, write};
 
 /// Options of the files written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -114,10 +110,11 @@ impl Default for OutputOptions {
 }
 
 /// The formats that are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum OutputFormat {
     /// glTF 2.0 in one binary file.
+    #[default]
     Glb,
     /// glTF 2.0 as JSON with a .bin beside it.
     Gltf,
@@ -160,12 +157,30 @@ impl OutputFormat {
 /// Name of a scene's node when it is a single one.
 const SCENE_NODE: &str = "scene";
 
+/// Name of the node in a file of the collider.
+const COLLISION_NODE: &str = "collision";
+
+/// The kinds of files beside the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Beside {
+    /// How many levels of detail.
+    pub levels: usize,
+    /// The backdrop in a separate file.
+    pub backdrop: bool,
+    /// The surroundings as a panorama.
+    pub sky: bool,
+    /// What to collide with.
+    pub collision: bool,
+    /// The picture of its texture, if the format does not hold it.
+    pub texture: bool,
+}
+
 fn is_device(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
 /// The files one asset becomes.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Output {
     format: OutputFormat,
     main: PathBuf,
@@ -192,12 +207,51 @@ pub struct Output {
 }
 
 impl Output {
-    /// Plans every file before any work. Standard output can take only one file.
+    /// The files of a scene and all files beside it, planned before any work; `format` decides if the name of
+    /// `path` does not. Standard output can take only one file.
+    ///
+    /// Errors: a name without a known ending; an output that cannot have files beside it.
+    pub fn of_scene(
+        path: &Path,
+        format: Option<OutputFormat>,
+        options: &OutputOptions,
+        beside: &Beside,
+    ) -> Result<Self> {
+        let mut output = Self::plan(path, format, options)?;
+        let gltf = matches!(output.format, OutputFormat::Glb | OutputFormat::Gltf);
+        let level = |i: usize| output.part(&format!("lod{i}"), "`lod` writes more files", options);
+        output.levels = (1..=beside.levels).map(level).collect::<Result<_>>()?;
+        if gltf && beside.levels > 0 {
+            output.tileset = Some(path.with_extension("tileset.json"));
+            output.engine_levels =
+                options.target.levels().map(|kind| (path.with_extension(kind.ending()), kind));
+        }
+        if beside.backdrop {
+            output.backdrop =
+                Some(Box::new(output.part("backdrop", "`backdrop` file writes one", options)?));
+        }
+        // A page holds it.
+        if beside.sky && output.format != OutputFormat::Html {
+            let ending = format!("sky.{}", options.texture_format.ending());
+            output.sky = Some(output.beside(&ending, "`backdrop` sky writes a picture")?);
+        }
+        // Some targets have a node for it.
+        if beside.collision && !(gltf && options.target.has_collision_node()) {
+            let file = output.part("collision", "`collision` writes one", options)?;
+            output.collision = Some(Box::new(Self { node: COLLISION_NODE, ..file }));
+        }
+        if beside.texture && output.format == OutputFormat::Obj {
+            output.take_picture(options);
+        }
+        Ok(output)
+    }
+
+    /// The files of a scene without any beside it.
     pub fn plan(path: &Path, format: Option<OutputFormat>, options: &OutputOptions) -> Result<Self> {
+        let refuse = |wants: &str| Err(Error::invalid("output", path.display(), wants));
         let stream = path.as_os_str() == "-" || is_device(path);
         if !stream && path.file_name().is_some_and(|name| name.to_str().is_none()) {
-            let wants = "a name in UTF-8, because files that belong together name each other";
-            return Err(Error::invalid("output", path.display(), wants));
+            return refuse("a name in UTF-8, because files that belong together name each other");
         }
         let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
         let second = match format {
@@ -206,32 +260,48 @@ impl Output {
             _ => None,
         };
         if stream && (second.is_some() || format == OutputFormat::Tiles) {
-            let wants = "a file name: this kind writes a second file beside the first";
-            return Err(Error::invalid("output", path.display(), wants));
+            return refuse("a file name: this kind writes a second file beside the first");
         }
         if format == OutputFormat::Tiles && !tiles::is_tileset(path) {
-            let wants = "a name ending in tileset.json";
-            return Err(Error::invalid("output", path.display(), wants));
+            return refuse("a name ending in tileset.json");
         }
         let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
         let sidecar = match format {
             OutputFormat::Glb | OutputFormat::Gltf if !stream => options.target.sidecar(name),
             _ => None,
         };
-        Ok(Self {
-            format,
-            main: path.to_owned(),
-            second,
-            picture: None,
-            sidecar: sidecar.map(|(name, text)| (path.with_file_name(name), text)),
-            node: SCENE_NODE,
-            sky: None,
-            backdrop: None,
-            collision: None,
-            levels: Vec::new(),
-            tileset: None,
-            engine_levels: None,
-        })
+        let sidecar = sidecar.map(|(name, text)| (path.with_file_name(name), text));
+        Ok(Self { format, main: path.to_owned(), second, sidecar, node: SCENE_NODE, ..Self::default() })
+    }
+
+    /// Adds the picture of a texture to the scene, its backdrop and its levels: OUT.jpg.
+    fn take_picture(&mut self, options: &OutputOptions) {
+        self.picture = Some(self.main.with_extension(options.texture_format.ending()));
+        self.backdrop
+            .as_deref_mut()
+            .into_iter()
+            .chain(&mut self.levels)
+            .for_each(|o| o.take_picture(options));
+    }
+
+    /// The files of OUT.PART.glb, as [`Output::beside`].
+    fn part(&self, part: &str, what: &str, options: &OutputOptions) -> Result<Self> {
+        let path = self.beside(&format!("{part}.{}", self.ending()), what)?;
+        Self::plan(&path, Some(self.format), options)
+    }
+
+    /// OUT.ENDING; `what` names the content in the error for outputs that cannot have files beside them.
+    fn beside(&self, ending: &str, what: &str) -> Result<PathBuf> {
+        let alone = matches!(self.format, OutputFormat::Html | OutputFormat::Tiles | OutputFormat::Usdz);
+        if alone || self.main.as_os_str() == "-" || is_device(&self.main) {
+            let wants = format!("a .glb, .gltf, .obj or .ply file: {what} beside the first");
+            return Err(Error::invalid("output", self.main.display(), wants));
+        }
+        Ok(self.main.with_extension(ending))
+    }
+
+    fn ending(&self) -> &str {
+        self.main.extension().and_then(|e| e.to_str()).unwrap_or("glb")
     }
 
     /// Every file that will be written.
@@ -282,152 +352,38 @@ impl Output {
     pub fn dry_run(&self) -> OutputFiles {
         OutputFiles(self.paths().map(AtomicFile::nowhere).collect())
     }
-}
 
-/// The files of an output, started but incomplete.
-#[derive(Debug)]
-pub struct OutputFiles(Vec<AtomicFile>);
-
-impl OutputFiles {
-    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
-        match self.0.iter().position(|file| file.path() == path) {
-            Some(at) => Ok(self.0.swap_remove(at)),
-            None => AtomicFile::create(path),
-        }
-    }
-}
-
-/// Writes an asset into the files of `output` and names them only when all are whole.
-///
-/// Errors: those of the format and of the operating system; then every name keeps its old file.
-pub fn write(
-    asset: &Asset,
-    output: &Output,
-    files: OutputFiles,
-    options: &OutputOptions,
-    report: &mut Report,
-    observer: StageObserver<'_>,
-) -> Result<()> {
-    let mut writer = SetWriter { options, started: files, written: Vec::new() };
-    let (mut warnings, mut tiles) = (Vec::new(), None);
-    let counts = asset.counts();
-    report.stage(
-        observer,
-        (),
-        |()| counts,
-        |(), details| {
-            if output.format == OutputFormat::Tiles {
-                tiles = Some(writer.tiles(asset, output, details)?);
-            } else {
-                warnings = writer.all(asset, output, details)?;
-            }
-            Ok(Outcome::Changed(()))
-        },
-    )?;
-    report.warnings.append(&mut warnings);
-    let mut written = writer.written;
-    let kept = !written.iter().any(AtomicFile::is_dry);
-    let names: Vec<PathBuf> = written.iter().map(|file| file.path().to_owned()).collect();
-    let order = output.publishing_order();
-    written.sort_by_key(|file| order.iter().position(|path| *path == file.path()));
-    let published: Vec<PathBuf> = written.iter().map(|file| file.path().to_owned()).collect();
-    let sizes = publish(written)?;
-    for name in names {
-        let bytes = published.iter().position(|path| *path == name).map_or(0, |at| sizes[at]);
-        report.outputs.push(OutputReport { path: name.display().to_string(), bytes });
-    }
-    if let Some((folder, bytes)) = tiles.map(TileFiles::keep) {
-        report.outputs.push(OutputReport { path: folder.display().to_string(), bytes });
-    }
-    let stale = if kept { output.stale() } else { Vec::new() };
-    let stale: Vec<String> = stale.iter().map(|path| path.display().to_string()).collect();
-    if !stale.is_empty() {
-        let (files, verb) = (stale.join(", "), if stale.len() == 1 { "is" } else { "are" });
-        report
-            .warnings
-            .push(format!("{files} {verb} left of an earlier scene of this name: remove what is not needed"));
-    }
-    Ok(())
-}
-
-/// The files of an output during writing.
-struct SetWriter<'a> {
-    options: &'a OutputOptions,
-    started: OutputFiles,
-    written: Vec<AtomicFile>,
-}
-
-impl SetWriter<'_> {
-    /// The tiles, which have their final names, and the tileset, which gets its name with the other files.
-    fn tiles(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<TileFiles> {
-        let mut file = self.started.take(&output.main)?;
-        let encoding = self.options.encoding(details);
-        let (tiles, text) = TileFiles::write(&mut file, asset, &encoding, self.options.tileset_tiles)?;
-        file.write_all(text.as_bytes()).map_err(|e| Error::io(&output.main, e))?;
-        self.written.push(file);
-        Ok(tiles)
+    /// The files that name all levels, in the order of publication.
+    fn of_levels(&self) -> impl Iterator<Item = Option<&Path>> {
+        [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())].into_iter()
     }
 
-    /// Writes the scene, its backdrop, its collider, its levels and the files that name them; returns
-    /// warnings for the user.
-    fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
-        let mut warnings;
-        let mut quiet = WriteDetails::default();
-        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.apart()?))) {
-            Some((beside, (scene, backdrop))) => {
-                warnings = self.one(&scene, output, details)?;
-                warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
-            }
-            None => warnings = self.one(asset, output, details)?,
+    /// Files of an earlier scene of the same name that this one does not replace.
+    fn stale(&self) -> Vec<PathBuf> {
+        if self.main.as_os_str() == "-" || is_device(&self.main) {
+            return Vec::new();
         }
-        if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
-            self.bytes(path, &self.options.texture_format.bytes(sky)?)?;
-        }
-        if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
-            // Nobody looks at it.
-            let provenance = Provenance { backdrop: 0, viewpoint: None, ..asset.provenance.clone() };
-            let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
-            warnings.extend(self.one(&collision, beside, &mut quiet)?);
-        }
-        for (level, files) in asset.levels.iter().zip(&output.levels) {
-            // One file of a backdrop serves all levels.
-            let scene = output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
-            warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
-        }
-        if let Some(path) = &output.tileset {
-            self.text(path, &output.tileset_text(asset))?;
-        }
-        if let Some((path, kind)) = &output.engine_levels {
-            self.text(path, &output.engine_text(*kind, asset)?)?;
-            warnings.extend(output.engine_warning(*kind, asset));
-        }
-        Ok(warnings)
-    }
-
-    /// The files of one level; returns warnings for the user.
-    fn one(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
-        let mut main = self.started.take(&output.main)?;
-        let mut second = output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
-        let warnings = output.encode(asset, self.options, &mut main, second.as_mut(), details)?;
-        self.written.push(main);
-        self.written.extend(second);
-        if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
-            self.bytes(path, &self.options.texture_format.bytes(texture.joined().pages[0].picture())?)?;
-        }
-        if let Some((path, text)) = &output.sidecar {
-            self.text(path, text)?;
-        }
-        Ok(warnings)
-    }
-
-    fn text(&mut self, path: &Path, text: &str) -> Result<()> {
-        self.bytes(path, text.as_bytes())
-    }
-
-    fn bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
-        let mut file = self.started.take(path)?;
-        file.write_all(bytes).map_err(|e| Error::io(path, e))?;
-        self.written.push(file);
-        Ok(())
+        let ending = self.ending();
+        let beside = |ending: &str| self.main.with_extension(ending);
+        let level = |i: usize| beside(&format!("lod{i}.{ending}"));
+        let past = self.levels.len() + 1;
+        let mut found: Vec<PathBuf> = (past..).map(level).take_while(|path| path.exists()).collect();
+        let of_levels = |path: &PathBuf| ["bin", "mtl"].map(|ending| path.with_extension(ending));
+        found.extend(found.clone().iter().flat_map(of_levels));
+        let parts = ["backdrop", "collision"].map(|part| beside(&format!("{part}.{ending}")));
+        found.extend(parts.iter().flat_map(of_levels));
+        found.extend(parts);
+        found.extend(["tileset.json", "sky.jpg", "sky.png"].map(beside));
+        found.extend(EngineLevels::ALL.map(|kind| beside(kind.ending())));
+        // Godot writes settings of that name itself: only unchanged ones are ours.
+        let name = self.main.file_name().unwrap_or_default().to_string_lossy();
+        let import =
+            OutputTarget::Godot.sidecar(&name).map(|(name, text)| (self.main.with_file_name(name), text));
+        let ours = |(path, text): (PathBuf, String)| {
+            std::fs::read_to_string(&path).is_ok_and(|found| found == text).then_some(path)
+        };
+        found.extend(import.and_then(ours));
+        found.retain(|path| path.is_file() && self.paths().all(|written| written != path));
+        found
     }
 }

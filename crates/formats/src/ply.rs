@@ -1,6 +1,6 @@
 //! PLY: our soup PLY, and triangle meshes with vertex or face colours.
 
-use crate::finish::{finish, note_origin};
+use crate::finish::finish;
 use crate::{ReadOptions, Source, format, lines};
 use glam::DVec3;
 pub use header::Column;
@@ -8,17 +8,14 @@ use header::{Element, Header};
 pub use mesh::write_mesh;
 pub use soup::{SoupWriter, write_soup};
 use std::path::Path;
-pub use tables::points;
-use transcode::Wanted;
+pub use table::points;
 use trisplat_scene::{Error, ImportedScene, ImportedSplats, Result, Scene};
 
-mod corners;
 pub mod header;
 mod mesh;
 mod soup;
 mod splats;
 mod table;
-mod tables;
 mod transcode;
 
 /// The scene in a PLY file: a soup when its faces have a `sigma`, else a mesh with its sRGB colours made
@@ -29,31 +26,30 @@ mod transcode;
 pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> {
     let header = header::read(&mut source)?;
     let path = &source.path;
-    let faces = faces(path, &header)?;
+    let is_soup = soup::is_soup(faces(path, &header)?);
     let mut warnings = Vec::new();
     let comments = header.comments.iter().map(String::as_str);
     let provenance = lines::from_comments(comments, &mut warnings);
-    let is_soup = soup::is_soup(faces);
     // Faces of a soup are triangles, because each has one opacity and one σ.
-    let wanted = if is_soup { Wanted::Triangles } else { Wanted::Polygons };
-    let tables = tables::locate(&source, &header, wanted, &options.limits)?;
-    let cameras = tables.views.as_ref().map(|table| corners::read(table, &options.limits));
-    let cameras = cameras.transpose()?.unwrap_or_default();
+    let names = ["vertex", "face", soup::view_name(&header)];
+    let [vertices, faces, views] = table::open(&source, &header, names, !is_soup, &options.limits)?;
+    let vertices = table::required(vertices, &source, "vertex")?;
+    let faces = table::required(faces, &source, "face")?;
+    let cameras = views.map_or(Ok(Vec::new()), |table| soup::read_views(&table, &options.limits))?;
     // Cameras are in single precision, so a soup with cameras is near its origin already.
-    let origin = if cameras.is_empty() { corners::origin(&tables.vertices)? } else { DVec3::ZERO };
+    let origin = if cameras.is_empty() { vertices.origin()? } else { DVec3::ZERO };
     let scene = if is_soup {
-        let mut soup = soup::read(path, faces, &tables, origin, options)?;
+        let mut soup = soup::read(&vertices, &faces, origin, options)?;
         if soup.shell.is_empty() {
             let comments = header.comments.iter().map(String::as_str);
             soup.set_shell(0..lines::shell_of_comments(comments));
         }
         Scene::Soup(soup)
     } else {
-        Scene::Mesh(mesh::read(path, &tables, origin, &options.limits, &mut warnings)?)
+        Scene::Mesh(mesh::read(&vertices, &faces, origin, &options.limits, &mut warnings)?)
     };
-    let mut loaded = ImportedScene { scene, provenance, warnings, cameras };
-    note_origin(&mut loaded, origin);
-    finish(path, loaded)
+    let loaded = ImportedScene { scene, provenance, warnings, cameras };
+    finish(path, loaded, origin)
 }
 
 /// Whether a PLY holds Gaussians instead of triangles.
@@ -61,7 +57,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
 /// Errors: a broken header.
 pub fn holds_splats(source: &mut Source) -> Result<bool> {
     let header = header::read(source)?;
-    source.rewind().map_err(|e| Error::io(&source.path, e))?;
+    source.rewind()?;
     let has_faces = header.element("face").is_some_and(|faces| faces.rows > 0);
     Ok(!has_faces && header.element("vertex").is_some_and(splats::are_in))
 }

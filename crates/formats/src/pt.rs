@@ -23,25 +23,20 @@
 //! Unpickling executes nothing: `pytorch-reader` interprets the calls that rebuild tensors and keeps every
 //! other one as an opaque name. `check_archive` checks the rest.
 
-use super::finish::finish;
-use super::source::Source;
-use crate::format;
-use crate::source::ReadOptions;
+use crate::finish::finish;
+use crate::{ReadOptions, Source, format};
 use bytemuck::Pod;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input,
-    math::color::linear_from_srgb,
-    mesh::{Colors, Mesh},
-    rgb_from_sh0,
-};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, Soup, input, rgb_from_sh0};
 
 /// Largest `data.pkl` to parse. Real ones hold a few names and shapes (under 2 KiB). Every byte can cost the
 /// parser about 100 bytes of stack, and a deflated file can claim any size.
@@ -73,7 +68,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
             ));
         }
     };
-    finish(&source.path, loaded)
+    finish(&source.path, loaded, DVec3::ZERO)
 }
 
 fn read_soup(file: &TorchFile, n: usize, options: &ReadOptions) -> Result<ImportedScene> {
@@ -185,7 +180,7 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
 struct TorchFile {
     /// What the user called it.
     label: PathBuf,
-    /// Its path, or that of a copy of standard input.
+    /// Path on disk; a temporary copy for standard input.
     file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
@@ -319,9 +314,7 @@ fn check_archive(source: &mut Source) -> Result<()> {
             });
         }
     }
-    drop(archive);
-    source.rewind().map_err(|e| Error::io(&path, e))?;
-    Ok(())
+    source.rewind()
 }
 
 /// A named copy of an open file, because the checkpoint parser opens by name.

@@ -1,11 +1,10 @@
 //! Reads a file of any format.
 
-use super::html;
-use crate::gltf;
-use crate::{Format, ReadOptions, Source, format, obj, off, ply, pt};
+use crate::{Format, ReadOptions, Source, format, gltf, html, obj, off, ply, pt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{Error, ImportedScene, Result, input, input::guarded};
+use trisplat_scene::input::{self, guarded};
+use trisplat_scene::{Error, ImportedScene, Result};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =

@@ -1,7 +1,7 @@
 //! A file to read: opened once, seekable, of known length.
 
 use std::fs::File;
-use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::{Error, Limits, Result, input};
@@ -46,8 +46,7 @@ impl Source {
 
     /// The same open file again, at byte 0. Both share their position: use one at a time.
     pub fn again(&mut self) -> Result<Self> {
-        let io = |e| Error::io(&self.path, e);
-        self.rewind().map_err(io)?;
+        self.rewind()?;
         Ok(Self { path: self.path.clone(), file: Arc::clone(&self.file), len: self.len })
     }
 
@@ -55,13 +54,13 @@ impl Source {
     pub fn head(&mut self) -> Result<Vec<u8>> {
         let mut head = Vec::new();
         (&*self.file).take(64).read_to_end(&mut head).map_err(|e| Error::io(&self.path, e))?;
-        self.rewind().map_err(|e| Error::io(&self.path, e))?;
+        self.rewind()?;
         Ok(head)
     }
 
     /// Back to byte 0.
-    pub fn rewind(&self) -> std::io::Result<()> {
-        (&*self.file).seek(SeekFrom::Start(0)).map(drop)
+    pub fn rewind(&self) -> Result<()> {
+        (&*self.file).rewind().map_err(|e| Error::io(&self.path, e))
     }
 }
 
@@ -79,17 +78,21 @@ fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(F
     if (read, magic) != (2, GZIP) {
         return Ok((file, len));
     }
-    let broken =
-        |_| Error::malformed(path, "its compressed bytes", "end too soon or are damaged; `gzip -t` tests it");
-    match input::spool(path, &mut flate2::read::MultiGzDecoder::new(file), limits) {
-        Err(Error::Io { source, .. }) if is_damage(source.kind()) => Err(broken(source)),
-        other => other,
-    }
+    let unpacked = input::spool(path, &mut flate2::read::MultiGzDecoder::new(file), limits);
+    unpacked.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))
 }
 
-/// Whether the decoder failed, not the disk.
-fn is_damage(kind: ErrorKind) -> bool {
-    matches!(kind, ErrorKind::InvalidInput | ErrorKind::InvalidData | ErrorKind::UnexpectedEof)
+/// The error of a decoder that met wrong bytes, with the program that tests them.
+pub(crate) fn damaged(path: &Path, error: Error, place: &str, test: &str) -> Error {
+    use std::io::ErrorKind::{InvalidData, InvalidInput, Other, UnexpectedEof};
+    match error {
+        Error::Io { source, .. }
+            if matches!(source.kind(), InvalidInput | InvalidData | UnexpectedEof | Other) =>
+        {
+            Error::malformed(path, place, format!("end too soon or are damaged; `{test}` tests it"))
+        }
+        other => other,
+    }
 }
 
 /// The first bytes of a gzip file.

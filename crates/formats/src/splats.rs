@@ -2,16 +2,15 @@
 //!
 //! Arrays within limits, conversions, and the end of every reader. Readers of other formats: [`sog`], [`spz`], [`crate::ply`], [`crate::gltf`].
 
-use crate::finish::note_in;
+use crate::finish::note_origin;
 use crate::{ReadOptions, Source};
 use glam::{DMat3, DVec2, DVec3, Quat, UVec2, Vec3};
 use serde::Deserialize;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::report::counted;
-use trisplat_scene::{
-    Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, camera::Camera, input,
-};
+use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, SH_C0, Splats, input};
 
 pub(crate) mod sog;
 pub(crate) mod spz;
@@ -46,6 +45,14 @@ pub(crate) fn unit([w, x, y, z]: [f64; 4]) -> Quat {
     let length = (w * w + x * x + y * y + z * z).sqrt();
     let [w, x, y, z] = [w, x, y, z].map(|part| (part / length) as f32);
     Quat::from_xyzw(x, y, z, w)
+}
+
+/// Unit quaternion from its smallest three components; `largest` is the index of the fourth.
+pub(crate) fn with_largest(others: [f64; 3], largest: u8) -> [f64; 4] {
+    let rest = (1.0 - others.iter().map(|x| x * x).sum::<f64>()).max(0.0).sqrt();
+    let mut all = [others[0], others[1], others[2], rest];
+    all[usize::from(largest)..].rotate_right(1);
+    all
 }
 
 /// The coefficient of degree 0 of a channel, sRGB-encoded.
@@ -83,7 +90,7 @@ pub(crate) fn finish(
             warnings.push(format!("dropped {dropped} with non-finite values (first: Gaussian {first})"));
         }
     }
-    note_in(&mut provenance, &mut warnings, origin);
+    note_origin(&mut provenance, &mut warnings, origin);
     Ok(ImportedSplats { splats, provenance, warnings, cameras: Vec::new() })
 }
 
@@ -150,6 +157,10 @@ pub fn read_cameras(path: &Path, origin: DVec3, limits: &Limits) -> Result<Vec<(
     entries.into_iter().enumerate().map(|(i, entry)| entry.camera(path, i, origin, limits)).collect()
 }
 
+/// What is wrong with numbers that are no camera.
+pub(crate) const NO_CAMERA: &str =
+    "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
+
 impl Entry {
     fn camera(self, path: &Path, i: usize, origin: DVec3, limits: &Limits) -> Result<(String, Camera)> {
         let to_world = DMat3::from_cols_array_2d(&self.rotation).transpose();
@@ -167,9 +178,7 @@ impl Entry {
         limits.camera(format!("{}: camera {i}", path.display()), size)?;
         let turns = (rotation * to_world).abs_diff_eq(DMat3::IDENTITY, 0.01) && rotation.determinant() > 0.0;
         if !turns || camera.validate(limits).is_err() {
-            let reason =
-                "is no camera: expected finite numbers, a rotation, focal lengths and a size above 0";
-            return Err(Error::malformed(path, format!("camera {i}"), reason));
+            return Err(Error::malformed(path, format!("camera {i}"), NO_CAMERA));
         }
         Ok((self.img_name, camera))
     }
@@ -184,7 +193,7 @@ pub(crate) fn add_beside(path: &Path, loaded: &mut ImportedSplats, limits: &Limi
     }
 }
 
-/// The list of a file's cameras: `NAME.cameras.json`, else `cameras.json` in its folder, or in that of the trainer's output.
+/// Path of the camera list: `NAME.cameras.json`, else `cameras.json` in its folder or the trainer's output folder.
 pub(crate) fn beside(path: &Path) -> Option<PathBuf> {
     let folder = path.parent()?;
     let is_named = |folder: &Path, start: &str| {

@@ -2,8 +2,8 @@
 //!
 //! `docs/engines.md` gives the reasons and the steps to take in each engine.
 
-use super::levels::EngineLevels;
 use crate::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
+use crate::levels::EngineLevels;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

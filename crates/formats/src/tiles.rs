@@ -15,7 +15,7 @@ use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Largest side of a tile's texture, texels: what today's phones draw.
+/// Largest texture side of a tile in texels, the limit of today's phones.
 const LARGEST_TEXTURE: u32 = 4096;
 
 /// The ending of a tileset's name.
@@ -34,43 +34,71 @@ pub(super) fn folder_of(tileset: &Path) -> PathBuf {
     tileset.with_file_name(format!("{}tiles", &name[..stem]))
 }
 
-/// The tileset of a scene in blocks, with one block in memory at a time. Its tiles are removed unless it is
-/// finished.
+/// The files of a tileset, with one tile in memory at a time. They are removed unless it is published.
 #[derive(Debug)]
 pub struct TilesetWriter {
-    path: PathBuf,
+    /// The tileset itself.
     file: AtomicFile,
-    files: TileFiles,
+    folder: PathBuf,
     options: GltfOptions,
     /// Most tiles in one tileset.
     most_tiles: u32,
+    /// Names of all files in the folder.
+    names: BTreeSet<String>,
+    bytes: u64,
 }
 
 impl TilesetWriter {
     /// Begins the tileset `path` with at most `most_tiles` tiles per file; `options` are those of the tiles'
     /// encoding.
     ///
-    /// Errors: a name that is not of a tileset; those of the operating system.
+    /// Errors: a name that is not of a tileset; I/O.
     pub fn start(path: &Path, options: GltfOptions, most_tiles: u32) -> Result<Self> {
         if !is_tileset(path) {
             return Err(Error::invalid("output", path.display(), "a name ending in tileset.json"));
         }
-        let mut file = AtomicFile::create(path)?;
-        let files = TileFiles::new(&mut file)?;
-        Ok(Self { path: path.to_owned(), file, files, options, most_tiles })
+        Self::of(AtomicFile::create(path)?, options, most_tiles)
+    }
+
+    /// The same in a file that was created. Bytes are only counted if it is dry.
+    pub(super) fn of(mut file: AtomicFile, options: GltfOptions, most_tiles: u32) -> Result<Self> {
+        let folder = folder_of(file.path());
+        if !file.is_dry() {
+            file.keeps(MadeFolders::make(&folder)?);
+        }
+        Ok(Self { file, folder, options, most_tiles, names: BTreeSet::new(), bytes: 0 })
     }
 
     /// Writes the tiles of block `index`.
     ///
-    /// Errors: an asset that was not cut into tiles; what the operating system refuses.
+    /// Errors: an asset that was not cut into tiles; I/O.
     pub fn block(&mut self, index: usize, asset: &Asset) -> Result<TilesetTile> {
-        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(&self.path))?;
-        self.files.tile(&mut self.file, &format!("b{index}r"), root, &asset.provenance, &self.options)
+        self.tiles(&format!("b{index}r"), asset, &asset.provenance)
+    }
+
+    /// Writes all tiles of an asset, and its backdrop beside them.
+    ///
+    /// Errors: as [`Self::block`].
+    pub(super) fn scene(&mut self, asset: &Asset) -> Result<TilesetTile> {
+        let root = self.tiles("r", asset, &Provenance { backdrop: 0, ..asset.provenance.clone() })?;
+        let Some((_, backdrop)) = asset.apart() else { return Ok(root) };
+        // Always beside the scene: its box contains everything, so it would be replaced first.
+        let extent = bounds(&backdrop.mesh, backdrop.mesh.face_count());
+        let error = extent.map_or(0.0, |[low, high]| (high - low).length());
+        self.above("backdrop", &backdrop, error, false, vec![root])
+    }
+
+    fn tiles(&mut self, name: &str, asset: &Asset, provenance: &Provenance) -> Result<TilesetTile> {
+        let wants = "a scene cut into tiles: the option `tiles`";
+        let not_cut = || Error::invalid("output", self.file.path().display(), wants);
+        let root = asset.tiles.as_ref().ok_or_else(not_cut)?;
+        // A tile alone needs no viewpoint.
+        self.tile(name, root, &Provenance { viewpoint: None, ..provenance.clone() })
     }
 
     /// Writes a tile that is drawn instead of `children`, or beside them if it is not `replaced`.
     ///
-    /// Errors: what the operating system refuses.
+    /// Errors: I/O.
     pub fn above(
         &mut self,
         name: &str,
@@ -80,133 +108,75 @@ impl TilesetWriter {
         children: Vec<TilesetTile>,
     ) -> Result<TilesetTile> {
         let bounds = bounds(&asset.mesh, asset.mesh.face_count());
-        let uri = match bounds {
-            Some(_) => Some(self.files.save(&mut self.file, name, asset, &self.options)?),
-            None => None,
-        };
+        let uri = bounds.map(|_| self.save(name, asset)).transpose()?;
         Ok(TilesetTile { uri, bounds, error, replaced, children })
     }
 
     /// Writes the tileset itself; returns the folder of the tiles and their bytes.
     ///
-    /// Errors: what the operating system refuses.
-    pub fn finish(mut self, root: TilesetTile) -> Result<(PathBuf, u64)> {
-        let text = self.files.tileset(&mut self.file, root, self.most_tiles)?;
-        self.file.write_all(text.as_bytes()).map_err(|e| Error::io(&self.path, e))?;
-        self.file.commit()?;
-        Ok(self.files.keep())
-    }
-}
-
-fn not_cut(tileset: &Path) -> Error {
-    Error::invalid("output", tileset.display(), "a scene cut into tiles: the option `tiles`")
-}
-
-/// The files of the tiles. They are removed unless the tileset that names them is published.
-#[derive(Debug)]
-pub(super) struct TileFiles {
-    folder: PathBuf,
-    /// Whether bytes are counted only.
-    dry: bool,
-    /// Names of all tiles.
-    names: BTreeSet<String>,
-    bytes: u64,
-}
-
-impl TileFiles {
-    /// Writes all tiles of an asset; returns them and the text of the tileset, which holds at most `most_tiles` of them.
-    ///
-    /// Errors: an asset that was not cut into tiles; what the operating system refuses.
-    pub(super) fn write(
-        tileset: &mut AtomicFile,
-        asset: &Asset,
-        options: &GltfOptions,
-        most_tiles: u32,
-    ) -> Result<(Self, String)> {
-        let root = asset.tiles.as_ref().ok_or_else(|| not_cut(tileset.path()))?;
-        let mut files = Self::new(tileset)?;
-        let provenance = Provenance { backdrop: 0, ..asset.provenance.clone() };
-        let mut root = files.tile(tileset, "r", root, &provenance, options)?;
-        if let Some((_, backdrop)) = asset.apart() {
-            // Always beside the scene: its box contains everything, so it would be replaced first.
-            let bounds = bounds(&backdrop.mesh, backdrop.mesh.face_count());
-            let uri = Some(files.save(tileset, "backdrop", &backdrop, options)?);
-            let error = bounds.map_or(0.0, |[low, high]| (high - low).length());
-            root = TilesetTile { uri, bounds, error, replaced: false, children: vec![root] };
-        }
-        let text = files.tileset(tileset, root, most_tiles)?;
-        Ok((files, text))
+    /// Errors: I/O.
+    pub fn finish(self, root: TilesetTile) -> Result<(PathBuf, u64)> {
+        let (file, keep) = self.written(root)?;
+        file.commit()?;
+        Ok(keep())
     }
 
-    /// The text of the tileset; subtrees go to external tilesets, so that no file holds more than
-    /// `most_tiles` tiles.
-    fn tileset(&mut self, tileset: &mut AtomicFile, root: TilesetTile, most_tiles: u32) -> Result<String> {
+    /// Writes the text of the tileset; subtrees go to external tilesets, so that no file holds more than
+    /// `most_tiles` tiles. Returns its file, and what to call once that is published: it removes the tiles of
+    /// an earlier tileset, and returns the folder of the tiles and their bytes.
+    pub(super) fn written(
+        mut self,
+        root: TilesetTile,
+    ) -> Result<(AtomicFile, impl FnOnce() -> (PathBuf, u64))> {
         let generator = trisplat_scene::report::generator();
-        let folder = self.address("");
+        let (folder, most) = (self.address(""), self.most_tiles as usize);
         let mut save = |place: &str, part: TilesetTile| {
             let text = json(&part.beside(&folder), &generator);
-            self.put(tileset, &format!("set{place}"), "json", text.as_bytes())
+            self.put(&format!("set{place}"), "json", text.as_bytes())
         };
-        Ok(json(&root.split(most_tiles as usize, &mut save)?, &generator))
-    }
-
-    fn new(tileset: &mut AtomicFile) -> Result<Self> {
-        let (folder, dry) = (folder_of(tileset.path()), tileset.is_dry());
-        if !dry {
-            tileset.keeps(MadeFolders::make(&folder)?);
-        }
-        Ok(Self { folder, dry, names: BTreeSet::new(), bytes: 0 })
+        let text = json(&root.split(most, &mut save)?, &generator);
+        let Self { mut file, folder, names, bytes, .. } = self;
+        file.write_all(text.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
+        let dry = file.is_dry();
+        let keep = move || {
+            if !dry {
+                sweep_folder(&folder, |name| is_tile(name) && !names.contains(name));
+            }
+            (folder, bytes)
+        };
+        Ok((file, keep))
     }
 
     /// Writes a tile and those below it; children have their parent's name with one more digit.
-    fn tile(
-        &mut self,
-        tileset: &mut AtomicFile,
-        name: &str,
-        tile: &Tile,
-        provenance: &Provenance,
-        options: &GltfOptions,
-    ) -> Result<TilesetTile> {
-        let mut uri = None;
-        if tile.mesh.face_count() > 0 {
-            // A tile alone needs no viewpoint.
-            let provenance = Provenance { viewpoint: None, ..provenance.clone() };
-            let asset = Asset { provenance, ..Asset::from(Mesh::clone(&tile.mesh)) };
-            uri = Some(self.save(tileset, name, &asset, options)?);
-        }
+    fn tile(&mut self, name: &str, tile: &Tile, provenance: &Provenance) -> Result<TilesetTile> {
+        let asset = Asset { provenance: provenance.clone(), ..Asset::from(Mesh::clone(&tile.mesh)) };
+        let own = self.above(name, &asset, tile.error, true, Vec::new())?;
         let below = tile.children.iter().enumerate();
-        let child = |(i, child)| self.tile(tileset, &format!("{name}{i}"), child, provenance, options);
-        let children = below.map(child).collect::<Result<_>>()?;
-        let bounds = bounds(&tile.mesh, tile.mesh.face_count());
-        Ok(TilesetTile { uri, bounds, error: tile.error, replaced: true, children })
+        let children = below.map(|(i, child)| self.tile(&format!("{name}{i}"), child, provenance));
+        Ok(TilesetTile { children: children.collect::<Result<_>>()?, ..own })
     }
 
     /// Writes one file; returns its name relative to the tileset.
-    fn save(
-        &mut self,
-        tileset: &mut AtomicFile,
-        name: &str,
-        asset: &Asset,
-        options: &GltfOptions,
-    ) -> Result<String> {
-        match &asset.mesh.texture {
-            None => self.put(tileset, name, "glb", &to_glb_bytes(asset, options)?),
+    fn save(&mut self, name: &str, asset: &Asset) -> Result<String> {
+        let bytes = match &asset.mesh.texture {
+            None => to_glb_bytes(asset, &self.options)?,
             // A file shows a part of the scene: it has only that part's texels.
             Some(texture) => {
                 let mut own = asset.clone();
                 own.mesh.texture = Some(texture.excerpt(0, LARGEST_TEXTURE));
-                self.put(tileset, name, "glb", &to_glb_bytes(&own, options)?)
+                to_glb_bytes(&own, &self.options)?
             }
-        }
+        };
+        self.put(name, "glb", &bytes)
     }
 
     /// Writes one file, unless it exists with these bytes; returns its name relative to the tileset.
-    fn put(&mut self, tileset: &mut AtomicFile, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
+    fn put(&mut self, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
         let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
         let path = self.folder.join(&name);
         self.bytes += bytes.len() as u64;
         match std::fs::read(&path) {
-            _ if self.dry => {}
+            _ if self.file.is_dry() => {}
             Ok(old) if old == bytes => {}
             Ok(_) => {
                 let reason = "was changed, its name says so; move it to another folder";
@@ -217,7 +187,7 @@ impl TileFiles {
                 file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
                 // One that is there but cannot be read may belong to an earlier tileset.
                 if !path.exists() {
-                    tileset.names(&path);
+                    self.file.names(&path);
                 }
                 file.commit()?;
             }
@@ -232,37 +202,27 @@ impl TileFiles {
         let folder = self.folder.file_name().unwrap_or_default().to_string_lossy();
         format!("{}/{name}", from_file_name(&folder))
     }
-
-    /// Call this after the tileset is published: keeps its tiles, and removes those of an earlier tileset.
-    /// Returns their folder and size, bytes.
-    pub(super) fn keep(self) -> (PathBuf, u64) {
-        if !self.dry {
-            sweep_folder(&self.folder, |name| is_tile(name) && !self.names.contains(name));
-        }
-        (self.folder, self.bytes)
-    }
 }
 
-/// Whether a name is that of one of our tiles: a place in the tree of the scene or of a block, and a hash.
+/// Whether a file name is one of our tiles: a path in the tree and a hash.
 fn is_tile(name: &str) -> bool {
-    let named = name.strip_suffix(".glb").map(|name| (name, false));
-    let named = named.or_else(|| name.strip_suffix(".json").map(|name| (name, true)));
-    let Some(((place, hash), is_set)) =
-        named.and_then(|(name, is_set)| Some((name.rsplit_once('-')?, is_set)))
-    else {
-        return false;
-    };
+    let Some((place, hash)) = name.rsplit_once('-') else { return false };
+    let Some((hash, ending)) = hash.split_once('.') else { return false };
     let hashed = hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_hexdigit());
-    if is_set {
-        let part = place.strip_prefix("set");
-        return hashed && part.is_some_and(|part| part.bytes().all(|b| b == b'.' || b.is_ascii_digit()));
-    }
-    let block = place.strip_prefix('b').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
-    let in_tree = block
-        .unwrap_or(place)
-        .strip_prefix('r')
-        .is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)));
-    (in_tree || place == "backdrop" || place == "shell") && hashed
+    let in_tree = || {
+        let block = place.strip_prefix('b').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+        let digits = block.unwrap_or(place).strip_prefix('r');
+        digits.is_some_and(|digits| digits.bytes().all(|b| (b'0'..b'4').contains(&b)))
+    };
+    hashed
+        && match ending {
+            "glb" => in_tree() || place == "backdrop" || place == "shell",
+            "json" => {
+                let part = place.strip_prefix("set");
+                part.is_some_and(|part| part.bytes().all(|b| b == b'.' || b.is_ascii_digit()))
+            }
+            _ => false,
+        }
 }
 
 // ---- The JSON of a tileset (3D Tiles 1.1) ---------------------------------------------------------
@@ -295,7 +255,7 @@ impl TilesetTile {
     /// The same with subtrees in external tilesets, so that no file holds more than `most` tiles, unless one
     /// tile has more children. `save` writes a tileset for a place in the tree, and returns its address.
     ///
-    /// Errors: those of `save`.
+    /// Errors: as `save`.
     pub fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
         Ok(self.part("", most, save)?.0)
     }

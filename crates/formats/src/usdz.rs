@@ -3,22 +3,19 @@
 //! After the specifications of USD's text form, UsdPreviewSurface and USDZ (openusd.org): nothing is compressed, and the bytes of
 //! every file begin at a multiple of 64.
 
-use crate::lines::write_blocks;
-use crate::lines::{push_float, push_integer};
+use crate::lines::{push_float, push_integer, write_blocks};
 use glam::{Vec2, Vec3};
 use std::io::{self, Cursor, Write};
-use trisplat_scene::{
-    Asset, FaceTexture,
-    mesh::{Colors, Mesh},
-    report::generator,
-};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::generator;
+use trisplat_scene::{Asset, FaceTexture};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 /// Where the bytes of a file in the archive begin: at multiples of this.
 const ALIGNMENT: u16 = 64;
 /// The name of the scene in its archive.
 const LAYER: &str = "scene.usda";
-/// The surface without light from outside: what the photos saw is lit already.
+/// Emissive surface: the photos' light is baked in.
 const UNLIT: &str = "                color3f inputs:diffuseColor = (0, 0, 0)
                 color3f inputs:specularColor = (0, 0, 0)
                 int inputs:useSpecularWorkflow = 1
@@ -137,7 +134,7 @@ fn write_material(out: &mut dyn Write, picture: Option<&str>, lit: bool) -> io::
     writeln!(out, "    }}")
 }
 
-/// An array of `count` values, one for each of what `interpolation` names; nothing where there is none.
+/// A primvar array of `count` values; nothing if empty.
 fn list(
     out: &mut dyn Write,
     name: &str,

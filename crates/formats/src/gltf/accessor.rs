@@ -1,20 +1,22 @@
 //! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
-use super::document::{Accessor, BufferView, Document, component_type};
+use super::document::{Accessor, BufferView, Document, Image, TextureInfo, component_type, entry};
 use super::meshopt::{self, CompressedView};
+use crate::faces::{self, PaintedFaces};
+use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
-use std::collections::VecDeque;
-use trisplat_scene::{Error, Result};
-
-/// Bytes read at a time when elements are decoded.
-const BLOCK_BYTES: u64 = 1 << 18;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Error, Limits, Result, Texture};
 
 /// Decompressed views kept for the next accessor: positions, colours and indices of a mesh.
 const KEPT_VIEWS: usize = 4;
 
-/// The place of an accessor's elements in their view, decompressed if necessary.
+/// Memory layout of an accessor's elements in their (decompressed) buffer view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ElementLayout {
     pub(crate) component: ComponentType,
@@ -36,6 +38,14 @@ impl ElementLayout {
         self.width * size(self.component)
     }
 
+    /// Whether these are floats or integers that stand for 0 to 1, as colours and texture coordinates are.
+    pub(crate) fn is_unit(&self) -> bool {
+        matches!(
+            (self.component, self.normalized),
+            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
+        )
+    }
+
     /// Bytes from the first element to the end of the last.
     fn span(&self) -> Option<u64> {
         match self.count.checked_sub(1) {
@@ -51,12 +61,11 @@ pub(crate) struct Accessors<'a> {
     pub(crate) buffers: Buffers<'a>,
     /// Decompressed views, as words, latest last.
     unpacked: VecDeque<(usize, Vec<u32>)>,
-    block: Vec<u8>,
 }
 
 impl<'a> Accessors<'a> {
     pub(crate) fn new(document: &'a Document, buffers: Buffers<'a>) -> Self {
-        Self { document, buffers, unpacked: VecDeque::new(), block: Vec::new() }
+        Self { document, buffers, unpacked: VecDeque::new() }
     }
 
     fn malformed(&self, place: String, reason: impl Into<String>) -> Error {
@@ -65,18 +74,12 @@ impl<'a> Accessors<'a> {
 
     /// The accessor of that number.
     pub(crate) fn accessor(&self, index: usize) -> Result<&'a Accessor> {
-        self.document.accessors.get(index).ok_or_else(|| {
-            let has = self.document.accessors.len();
-            self.malformed(format!("accessor {index}"), format!("does not exist: the file has {has}"))
-        })
+        entry(self.buffers.path(), "accessor", &self.document.accessors, index)
     }
 
     /// The view of that number.
     pub(crate) fn view(&self, index: usize) -> Result<&'a BufferView> {
-        self.document.buffer_views.get(index).ok_or_else(|| {
-            let has = self.document.buffer_views.len();
-            self.malformed(format!("bufferView {index}"), format!("does not exist: the file has {has}"))
-        })
+        entry(self.buffers.path(), "bufferView", &self.document.buffer_views, index)
     }
 
     /// A checked accessor: every element is within its view, and the view's bytes exist. The caller counts
@@ -203,59 +206,29 @@ impl<'a> Accessors<'a> {
         fill: f64,
         mut each: impl FnMut(usize, [f64; N]),
     ) -> Result<()> {
-        let layout = &self.layout(index)?;
+        let layout = self.layout(index)?;
         if layout.view.is_some() {
-            let mut at = 0;
-            self.for_each_block(layout, |block, stride| {
-                at = decode(layout, block, stride, at, fill, &mut each);
-            })?;
+            decode(&layout, &self.bytes(&layout)?, fill, &mut each);
         } else {
             let mut zero = [0.0; N];
             zero[(layout.width as usize).min(N)..].fill(fill);
             (0..layout.count as usize).for_each(|i| each(i, zero));
         }
-        self.for_each_sparse(index, layout, fill, each)
+        self.for_each_sparse(index, &layout, fill, each)
     }
 
-    /// Fills `bytes` with all elements of an accessor if they are stored without gaps and uncompressed;
-    /// returns whether they were.
-    pub(crate) fn read_contiguous(&mut self, index: usize, bytes: &mut [u8]) -> Result<bool> {
-        let layout = self.layout(index)?;
-        let Some(view) = layout.view.filter(|_| layout.stride == layout.element()) else { return Ok(false) };
-        let (view, sparse) = (self.view(view)?, self.accessor(index)?.sparse.is_some());
-        if sparse || view.extensions.meshopt.is_some() || bytes.len() as u64 != layout.count * layout.stride {
-            return Ok(false);
-        }
-        self.buffers.read(view.buffer, view.byte_offset + layout.offset, bytes)?;
-        Ok(true)
-    }
-
-    /// Hands out the bytes of all elements in blocks of whole strides.
-    fn for_each_block(&mut self, layout: &ElementLayout, mut each: impl FnMut(&[u8], u64)) -> Result<()> {
-        let Some(index) = layout.view else { return Ok(()) };
-        let view = self.view(index)?;
+    /// The bytes of all elements; the last may lack its padding.
+    fn bytes(&mut self, layout: &ElementLayout) -> Result<Cow<'_, [u8]>> {
+        let Some(index) = layout.view else { return Ok(Cow::default()) };
+        let (view, length) = (self.view(index)?, layout.span().unwrap_or(0) as usize);
         if let Some(compressed) = &view.extensions.meshopt {
-            let words = self.unpack(index, compressed)?;
-            let bytes: &[u8] = bytemuck::cast_slice(words);
-            let end = layout.offset + layout.span().unwrap_or(0);
-            each(bytes.get(layout.offset as usize..end as usize).unwrap_or_default(), layout.stride);
-            return Ok(());
+            let bytes: &[u8] = bytemuck::cast_slice(self.unpack(index, compressed)?);
+            let start = layout.offset as usize;
+            return Ok(bytes.get(start..start + length).unwrap_or_default().into());
         }
-        let start = view.byte_offset + layout.offset;
-        let step = (BLOCK_BYTES / layout.stride).max(1);
-        let mut block = std::mem::take(&mut self.block);
-        let mut first = 0;
-        while first < layout.count {
-            let count = step.min(layout.count - first);
-            // The last element of a view may lack its padding.
-            let bytes = (count - 1) * layout.stride + layout.element();
-            block.resize(bytes as usize, 0);
-            self.buffers.read(view.buffer, start + first * layout.stride, &mut block)?;
-            each(&block, layout.stride);
-            first += count;
-        }
-        self.block = block;
-        Ok(())
+        let mut bytes = vec![0; length];
+        self.buffers.read(view.buffer, view.byte_offset + layout.offset, &mut bytes)?;
+        Ok(bytes.into())
     }
 
     /// A compressed view's bytes as words; [`Self::check`] has passed it.
@@ -311,16 +284,12 @@ impl<'a> Accessors<'a> {
         self.check(&numbers, place())?;
         self.check(&values, place())?;
         let mut at = Vec::new();
-        self.for_each_block(&numbers, |block, stride| {
-            decode(&numbers, block, stride, 0, 0.0, &mut |_, [number]: [f64; 1]| at.push(number as usize));
-        })?;
+        decode(&numbers, &self.bytes(&numbers)?, 0.0, &mut |_, [number]: [f64; 1]| at.push(number as usize));
         if let Some(bad) = at.iter().find(|&&number| number as u64 >= layout.count) {
             return Err(self.malformed(place(), format!("replaces element {bad} of {}", layout.count)));
         }
-        let mut next = 0;
-        self.for_each_block(&values, |block, stride| {
-            next = decode(&values, block, stride, next, fill, &mut |i, value| each(at[i], value));
-        })
+        decode(&values, &self.bytes(&values)?, fill, &mut |i, value| each(at[i], value));
+        Ok(())
     }
 }
 
@@ -329,68 +298,119 @@ fn size(component: ComponentType) -> u64 {
     component.size() as u64
 }
 
-/// The number that 1.0 is stored as when integers are normalised.
-fn one(component: ComponentType) -> f64 {
-    match component {
-        ComponentType::I8 => f64::from(i8::MAX),
-        ComponentType::U8 => f64::from(u8::MAX),
-        ComponentType::I16 => f64::from(i16::MAX),
-        ComponentType::U16 => f64::from(u16::MAX),
-        ComponentType::U32 => f64::from(u32::MAX),
-        ComponentType::F32 => 1.0,
-    }
-}
-
-/// Hands every element of `block` to `each`, numbered from `first`; returns the number after the last.
+/// Hands every element of `bytes` to `each`, with its number.
 fn decode<const N: usize>(
     layout: &ElementLayout,
-    block: &[u8],
-    stride: u64,
-    first: usize,
+    bytes: &[u8],
     fill: f64,
     each: &mut impl FnMut(usize, [f64; N]),
-) -> usize {
-    let one = if layout.normalized { one(layout.component) } else { 1.0 };
-    let unit = |value: f64| if layout.normalized { (value / one).max(-1.0) } else { value };
-    match layout.component {
-        ComponentType::I8 => {
-            elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a as i8)))
-        }
-        ComponentType::U8 => elements(layout, block, stride, first, fill, each, |[a]| unit(f64::from(a))),
-        ComponentType::I16 => {
-            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(i16::from_le_bytes(b))))
-        }
-        ComponentType::U16 => {
-            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u16::from_le_bytes(b))))
-        }
-        ComponentType::U32 => {
-            elements(layout, block, stride, first, fill, each, |b| unit(f64::from(u32::from_le_bytes(b))))
-        }
-        ComponentType::F32 => {
-            elements(layout, block, stride, first, fill, each, |b| f64::from(f32::from_le_bytes(b)))
-        }
+) {
+    for (i, element) in bytes.chunks(layout.stride as usize).enumerate() {
+        let cells = element.chunks_exact(layout.component.size()).take(layout.width as usize);
+        let mut values = [fill; N];
+        values.iter_mut().zip(cells).for_each(|(value, cell)| *value = number(layout, cell));
+        each(i, values);
     }
 }
 
-fn elements<const N: usize, const B: usize>(
-    layout: &ElementLayout,
-    block: &[u8],
-    stride: u64,
-    first: usize,
-    fill: f64,
-    each: &mut impl FnMut(usize, [f64; N]),
-    number: impl Fn([u8; B]) -> f64,
-) -> usize {
-    let (width, mut at) = (layout.width as usize, first);
-    // The last element may lack its padding, so it can be a short chunk.
-    for element in block.chunks(stride as usize) {
-        let (cells, _) = element.as_chunks::<B>();
-        let mut values = [fill; N];
-        for (value, cell) in values.iter_mut().zip(&cells[..width.min(cells.len())]) {
-            *value = number(*cell);
-        }
-        each(at, values);
-        at += 1;
+/// A component; normalised integers become -1 to 1.
+fn number(layout: &ElementLayout, cell: &[u8]) -> f64 {
+    let mut word = [0; 4];
+    word[..cell.len()].copy_from_slice(cell);
+    let [a, b, ..] = word;
+    let (value, one) = match layout.component {
+        ComponentType::I8 => (f64::from(a as i8), f64::from(i8::MAX)),
+        ComponentType::U8 => (f64::from(a), f64::from(u8::MAX)),
+        ComponentType::I16 => (f64::from(i16::from_le_bytes([a, b])), f64::from(i16::MAX)),
+        ComponentType::U16 => (f64::from(u16::from_le_bytes([a, b])), f64::from(u16::MAX)),
+        ComponentType::U32 => (f64::from(u32::from_le_bytes(word)), f64::from(u32::MAX)),
+        ComponentType::F32 => return f64::from(f32::from_le_bytes(word)),
+    };
+    if layout.normalized { (value / one).max(-1.0) } else { value }
+}
+
+// ---- Base-colour textures of an input, kept or turned into a colour per face ---------------------------
+
+/// The warning about a texture that cannot be read.
+pub(crate) const UNREAD: &str = "a texture is not read, its triangles have the base colour of their material";
+
+/// Image index and texture coordinates of `faces` faces, or why they cannot be read. `corner` maps a corner to
+/// its vertex in the primitive.
+pub(crate) fn texture_coordinates(
+    document: &Document,
+    accessors: &mut Accessors,
+    (info, coordinates): (&TextureInfo, Option<usize>),
+    faces: usize,
+    corner: impl Fn(usize) -> usize,
+) -> Result<std::result::Result<(usize, Vec<[Vec2; 3]>), String>> {
+    let image = document.textures.get(info.index).and_then(|texture| texture.source);
+    let (Some(image), Some(coordinates)) = (image, coordinates) else {
+        return Ok(Err(format!(
+            "texture {} has no PNG or JPEG picture (KTX2 is not read), or no TEXCOORD_0",
+            info.index
+        )));
+    };
+    if info.tex_coord != 0 || !info.extensions.is_empty() {
+        return Ok(Err(format!("texture {} is transformed, or laid by other coordinates", info.index)));
     }
-    at
+    let layout = accessors.layout(coordinates)?;
+    if !layout.is_unit() || layout.width != 2 {
+        return Ok(Err(format!("accessor {coordinates} holds no texture coordinates")));
+    }
+    accessors.buffers.spend(8 * layout.count + 24 * faces as u64)?;
+    let mut at = vec![Vec2::ZERO; layout.count as usize];
+    accessors.for_each(coordinates, 0.0, |i, uv: [f64; 2]| at[i] = Vec2::from(uv.map(|x| x as f32)))?;
+    let corner = |number: usize| at.get(corner(number)).copied().filter(|uv| uv.is_finite());
+    let face = |face: usize| Some([corner(3 * face)?, corner(3 * face + 1)?, corner(3 * face + 2)?]);
+    let uvs: Option<Vec<[Vec2; 3]>> = (0..faces).map(face).collect();
+    let lacks = || format!("accessor {coordinates} lacks coordinates, or has some that are not finite");
+    Ok(uvs.map(|uvs| (image, uvs)).ok_or_else(lacks))
+}
+
+/// Paints the whole mesh, whose faces are in the order of `painted`. Returns notes for the user.
+pub(crate) fn paint(
+    painted: Vec<PaintedFaces>,
+    mesh: &mut Mesh,
+    document: &Document,
+    accessors: &mut Accessors,
+    limits: &Limits,
+) -> Vec<String> {
+    let (mut textures, mut warnings) = (BTreeMap::new(), Vec::new());
+    for painted in &painted {
+        textures.entry(painted.image).or_insert_with(|| {
+            let read = read(document, accessors, painted.image, limits);
+            read.map_err(|e| warnings.push(format!("{UNREAD}: {e}"))).ok()
+        });
+    }
+    warnings.extend(faces::paint(mesh, painted, &textures));
+    warnings
+}
+
+/// The texture of a picture in a buffer or beside the file.
+fn read(
+    document: &Document,
+    accessors: &mut Accessors,
+    image: usize,
+    limits: &Limits,
+) -> Result<Arc<Texture>> {
+    let path = accessors.buffers.path().to_owned();
+    let place = format!("image {image}");
+    let image = entry(&path, "image", &document.images, image)?;
+    let bytes = picture_bytes(accessors, image, &place)?;
+    let texture = Texture::decoded(&path, &bytes, limits)?;
+    // With its mip levels.
+    accessors.buffers.spend(2 * texture.picture().bytes())?;
+    Ok(Arc::new(texture))
+}
+
+/// An encoded picture, in a buffer or beside the file; `place` is for messages.
+pub(crate) fn picture_bytes(accessors: &mut Accessors, image: &Image, place: &str) -> Result<Vec<u8>> {
+    match image {
+        Image { buffer_view: Some(view), .. } => accessors.view_bytes(*view),
+        Image { uri: Some(uri), .. } => accessors.buffers.picture(uri, place),
+        _ => {
+            let path = accessors.buffers.path();
+            Err(Error::malformed(path, place, "has neither a bufferView nor a uri"))
+        }
+    }
 }

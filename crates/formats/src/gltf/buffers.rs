@@ -1,20 +1,21 @@
 //! The bytes behind buffers: the binary chunk, files beside the document, data URIs.
 //!
-//! A binary chunk is never held in memory: elements are read from the file into their final place.
+//! A binary chunk is never held in memory, only the elements of one accessor at a time.
 
 use super::container::{ContainerFile, GlbChunk};
-use super::document::FREE_UNPACKED_BYTES;
+use super::document::{FREE_UNPACKED_BYTES, Image, entry, parse};
 use super::meshopt::MAX_UNPACK_RATIO;
 use crate::{ReadOptions, Source};
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
 use gltf_json::Buffer;
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use serde::Deserialize;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{Error, Result, input};
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// Every buffer of a document, opened on first use.
 pub(crate) struct Buffers<'a> {
@@ -31,10 +32,8 @@ pub(crate) struct Buffers<'a> {
 
 /// The place of a buffer's bytes.
 enum OpenBuffer {
-    /// A part of the glTF file.
-    Chunk { start: u64 },
-    /// A file beside it.
-    Beside(File),
+    /// From this byte of a file: the glTF file itself or one beside it.
+    File(Arc<File>, u64),
     /// In the document.
     Inline(Vec<u8>),
 }
@@ -64,14 +63,7 @@ impl<'a> Buffers<'a> {
 
     /// Length of a buffer in the document.
     pub(crate) fn length(&self, buffer: usize) -> Result<u64> {
-        match self.declared.get(buffer) {
-            Some(buffer) => Ok(buffer.byte_length.0),
-            None => Err(Error::malformed(
-                &self.path,
-                format!("buffer {buffer}"),
-                format!("does not exist: the file has {}", self.declared.len()),
-            )),
-        }
+        entry(&self.path, "buffer", self.declared, buffer).map(|buffer| buffer.byte_length.0)
     }
 
     /// Subtracts `bytes` from the limit of unpacked bytes.
@@ -104,8 +96,7 @@ impl<'a> Buffers<'a> {
         }
         self.open(buffer)?;
         let (mut file, start) = match &self.opened[buffer] {
-            Some(OpenBuffer::Chunk { start }) => (&*self.file, *start),
-            Some(OpenBuffer::Beside(file)) => (file, 0),
+            Some(OpenBuffer::File(file, start)) => (&**file, *start),
             Some(OpenBuffer::Inline(inline)) => {
                 bytes.copy_from_slice(&inline[offset as usize..offset as usize + bytes.len()]);
                 return Ok(());
@@ -133,7 +124,7 @@ impl<'a> Buffers<'a> {
                 let bin = self.bin.filter(|_| buffer == 0).ok_or_else(|| {
                     Error::malformed(&self.path, &place, "has no uri and is not the binary chunk")
                 })?;
-                (OpenBuffer::Chunk { start: bin.start }, bin.length)
+                (OpenBuffer::File(Arc::clone(&self.file), bin.start), bin.length)
             }
             Some(uri) if is_data(uri) => {
                 let inline = data(uri).map_err(|reason| Error::malformed(&self.path, &place, reason))?;
@@ -160,8 +151,8 @@ impl<'a> Buffers<'a> {
         let (opened, len) = self.open_beside(uri, place)?;
         self.spend(len)?;
         let mut bytes = Vec::new();
-        if let OpenBuffer::Beside(mut file) = opened {
-            file.read_to_end(&mut bytes).map_err(|e| Error::io(&self.path, e))?;
+        if let OpenBuffer::File(file, _) = opened {
+            (&*file).read_to_end(&mut bytes).map_err(|e| Error::io(&self.path, e))?;
         }
         Ok(bytes)
     }
@@ -181,7 +172,7 @@ impl<'a> Buffers<'a> {
         }
         let path = self.path.parent().unwrap_or(Path::new("")).join(name);
         match input::open(&path, &self.options.limits) {
-            Ok((file, len)) => Ok((OpenBuffer::Beside(file), len)),
+            Ok((file, len)) => Ok((OpenBuffer::File(Arc::new(file), 0), len)),
             Err(Error::Unsupported { reason, .. }) => refuse(&format!("which {reason}")),
             Err(error) => Err(error),
         }
@@ -222,6 +213,28 @@ pub(crate) fn data(uri: &str) -> std::result::Result<Vec<u8>, &'static str> {
         return Err("is a data URI that is not base64");
     }
     BASE64.decode(body).or_else(|_| BASE64_URL.decode(body)).map_err(|_| "is not valid base64")
+}
+
+// ---- The files that a document names -----------------------------------------------------------------
+
+/// What of a document may name files. Buffers do so as pictures do.
+#[derive(Debug, Deserialize)]
+struct Named {
+    #[serde(default)]
+    buffers: Vec<Image>,
+    #[serde(default)]
+    images: Vec<Image>,
+}
+
+/// The files beside `source` that its buffers and pictures are in.
+pub fn named_files(source: &mut Source, limits: &Limits) -> Result<Vec<PathBuf>> {
+    let container = ContainerFile::read(source, limits)?;
+    let Named { buffers, images } = parse(&source.path, &container.json, limits)?;
+    let folder = source.path.parent().unwrap_or(Path::new(""));
+    let uris = buffers.into_iter().chain(images).filter_map(|named| named.uri);
+    // What has a scheme, as data has, is no file.
+    let beside = uris.filter(|uri| !is_data(uri) && !uri.contains(':'));
+    Ok(beside.map(|uri| folder.join(unescaped(&uri))).collect())
 }
 
 #[cfg(test)]

@@ -1,11 +1,10 @@
 //! What engines reject or draw badly in a glTF file that reads: sizes, encodings, missing pictures. The rules of glTF 2.0 themselves are
 //! judged by Khronos' validator.
 
-use super::accessor::Accessors;
+use super::accessor::{self, Accessors};
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::{Document, MAX_SHORT_VERTICES, QUANTIZATION, READABLE_BYTES};
-use super::{document, textures};
+use super::document::{self, Document, MAX_SHORT_VERTICES, QUANTIZATION, READABLE_BYTES};
 use crate::{ReadOptions, Source};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -67,7 +66,7 @@ fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Fi
 fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) -> Result<()> {
     for (i, image) in document.images.iter().enumerate() {
         let place = format!("image {i}");
-        match textures::picture_bytes(accessors, image, &place) {
+        match accessor::picture_bytes(accessors, image, &place) {
             Ok(_) => {}
             Err(Error::Malformed { reason, .. }) => findings.error(place, reason),
             Err(error) => findings.error(place, error.to_string()),

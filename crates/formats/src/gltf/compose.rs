@@ -1,14 +1,14 @@
 //! The JSON document of a scene, composed of `gltf-json`'s types.
 
+use super::buffers;
 use super::container::stream_offsets;
 use super::document::{QUANTIZATION, UNLIT};
-use super::encode::{Content, Picture};
+use super::encode::{self, Content, Picture};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use super::{buffers, encode};
 use glam::{DVec3, Mat3, Quat, UVec2};
-use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::camera::{Camera, Perspective, Type as CameraType};
 use gltf_json::extensions::material::Unlit;
@@ -238,7 +238,7 @@ fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
     }
 }
 
-/// Its camera, whose range contains the scene.
+/// The viewpoint's camera; near and far planes enclose the scene.
 fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
     let eye = DVec3::from(viewpoint.eye);
     let corners = content.parts.iter().flat_map(|part| [part.bounds.min, part.bounds.max]);
@@ -286,20 +286,16 @@ fn mesh(
     };
     for stream in part.streams() {
         let number = index(accessors.len());
-        match stream {
-            Stream::Positions => {
-                primitive.attributes.insert(Valid(Semantic::Positions), number);
-            }
-            Stream::Normals => {
-                primitive.attributes.insert(Valid(Semantic::Normals), number);
-            }
-            Stream::Colors => {
-                primitive.attributes.insert(Valid(Semantic::Colors(0)), number);
-            }
-            Stream::TexCoords => {
-                primitive.attributes.insert(Valid(Semantic::TexCoords(0)), number);
-            }
-            Stream::Indices => primitive.indices = Some(number),
+        let semantic = match stream {
+            Stream::Positions => Some(Semantic::Positions),
+            Stream::Normals => Some(Semantic::Normals),
+            Stream::Colors => Some(Semantic::Colors(0)),
+            Stream::TexCoords => Some(Semantic::TexCoords(0)),
+            Stream::Indices => None,
+        };
+        match semantic {
+            Some(semantic) => primitive.attributes.extend([(Valid(semantic), number)]),
+            None => primitive.indices = Some(number),
         }
         accessors.push(accessor(accessors.len(), part, stream, options)?);
     }
@@ -308,20 +304,7 @@ fn mesh(
 }
 
 fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions) -> Result<Accessor> {
-    let (component_type, shape) = match (stream, options.colors) {
-        (Stream::Positions, _) if part.grid.is_some() => (ComponentType::U16, Type::Vec3),
-        (Stream::Positions, _) => (ComponentType::F32, Type::Vec3),
-        (Stream::Normals, _) if part.grid.is_some() => (ComponentType::I8, Type::Vec3),
-        (Stream::Normals, _) => (ComponentType::F32, Type::Vec3),
-        (Stream::Colors, ColorEncoding::U16Linear) => (ComponentType::U16, Type::Vec4),
-        (Stream::Colors, ColorEncoding::U8Linear | ColorEncoding::U8Srgb) => (ComponentType::U8, Type::Vec4),
-        (Stream::Colors, ColorEncoding::F32Linear | ColorEncoding::F32Srgb) => {
-            (ComponentType::F32, Type::Vec4)
-        }
-        (Stream::TexCoords, _) => (ComponentType::U16, Type::Vec2),
-        (Stream::Indices, _) if part.has_short_indices() => (ComponentType::U16, Type::Scalar),
-        (Stream::Indices, _) => (ComponentType::U32, Type::Scalar),
-    };
+    let (component_type, shape) = part.kind(stream, options);
     let bound = |corner: glam::Vec3| match part.grid {
         Some(grid) => serde_json::to_value(grid.code(corner).to_array()),
         None => corner.to_array().into_iter().map(shortest).collect(),

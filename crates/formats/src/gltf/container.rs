@@ -1,12 +1,9 @@
 //! The containers, written and read: a GLB's header and chunks, or a bare JSON file.
 
-use super::buffers;
-use super::document::{GLB_BYTES, Image, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES, parse};
+use super::document::{GLB_BYTES, MAX_GLB_CHUNKS, READABLE_BYTES, WARN_BYTES};
 use crate::Source;
-use serde::Deserialize;
-use std::io;
-use std::io::{Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
 use trisplat_scene::{Error, Limits, Result};
 
 const MAGIC: &[u8; 4] = b"glTF";
@@ -228,26 +225,4 @@ fn words<const N: usize, const W: usize>(bytes: &[u8; N]) -> [u32; W] {
 /// Errors: a broken container, or a document above the limit; those of the operating system.
 pub fn document_json(source: &mut Source, limits: &Limits) -> Result<Vec<u8>> {
     ContainerFile::read(source, limits).map(|container| container.json)
-}
-
-// ---- The files that a document names -----------------------------------------------------------------
-
-/// What of a document may name files. Buffers do so as pictures do.
-#[derive(Debug, Deserialize)]
-struct Named {
-    #[serde(default)]
-    buffers: Vec<Image>,
-    #[serde(default)]
-    images: Vec<Image>,
-}
-
-/// The files beside `source` that its buffers and pictures are in.
-pub fn named_files(source: &mut Source, limits: &Limits) -> Result<Vec<PathBuf>> {
-    let container = ContainerFile::read(source, limits)?;
-    let Named { buffers, images } = parse(&source.path, &container.json, limits)?;
-    let folder = source.path.parent().unwrap_or(Path::new(""));
-    let uris = buffers.into_iter().chain(images).filter_map(|named| named.uri);
-    // What has a scheme, as data has, is no file.
-    let beside = uris.filter(|uri| !buffers::is_data(uri) && !uri.contains(':'));
-    Ok(beside.map(|uri| folder.join(buffers::unescaped(&uri))).collect())
 }

@@ -16,10 +16,10 @@ use super::meshopt::{CompressedView, MESHOPT, MESHOPT_KHR};
 use crate::finish::is_far;
 use crate::format;
 use glam::{DMat4, DQuat, DVec3, Vec3};
-use gltf_json::accessor::ComponentType;
+use gltf_json::accessor::{self, ComponentType};
 use gltf_json::material::AlphaMode;
+use gltf_json::mesh;
 use gltf_json::validation::Checked;
-use gltf_json::{accessor, mesh};
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IgnoredAny, SeqAccess, Visitor};
 use serde_json::Value;
@@ -273,6 +273,14 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, json: &[u8], limits: &Limi
     parsed.map_err(|e| Error::malformed(path, "JSON", e.to_string()))
 }
 
+/// Entry `index` of a list of things called `kind`.
+pub(crate) fn entry<'a, T>(path: &Path, kind: &str, list: &'a [T], index: usize) -> Result<&'a T> {
+    list.get(index).ok_or_else(|| {
+        let reason = format!("does not exist: the file has {}", list.len());
+        Error::malformed(path, format!("{kind} {index}"), reason)
+    })
+}
+
 /// An array of at most [`ENTRIES`] entries.
 pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
@@ -327,11 +335,7 @@ pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
     while let Some((index, parent, depth)) = stack.pop() {
         limits.nesting(format_args!("{}: node {index}", path.display()), depth)?;
         let place = || format!("node {index}");
-        let has = document.nodes.len();
-        let node = document
-            .nodes
-            .get(index)
-            .ok_or_else(|| Error::malformed(path, place(), format!("does not exist: the file has {has}")))?;
+        let node = entry(path, "node", &document.nodes, index)?;
         if std::mem::replace(&mut seen[index], true) {
             return Err(Error::malformed(path, place(), "has two parents or is its own ancestor"));
         }
@@ -358,13 +362,10 @@ fn is_for_collision(node: &Node) -> bool {
     node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
 }
 
-/// The nodes the walk starts from: those of the default scene, or all without a parent.
+/// Root nodes: of the default scene, or all without a parent.
 fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {
     let scene = match document.scene {
-        Some(index) => Some(document.scenes.get(index).ok_or_else(|| {
-            let has = document.scenes.len();
-            Error::malformed(path, format!("scene {index}"), format!("does not exist: the file has {has}"))
-        })?),
+        Some(index) => Some(entry(path, "scene", &document.scenes, index)?),
         None => document.scenes.first(),
     };
     if let Some(scene) = scene {

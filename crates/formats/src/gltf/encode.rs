@@ -7,8 +7,7 @@ use crate::finish::is_far;
 use glam::{DVec3, Vec2, Vec3};
 use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter, Serializer};
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -236,7 +235,7 @@ pub(crate) fn compress(
                 let corners = 3 * part.faces.start..3 * part.faces.end;
                 let local: Vec<u32> =
                     part.mesh.indices[corners].iter().map(|&v| part.local(v) as u32).collect();
-                ::meshopt::encode_index_buffer(&local, part.vertex_count()).map_err(|e| e.to_string())
+                ::meshopt::encode_index_buffer(&local, part.vertices.len()).map_err(|e| e.to_string())
             }
             _ => encode_vertices(&bytes(part, stream, options), part.stride(stream, options)),
         };
@@ -355,7 +354,7 @@ pub(crate) fn text(value: &impl Serialize, is_pretty: bool) -> serde_json::Resul
 /// Another format but for far numbers.
 struct Exact<F>(F);
 
-/// Methods of a [`Formatter`] that are those of the other one.
+/// Forwards methods of [`Formatter`].
 macro_rules! same {
     ($($name:ident($($argument:ident: $kind:ty),*)),* $(,)?) => {
         $(fn $name<W: ?Sized + Write>(&mut self, writer: &mut W $(, $argument: $kind)*) -> io::Result<()> {

@@ -1,20 +1,17 @@
 //! Merges the primitives of all meshes into one mesh.
 
-use super::accessor::Accessors;
+use super::accessor::{self, Accessors};
 use super::document::{DRACO, Document, Material, MeshInstance, Primitive};
-use super::textures::PaintedPrimitives;
+use crate::faces::PaintedFaces;
 use crate::finish::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
 use gltf_json::validation::Checked;
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Error, Limits, Result,
-    math::color::linear_from_srgb,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, Limits, Result, parallel};
 
 /// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
 const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
@@ -33,11 +30,12 @@ pub(crate) struct MergedMesh<'a> {
     indices: Vec<u32>,
     /// Empty while every face is opaque.
     opacity: Vec<f32>,
-    faces: usize,
+    /// Number of faces so far.
+    pub(crate) faces: usize,
     clamped: usize,
     warnings: Vec<String>,
     limits: Limits,
-    painted: PaintedPrimitives,
+    painted: Vec<PaintedFaces>,
 }
 
 /// The faces of one primitive.
@@ -64,13 +62,8 @@ impl<'a> MergedMesh<'a> {
             clamped: 0,
             warnings: Vec::new(),
             limits,
-            painted: PaintedPrimitives::default(),
+            painted: Vec::new(),
         }
-    }
-
-    /// Number of faces so far.
-    pub(crate) fn face_count(&self) -> usize {
-        self.faces
     }
 
     fn malformed(&self, place: impl Into<String>, reason: impl Into<String>) -> Error {
@@ -85,13 +78,16 @@ impl<'a> MergedMesh<'a> {
         }
     }
 
-    /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit.
-    pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<()> {
-        let mut vertices = 0u64;
+    /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit. Returns the
+    /// origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
+    pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
+        let (mut meshes, mut vertices) = (Vec::new(), 0u64);
         for instance in instances {
             for primitive in self.primitives(instance)? {
                 if let Some(position) = self.position(primitive)? {
-                    vertices = vertices.saturating_add(self.accessors.layout(position)?.count);
+                    let count = self.accessors.layout(position)?.count;
+                    vertices = vertices.saturating_add(count);
+                    meshes.push((instance.transform, position, count as usize));
                 }
             }
         }
@@ -99,28 +95,15 @@ impl<'a> MergedMesh<'a> {
         limits.triangles(path.display(), vertices / 3)?;
         limits.vertices(path.display(), vertices)?;
         self.accessors.buffers.spend(vertices.saturating_mul(24))?;
-        limits.reserve(path.display(), &mut self.positions, vertices as usize)
-    }
-
-    /// The origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
-    pub(crate) fn origin(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
-        let is_moved = |i: &MeshInstance| i.transform.is_some_and(|t| is_far(t.w_axis.truncate()));
-        if !instances.iter().any(is_moved) {
+        limits.reserve(path.display(), &mut self.positions, vertices as usize)?;
+        let is_far = |transform: DMat4| is_far(transform.w_axis.truncate());
+        if !instances.iter().any(|instance| instance.transform.is_some_and(is_far)) {
             return Ok(DVec3::ZERO);
         }
-        let mut meshes = Vec::new();
-        for instance in instances {
-            for primitive in self.primitives(instance)? {
-                if let Some(position) = self.position(primitive)? {
-                    let count = self.accessors.layout(position)?.count as usize;
-                    meshes.push((instance.transform.unwrap_or(DMat4::IDENTITY), position, count));
-                }
-            }
-        }
-        let total: usize = meshes.iter().map(|(.., count)| count).sum();
-        let (mut wanted, mut sample) = (sampled(total).peekable(), Vec::new());
+        let (mut wanted, mut sample) = (sampled(vertices as usize).peekable(), Vec::new());
         let mut first = 0;
         for (transform, position, count) in meshes {
+            let transform = transform.unwrap_or(DMat4::IDENTITY);
             self.accessors.for_each(position, 0.0, |i, p| {
                 if wanted.next_if_eq(&(first + i)).is_some() {
                     sample.push(transform.transform_point3(DVec3::from(p)));
@@ -209,17 +192,10 @@ impl<'a> MergedMesh<'a> {
         let (base, count) = (self.positions.len(), layout.count as usize);
         self.positions.resize(base + count, Vec3::ZERO);
         let added = &mut self.positions[base..];
-        let plain =
-            transform.is_none() && layout.component == ComponentType::F32 && cfg!(target_endian = "little");
-        if plain && self.accessors.read_contiguous(accessor, bytemuck::cast_slice_mut(added))? {
-            return Ok(count);
-        }
-        match transform {
-            None => self.accessors.for_each(accessor, 0.0, |i, p| added[i] = DVec3::from(p).as_vec3())?,
-            Some(t) => self
-                .accessors
-                .for_each(accessor, 0.0, |i, p| added[i] = t.transform_point3(DVec3::from(p)).as_vec3())?,
-        }
+        self.accessors.for_each(accessor, 0.0, |i, p| {
+            let p = DVec3::from(p);
+            added[i] = transform.map_or(p, |t| t.transform_point3(p)).as_vec3();
+        })?;
         Ok(count)
     }
 
@@ -311,7 +287,7 @@ impl<'a> MergedMesh<'a> {
         Ok(())
     }
 
-    /// The places of a primitive's faces on a texture, if they have one.
+    /// Texture coordinates of a primitive's faces, if textured.
     fn read_texture(
         &mut self,
         primitive: &Primitive,
@@ -332,12 +308,10 @@ impl<'a> MergedMesh<'a> {
         let white = of_material.base_color_factor.is_none_or(|factor| factor[..3] == [1.0; 3]);
         let plain = white && primitive.attributes.color.is_none();
         let (faces, laid) = (self.faces..self.faces + part.faces, (info, primitive.attributes.tex_coord));
-        let why = self.painted.add(self.document, &mut self.accessors, laid, faces, corner, plain)?;
-        why.into_iter().for_each(|why| {
-            self.warn(format!(
-                "a texture is not read, its triangles have the base colour of their material: {why}"
-            ))
-        });
+        match accessor::texture_coordinates(self.document, &mut self.accessors, laid, faces.len(), corner)? {
+            Ok((image, uvs)) => self.painted.push(PaintedFaces { image, faces, uvs, plain }),
+            Err(why) => self.warn(format!("{}: {why}", accessor::UNREAD)),
+        }
         Ok(())
     }
 
@@ -353,11 +327,7 @@ impl<'a> MergedMesh<'a> {
     /// Checks that an accessor holds a colour for each of `count` positions.
     fn check_colors(&mut self, accessor: usize, place: &str, count: usize) -> Result<()> {
         let layout = self.accessors.layout(accessor)?;
-        let readable = matches!(
-            (layout.component, layout.normalized),
-            (ComponentType::F32, _) | (ComponentType::U8 | ComponentType::U16, true)
-        );
-        if !readable || !(3..=4).contains(&layout.width) {
+        if !layout.is_unit() || !(3..=4).contains(&layout.width) {
             return Err(self.malformed(
                 place,
                 "has a COLOR_0 that is not VEC3 or VEC4 of floats or normalised integers",
@@ -469,7 +439,8 @@ impl<'a> MergedMesh<'a> {
             opacity: self.opacity,
             ..Mesh::default()
         };
-        let painted = self.painted.paint(&mut mesh, self.document, &mut self.accessors, &self.limits);
+        let painted =
+            accessor::paint(self.painted, &mut mesh, self.document, &mut self.accessors, &self.limits);
         self.warnings.extend(painted);
         Ok((mesh, self.warnings))
     }

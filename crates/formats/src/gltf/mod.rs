@@ -29,16 +29,15 @@ mod options;
 mod part;
 mod read;
 mod splats;
-mod textures;
 mod write;
 
 pub(crate) use buffers::from_file_name;
+pub use buffers::named_files;
 pub use check::{Finding, Severity};
 pub(crate) use check::{Findings, check};
-pub use container::named_files;
 pub use container::{Container, check_size, document_json, glb_size, stream_offsets};
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
-pub use part::{backdrop_nodes, scene_nodes};
+pub(crate) use part::node_names;
 pub use read::read;
 pub use read::{GltfInfo, gltf_info};
 pub use splats::{holds_splats, read_splats};

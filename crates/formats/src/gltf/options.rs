@@ -1,48 +1,39 @@
 //! How colours and positions are stored, and the other options of a glTF file.
 
+use gltf_json::accessor::ComponentType;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Result, image::RgbImage};
+use trisplat_scene::Result;
+use trisplat_scene::image::RgbImage;
 
 /// How a vertex stores its colour: always four channels, alpha 1.
 ///
 /// glTF 2.0 says COLOR_0 is linear light. The two sRGB encodings break that rule on purpose, for
 /// Godot materials whose name ends in `-vcol`; every other viewer shows them washed out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum ColorEncoding {
     /// 16-bit normalised, linear: holds every 8-bit sRGB code exactly. 8 bytes.
     #[default]
-    #[serde(rename = "u16-linear")]
-    #[cfg_attr(feature = "cli", value(name = "u16-linear"))]
     U16Linear,
     /// 8-bit normalised, linear: 73 of the 256 sRGB codes come back wrong, by up to 6. 4 bytes.
-    #[serde(rename = "u8-linear")]
-    #[cfg_attr(feature = "cli", value(name = "u8-linear"))]
     U8Linear,
     /// 8-bit normalised sRGB codes: against the glTF specification. 4 bytes.
-    #[serde(rename = "u8-srgb")]
-    #[cfg_attr(feature = "cli", value(name = "u8-srgb"))]
     U8Srgb,
     /// 32-bit float, linear. 16 bytes.
-    #[serde(rename = "f32-linear")]
-    #[cfg_attr(feature = "cli", value(name = "f32-linear"))]
     F32Linear,
     /// 32-bit float holding 8-bit sRGB codes over 255, rounded up for importers that truncate: against the
     /// glTF specification. 16 bytes.
-    #[serde(rename = "f32-srgb")]
-    #[cfg_attr(feature = "cli", value(name = "f32-srgb"))]
     F32Srgb,
 }
 
 impl ColorEncoding {
-    /// Bytes per vertex.
-    pub fn bytes(self) -> u64 {
+    /// The numbers of a channel.
+    pub(crate) fn component(self) -> ComponentType {
         match self {
-            Self::U16Linear => 8,
-            Self::U8Linear | Self::U8Srgb => 4,
-            Self::F32Linear | Self::F32Srgb => 16,
+            Self::U16Linear => ComponentType::U16,
+            Self::U8Linear | Self::U8Srgb => ComponentType::U8,
+            Self::F32Linear | Self::F32Srgb => ComponentType::F32,
         }
     }
 
@@ -54,36 +45,14 @@ impl ColorEncoding {
 
 /// How a vertex stores its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum PositionEncoding {
     /// Three 32-bit floats, exact. 12 bytes.
     #[default]
-    #[serde(rename = "f32")]
-    #[cfg_attr(feature = "cli", value(name = "f32"))]
     F32,
     /// Three 16-bit integers on a grid for each chunk (KHR_mesh_quantization). 8 bytes. A chunk whose grid would move a vertex by more
     /// than 1/16 of its median triangle's size, or flatten more than one triangle in 200, keeps floats.
-    #[serde(rename = "chunk-u16")]
-    #[cfg_attr(feature = "cli", value(name = "chunk-u16"))]
     ChunkU16,
-}
-
-impl PositionEncoding {
-    /// Bytes per vertex, padding included.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::F32 => 12,
-            Self::ChunkU16 => 8,
-        }
-    }
-
-    /// Bytes per vertex of a normal, padding included: three floats, or three bytes beside positions on a grid.
-    pub fn normal_bytes(self) -> u64 {
-        match self {
-            Self::F32 => 12,
-            Self::ChunkU16 => 4,
-        }
-    }
 }
 
 /// How the picture of a texture is stored.

@@ -3,6 +3,7 @@
 use super::document::MAX_SHORT_VERTICES;
 use super::options::{GltfOptions, PositionEncoding};
 use glam::{DVec3, I64Vec3, U16Vec3, Vec2, Vec3};
+use gltf_json::accessor::{ComponentType, Type};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
@@ -13,9 +14,6 @@ use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 
 /// Name of the node, the mesh and the material of the backdrop.
 pub(crate) const BACKDROP: &str = "backdrop";
-
-/// Bytes of a texture coordinate: two 16-bit numbers, 1/16 of a texel of the largest texture.
-const TEX_COORD_BYTES: u64 = 4;
 
 /// What a part is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,7 +41,7 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) indexed: bool,
     /// Normals of all vertices of the mesh, if faces share vertices and the material is lit.
     pub(crate) vertex_normals: Arc<Vec<Vec3>>,
-    /// Places of all vertices on the texture, if faces share vertices.
+    /// Texture coordinates of all vertices, if faces share vertices.
     pub(crate) vertex_uvs: Arc<Vec<Vec2>>,
     /// Whether normals are written.
     pub(crate) lit: bool,
@@ -80,15 +78,25 @@ pub(crate) enum Stream {
     Indices,
 }
 
-impl ScenePart<'_> {
-    /// Number of vertices written.
-    pub(crate) fn vertex_count(&self) -> usize {
-        match &self.vertices {
-            PartVertices::Run(run) => run.len(),
-            PartVertices::Picked(ids) => ids.len(),
+impl PartVertices<'_> {
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Run(run) => run.len(),
+            Self::Picked(ids) => ids.len(),
         }
     }
 
+    /// Number in the mesh of vertex `i`.
+    fn id(&self, i: usize) -> usize {
+        match self {
+            Self::Run(run) => run.start + i,
+            Self::Picked(ids) => ids[i] as usize,
+        }
+    }
+}
+
+impl ScenePart<'_> {
     /// Its arrays, in file order.
     pub(crate) fn streams(&self) -> impl Iterator<Item = Stream> + use<> {
         let normals = self.lit.then_some(Stream::Normals);
@@ -105,26 +113,30 @@ impl ScenePart<'_> {
     /// Number of elements of a stream.
     pub(crate) fn count(&self, stream: Stream) -> usize {
         match stream {
-            Stream::Positions | Stream::Normals | Stream::Colors | Stream::TexCoords => self.vertex_count(),
             Stream::Indices => 3 * self.faces.len(),
+            _ => self.vertices.len(),
         }
     }
 
-    /// Bytes of an element of a stream.
-    pub(crate) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
+    /// The numbers of an element of a stream.
+    pub(crate) fn kind(&self, stream: Stream, options: &GltfOptions) -> (ComponentType, Type) {
         match stream {
-            Stream::Positions => self.encoding().bytes(),
-            Stream::Normals => self.encoding().normal_bytes(),
-            Stream::Colors => options.colors.bytes(),
-            Stream::TexCoords => TEX_COORD_BYTES,
-            Stream::Indices if self.has_short_indices() => 2,
-            Stream::Indices => 4,
+            Stream::Positions if self.grid.is_some() => (ComponentType::U16, Type::Vec3),
+            Stream::Normals if self.grid.is_some() => (ComponentType::I8, Type::Vec3),
+            Stream::Positions | Stream::Normals => (ComponentType::F32, Type::Vec3),
+            Stream::Colors => (options.colors.component(), Type::Vec4),
+            // 1/16 of a texel of the largest texture.
+            Stream::TexCoords => (ComponentType::U16, Type::Vec2),
+            Stream::Indices if self.has_short_indices() => (ComponentType::U16, Type::Scalar),
+            Stream::Indices => (ComponentType::U32, Type::Scalar),
         }
     }
 
-    /// How its positions are stored.
-    fn encoding(&self) -> PositionEncoding {
-        if self.grid.is_some() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 }
+    /// Bytes of an element of a stream, padding included: vertices begin at multiples of 4.
+    pub(crate) fn stride(&self, stream: Stream, options: &GltfOptions) -> u64 {
+        let (component, shape) = self.kind(stream, options);
+        let bytes = (component.size() * shape.multiplicity()) as u64;
+        if stream == Stream::Indices { bytes } else { bytes.next_multiple_of(4) }
     }
 
     /// Bytes of a stream before compression.
@@ -134,7 +146,7 @@ impl ScenePart<'_> {
 
     /// True when every index fits 16 bits.
     pub(crate) fn has_short_indices(&self) -> bool {
-        self.vertex_count() as u64 <= MAX_SHORT_VERTICES
+        self.vertices.len() as u64 <= MAX_SHORT_VERTICES
     }
 
     /// Number of a vertex of the mesh within this part.
@@ -242,20 +254,15 @@ fn of_one_page(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
     cut
 }
 
-/// Names of the scene's own nodes.
+/// Node names: scene, backdrop.
 ///
 /// Errors: chunks that do not hold every face once.
-pub fn scene_nodes(asset: &Asset, node_name: &str) -> Result<Vec<String>> {
-    let named = named_ranges(asset, node_name)?.into_iter();
-    Ok(named.filter(|(kind, ..)| *kind == PartKind::Scene).map(|(_, name, _)| name).collect())
-}
-
-/// Names of the backdrop's nodes.
-///
-/// Errors: chunks that do not hold every face once.
-pub fn backdrop_nodes(asset: &Asset) -> Result<Vec<String>> {
-    let named = named_ranges(asset, "")?.into_iter();
-    Ok(named.filter(|(kind, ..)| *kind == PartKind::Backdrop).map(|(_, name, _)| name).collect())
+pub(crate) fn node_names(asset: &Asset, node_name: &str) -> Result<[Vec<String>; 2]> {
+    let named = named_ranges(asset, node_name)?;
+    let names = |wanted: PartKind| {
+        named.iter().filter(|(kind, ..)| *kind == wanted).map(|(_, name, _)| name.clone()).collect()
+    };
+    Ok([names(PartKind::Scene), names(PartKind::Backdrop)])
 }
 
 /// The collider, if it has a node.
@@ -331,11 +338,7 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
     };
     const BLOCK: usize = 1 << 14;
     let (first, count) = (part.faces.start, part.faces.len());
-    let losses = parallel::ranges(count, BLOCK, |range| {
-        range.fold(QuantizationLoss::default(), |loss, at| {
-            loss.and(grid.loss(std::iter::once(mesh.corners(first + at))))
-        })
-    });
+    let losses = parallel::ranges(count, BLOCK, |range| grid.loss(range.map(|at| mesh.corners(first + at))));
     let loss = losses.into_iter().fold(QuantizationLoss::default(), QuantizationLoss::and);
     let areas = parallel::collect(count, BLOCK, |at| mesh.area(first + at));
     let detail = median(areas, f64::total_cmp).unwrap_or(0.0).sqrt();
@@ -361,16 +364,10 @@ fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
 }
 
 fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
-    const BLOCK: usize = 1 << 16;
-    let blocks = match vertices {
-        PartVertices::Run(run) => parallel::map(mesh.positions[run.clone()].chunks(BLOCK), |_, block| {
-            PartBounds::of(block.iter().copied())
-        }),
-        PartVertices::Picked(ids) => parallel::map(ids.chunks(BLOCK), |_, block| {
-            PartBounds::of(block.iter().map(|&id| mesh.positions[id as usize]))
-        }),
-    };
-    let bounds = blocks.into_iter().fold(PartBounds::EMPTY, PartBounds::and);
+    let bounds = parallel::ranges(vertices.len(), 1 << 16, |range| {
+        PartBounds::of(range.map(|i| mesh.positions[vertices.id(i)]))
+    });
+    let bounds = bounds.into_iter().fold(PartBounds::EMPTY, PartBounds::and);
     // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
     // 0.0, and the file independent of the number of threads.
     PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }

@@ -6,11 +6,11 @@
 use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::{Document, INSTANCING, MeshInstance, instances, is_readable, take_off};
+use super::document::{self, Document, INSTANCING, MeshInstance, instances, is_readable, take_off};
 use super::merge::MergedMesh;
-use super::{compose, document, part};
-use crate::finish::note_origin;
-use crate::{ReadOptions, Source, finish, format};
+use super::{compose, part};
+use crate::finish::finish;
+use crate::{ReadOptions, Source, format};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -45,8 +45,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
             merged.warn(format!("{INSTANCING} is not read: its meshes are drawn once"));
         }
     }
-    merged.reserve(&instances)?;
-    let origin = merged.origin(&instances)?;
+    let origin = merged.reserve(&instances)?;
     take_off(&mut instances, origin);
     // The backdrop comes last, even if another program has moved it.
     let is_backdrop =
@@ -54,20 +53,18 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     for instance in instances.iter().filter(|i| !is_backdrop(i)) {
         merged.add(instance)?;
     }
-    let scene_faces = merged.face_count();
+    let scene_faces = merged.faces;
     for instance in instances.iter().filter(is_backdrop) {
         merged.add(instance)?;
     }
-    let backdrop = (merged.face_count() - scene_faces) as u32;
-    if merged.face_count() == 0 && document.extensions_used.iter().any(|name| name == format::GLTF_EXTENSION)
-    {
+    let backdrop = (merged.faces - scene_faces) as u32;
+    if merged.faces == 0 && document.extensions_used.iter().any(|name| name == format::GLTF_EXTENSION) {
         return Err(format::refusal(&path, "glTF"));
     }
     let (mesh, warnings) = merged.finish()?;
     let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
-    let mut loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
-    note_origin(&mut loaded, origin);
-    finish(&path, loaded)
+    let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
+    finish(&path, loaded, origin)
 }
 
 pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {

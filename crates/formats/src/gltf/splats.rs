@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats};
 
-/// Colours that are read: those of photos.
+/// The supported colour space.
 const COLORS: &str = "srgb_rec709_display";
 /// How much the axes of a node may differ in length, as a share.
 const UNEVEN: f64 = 1e-3;
@@ -65,7 +65,7 @@ struct Splatting {
 /// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a broken one holds none.
 pub fn holds_splats(source: &mut Source, limits: &Limits) -> Result<bool> {
     let container = ContainerFile::read(source, limits);
-    source.rewind().map_err(|e| Error::io(&source.path, e))?;
+    source.rewind()?;
     let Ok(container) = container else { return Ok(false) };
     // Few files name it, so few are parsed twice.
     if !container.json.windows(GLTF_EXTENSION.len()).any(|text| text == GLTF_EXTENSION.as_bytes()) {

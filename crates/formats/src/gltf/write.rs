@@ -3,10 +3,10 @@
 //! Lengths are known before the first byte is written, so a file streams out in blocks of about 1 MiB and is
 //! never held in memory as a whole. With meshopt the compressed bytes are held.
 
-use super::container::{Container, check_size, glb_size};
+use super::compose;
+use super::container::{self, Container, check_size, glb_size};
 use super::encode::Content;
 use super::options::GltfOptions;
-use super::{compose, container};
 use std::io::Write;
 use std::path::Path;
 use trisplat_scene::{Asset, Error, Result};

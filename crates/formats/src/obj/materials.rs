@@ -2,17 +2,14 @@
 
 use crate::faces::{PaintedFaces, paint};
 use crate::lines::Lines;
-use crate::source::ReadOptions;
-use crate::source::Source;
+use crate::{ReadOptions, Source};
 use glam::Vec2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use trisplat_scene::{
-    Error, Limits, Result, Texture, input,
-    math::color::linear_from_srgb,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, Limits, Result, Texture, input};
 
 /// Most libraries of a file; each is read whole.
 const MOST_LIBRARIES: usize = 64;

@@ -1,21 +1,177 @@
-//! Encodes an asset in its format.
+//! Writes the files of an output: each in its format, then the files that name all levels.
 
 use super::{Output, OutputFormat, OutputOptions, WriteDetails};
-use crate::gltf::{self as gltf, GltfOptions, backdrop_nodes, from_file_name, scene_nodes};
+use crate::gltf::{self as gltf, GltfOptions, from_file_name, node_names};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
-use crate::tiles::TilesetTile;
-use crate::{html, obj, ply, tiles, usdz};
+use crate::tiles::{self, TilesetTile, TilesetWriter};
+use crate::{html, obj, ply, usdz};
+use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::{Asset, Error, Result, Tile};
+use trisplat_scene::atomic::{AtomicFile, publish};
+use trisplat_scene::report::{Outcome, OutputReport, Report, StageObserver};
+use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
+/// The files of an output, started but incomplete.
+#[derive(Debug)]
+pub struct OutputFiles(pub(super) Vec<AtomicFile>);
+
+impl OutputFiles {
+    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
+        match self.0.iter().position(|file| file.path() == path) {
+            Some(at) => Ok(self.0.swap_remove(at)),
+            None => AtomicFile::create(path),
+        }
+    }
+}
+
+/// Writes an asset into the files of `output` and names them only when all are whole.
+///
+/// Errors: those of the format and of the operating system; then every name keeps its old file.
+pub fn write(
+    asset: &Asset,
+    output: &Output,
+    files: OutputFiles,
+    options: &OutputOptions,
+    report: &mut Report,
+    observer: StageObserver<'_>,
+) -> Result<()> {
+    let mut writer = SetWriter { options, started: files, written: Vec::new() };
+    let (mut warnings, mut tiles) = (Vec::new(), None);
+    let counts = asset.counts();
+    report.stage(
+        observer,
+        (),
+        |()| counts,
+        |(), details| {
+            if output.format == OutputFormat::Tiles {
+                tiles = Some(writer.tiles(asset, output, details)?);
+            } else {
+                warnings = writer.all(asset, output, details)?;
+            }
+            Ok(Outcome::Changed(()))
+        },
+    )?;
+    report.warnings.append(&mut warnings);
+    let mut written = writer.written;
+    let kept = !written.iter().any(AtomicFile::is_dry);
+    let paths = |files: &[AtomicFile]| files.iter().map(|file| file.path().to_owned()).collect::<Vec<_>>();
+    let names = paths(&written);
+    let order = output.publishing_order();
+    written.sort_by_key(|file| order.iter().position(|path| *path == file.path()));
+    let sizes: BTreeMap<PathBuf, u64> = paths(&written).into_iter().zip(publish(written)?).collect();
+    for name in names {
+        report.outputs.push(OutputReport { path: name.display().to_string(), bytes: sizes[&name] });
+    }
+    if let Some((folder, bytes)) = tiles.map(|keep| keep()) {
+        report.outputs.push(OutputReport { path: folder.display().to_string(), bytes });
+    }
+    let stale = if kept { output.stale() } else { Vec::new() };
+    let stale: Vec<String> = stale.iter().map(|path| path.display().to_string()).collect();
+    if !stale.is_empty() {
+        let (files, verb) = (stale.join(", "), if stale.len() == 1 { "is" } else { "are" });
+        report
+            .warnings
+            .push(format!("{files} {verb} left of an earlier scene of this name: remove what is not needed"));
+    }
+    Ok(())
+}
+
+/// The files of an output during writing.
+struct SetWriter<'a> {
+    options: &'a OutputOptions,
+    started: OutputFiles,
+    written: Vec<AtomicFile>,
+}
+
+impl SetWriter<'_> {
+    /// The tiles, which have their final names, and the tileset, which gets its name with the other files.
+    /// Returns what to call then.
+    fn tiles(
+        &mut self,
+        asset: &Asset,
+        output: &Output,
+        details: &mut WriteDetails,
+    ) -> Result<impl FnOnce() -> (PathBuf, u64) + use<>> {
+        let (file, encoding) = (self.started.take(&output.main)?, self.options.encoding(details));
+        let mut writer = TilesetWriter::of(file, encoding, self.options.tileset_tiles)?;
+        let root = writer.scene(asset)?;
+        let (file, keep) = writer.written(root)?;
+        self.written.push(file);
+        Ok(keep)
+    }
+
+    /// Writes the scene, its backdrop, its collider, its levels and the files that name them; returns
+    /// warnings for the user.
+    fn all(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+        let mut warnings;
+        let mut quiet = WriteDetails::default();
+        match output.backdrop.as_deref().and_then(|beside| Some((beside, asset.apart()?))) {
+            Some((beside, (scene, backdrop))) => {
+                warnings = self.one(&scene, output, details)?;
+                warnings.extend(self.one(&backdrop, beside, &mut quiet)?);
+            }
+            None => warnings = self.one(asset, output, details)?,
+        }
+        if let (Some(path), Some(sky)) = (&output.sky, &asset.sky) {
+            self.bytes(path, &self.options.texture_format.bytes(sky)?)?;
+        }
+        if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
+            // Nobody looks at it.
+            let provenance = Provenance { backdrop: 0, viewpoint: None, ..asset.provenance.clone() };
+            let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
+            warnings.extend(self.one(&collision, beside, &mut quiet)?);
+        }
+        for (level, files) in asset.levels.iter().zip(&output.levels) {
+            // One file of a backdrop serves all levels.
+            let scene = output.backdrop.as_ref().and_then(|_| level.apart()).map(|(scene, _)| scene);
+            warnings.extend(self.one(scene.as_ref().unwrap_or(level), files, &mut quiet)?);
+        }
+        if let Some(path) = &output.tileset {
+            self.text(path, &output.tileset_text(asset))?;
+        }
+        if let Some((path, kind)) = &output.engine_levels {
+            self.text(path, &output.engine_text(*kind, asset)?)?;
+            warnings.extend(output.engine_warning(*kind, asset));
+        }
+        Ok(warnings)
+    }
+
+    /// The files of one level; returns warnings for the user.
+    fn one(&mut self, asset: &Asset, output: &Output, details: &mut WriteDetails) -> Result<Vec<String>> {
+        let mut main = self.started.take(&output.main)?;
+        let mut second = output.second.as_deref().map(|path| self.started.take(path)).transpose()?;
+        let warnings = output.encode(asset, self.options, &mut main, second.as_mut(), details)?;
+        self.written.push(main);
+        self.written.extend(second);
+        if let (Some(path), Some(texture)) = (&output.picture, &asset.mesh.texture) {
+            self.bytes(path, &self.options.texture_format.bytes(texture.joined().pages[0].picture())?)?;
+        }
+        if let Some((path, text)) = &output.sidecar {
+            self.text(path, text)?;
+        }
+        Ok(warnings)
+    }
+
+    fn text(&mut self, path: &Path, text: &str) -> Result<()> {
+        self.bytes(path, text.as_bytes())
+    }
+
+    fn bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<()> {
+        let mut file = self.started.take(path)?;
+        file.write_all(bytes).map_err(|e| Error::io(path, e))?;
+        self.written.push(file);
+        Ok(())
+    }
+}
+
 impl Output {
     /// Encodes the asset in its format; returns warnings for the user.
-    pub(super) fn encode(
+    fn encode(
         &self,
         asset: &Asset,
         options: &OutputOptions,
@@ -61,10 +217,9 @@ impl Output {
                     details.notes.get_or_insert_default().push(unlit.into());
                 }
                 let format = options.texture_format;
-                let encoded =
-                    |sky| Ok(html::EncodedPicture { mime: format.media_type(), bytes: format.bytes(sky)? });
-                let sky = asset.sky.as_ref().map(encoded).transpose()?;
-                html::write(main, path, &title.to_string_lossy(), asset, sky.as_ref(), &encoding)?
+                let sky = asset.sky.as_ref().map(|sky| format.bytes(sky)).transpose()?;
+                let sky = sky.map(|bytes| (format.media_type(), bytes));
+                html::write(main, path, &title.to_string_lossy(), asset, sky, &encoding)?
             }
             _ => {
                 let encoding = named(options.encoding(details));
@@ -98,11 +253,6 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
 // ---- Files that name all levels of detail ------------------------------------------------------------
 
 impl Output {
-    /// The files, in the order of publication.
-    pub(super) fn of_levels(&self) -> impl Iterator<Item = Option<&Path>> {
-        [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())].into_iter()
-    }
-
     /// The scene and its levels, each with its files.
     fn levels_of<'a>(&'a self, asset: &'a Asset) -> impl Iterator<Item = (&'a Asset, &'a Output)> {
         std::iter::once((asset, self)).chain(asset.levels.iter().zip(&self.levels))
@@ -113,7 +263,7 @@ impl Output {
     }
 
     /// The tileset of an asset and its levels.
-    pub(super) fn tileset_text(&self, asset: &Asset) -> String {
+    fn tileset_text(&self, asset: &Asset) -> String {
         let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
             let bounds = tiles::bounds(&asset.mesh, asset.scene_faces());
             let error = if i == 0 { 0.0 } else { Tile::error_of(asset.detail()) };
@@ -127,10 +277,10 @@ impl Output {
     /// The file that switches levels in an engine.
     ///
     /// Errors: chunks that do not hold every face once.
-    pub(super) fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
+    fn engine_text(&self, kind: EngineLevels, asset: &Asset) -> Result<String> {
         let file = |(asset, output): (&'_ Asset, &Output)| {
-            let nodes = scene_nodes(asset, output.node)?;
-            let backdrop = if self.backdrop.is_none() { backdrop_nodes(asset)? } else { Vec::new() };
+            let [nodes, within] = node_names(asset, output.node)?;
+            let backdrop = if self.backdrop.is_none() { within } else { Vec::new() };
             Ok(LevelFile { name: output.file_name(), nodes, backdrop })
         };
         let files: Vec<LevelFile> = self.levels_of(asset).map(file).collect::<Result<_>>()?;
@@ -140,7 +290,7 @@ impl Output {
     }
 
     /// Limitations of an engine with the levels of this asset.
-    pub(super) fn engine_warning(&self, kind: EngineLevels, asset: &Asset) -> Option<String> {
+    fn engine_warning(&self, kind: EngineLevels, asset: &Asset) -> Option<String> {
         let within = self.backdrop.is_none() && asset.has_backdrop();
         (kind == EngineLevels::UnrealScript && within).then(|| {
             "unreal: levels are of one mesh, and the backdrop would count for its size: give `backdrop` file".to_owned()

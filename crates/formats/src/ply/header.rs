@@ -1,7 +1,7 @@
 //! The header of a PLY file: elements, their properties, and comments.
 
+use crate::Source;
 use crate::lines::clip;
-use crate::source::Source;
 use std::io::{BufRead, BufReader, Read};
 use trisplat_scene::input::BYTE_ORDER_MARK;
 use trisplat_scene::{Error, Result};
@@ -117,7 +117,7 @@ impl Header {
 pub fn read(source: &mut Source) -> Result<Header> {
     let path = source.path.clone();
     let io = |e| Error::io(&path, e);
-    source.rewind().map_err(io)?;
+    source.rewind()?;
     let mut reader = BufReader::with_capacity(1 << 14, &*source.file).take(LONGEST);
     let mut draft = HeaderDraft::default();
     let (mut line, mut number) = (Vec::new(), 0);
@@ -272,11 +272,7 @@ impl Column {
     /// The number, as f32; f64 and large integers are rounded.
     #[inline]
     pub(super) fn f32(self, row: &[u8]) -> f32 {
-        match self.scalar {
-            Scalar::F32 => f32::from_le_bytes(bytes(row, self.offset)),
-            Scalar::F64 => f64::from_le_bytes(bytes(row, self.offset)) as f32,
-            _ => self.int(row) as f32,
-        }
+        self.f64(row) as f32
     }
 
     /// The number, exact for every type.

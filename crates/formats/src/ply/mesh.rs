@@ -1,41 +1,29 @@
 //! Triangle mesh PLY with vertex or face colours, read and written.
 
-use super::corners::{read_faces, read_positions};
-use super::header::Column;
-use super::header::Scalar;
-use super::table;
-use super::table::Table;
-use super::tables::Tables;
+use super::header::{Column, Scalar};
+use super::table::{self, Table};
 use crate::faces::Clamped;
-use crate::lines::to_comment;
-use crate::lines::write_blocks;
+use crate::lines::{to_comment, write_blocks};
 use glam::{DVec3, Vec3};
 use std::io::{self, Write};
-use std::path::Path;
+use std::slice::ChunksExact;
+use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb8_from_linear};
+use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Asset, Error, Limits, Result,
-    math::color::srgb8_from_linear,
-    math::color::{linear_from_srgb, linear_of_srgb8},
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::{Asset, Error, Limits, Result};
 
 /// The mesh, relative to `origin`; guesses and repairs are added to `warnings`.
 pub(super) fn read(
-    path: &Path,
-    tables: &Tables,
+    vertices: &Table,
+    faces: &Table,
     origin: DVec3,
     limits: &Limits,
     warnings: &mut Vec<String>,
 ) -> Result<Mesh> {
-    let Tables { vertices, faces, .. } = tables;
-    for axis in ["x", "y", "z"] {
-        vertices.column(axis)?;
-    }
-    let channels = (Channels::of(path, vertices)?, Channels::of(path, faces)?);
-    let read = read_faces(faces, vertices.rows(), path, limits)?;
-    let mut positions = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
-    read_positions(vertices, origin, &mut positions)?;
+    let channels = (Channels::of(vertices)?, Channels::of(faces)?);
+    let read = faces.faces(vertices.rows, limits)?;
+    let mut positions = limits.zeroed::<Vec3>(vertices.path.display(), vertices.rows)?;
+    vertices.read_positions(origin, &mut positions)?;
     let triangles = read.triangulate(&positions);
     let mut mesh = Mesh { positions, ..Mesh::default() };
     match channels {
@@ -43,7 +31,7 @@ pub(super) fn read(
             if of_faces.is_some() {
                 warnings.push("vertices and faces both have colours: those of the vertices are used".into());
             }
-            let (colors, alpha) = of_vertices.read(path, vertices, warnings)?;
+            let (colors, alpha) = of_vertices.read(vertices, warnings)?;
             mesh.colors = Colors::Vertex(colors);
             mesh.indices = triangles.into_indices(mesh.positions.len());
             if !alpha.is_empty() {
@@ -52,7 +40,7 @@ pub(super) fn read(
             }
         }
         (None, Some(of_faces)) => {
-            let (colors, alpha) = of_faces.read(path, faces, warnings)?;
+            let (colors, alpha) = of_faces.read(faces, warnings)?;
             mesh.colors = Colors::Face(triangles.repeat(colors));
             mesh.opacity = if alpha.is_empty() { alpha } else { triangles.repeat(alpha) };
             mesh.indices = triangles.into_indices(mesh.positions.len());
@@ -78,7 +66,7 @@ struct Channels {
 }
 
 impl Channels {
-    fn of(path: &Path, table: &Table) -> Result<Option<Self>> {
+    fn of(table: &Table) -> Result<Option<Self>> {
         let named = |names: [&str; 4]| {
             let [r, g, b, a] = names.map(|name| table.find(name));
             Some(Self { rgb: [r?, g?, b?], alpha: a })
@@ -93,39 +81,28 @@ impl Channels {
         }
         let reason = "has colours of a signed or 32-bit integer type; \
                       write them as uchar (0 to 255), ushort (0 to 65535) or float (0 to 1)";
-        Err(Error::unsupported(path, reason))
+        Err(Error::unsupported(table.path, reason))
     }
 
     /// Linear colours, and alpha if any value is below 1. `[rows]`, `[rows]` or `[]`
-    fn read(
-        &self,
-        path: &Path,
-        table: &Table,
-        warnings: &mut Vec<String>,
-    ) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
-        let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows()], vec![0.0; table.rows()]);
-        let per_block = table.rows_per_block();
-        let parts = colors.chunks_mut(per_block).zip(alpha.chunks_mut(per_block));
-        let blocks: Vec<Result<Clamped>> =
-            parallel::map_with(parts, Vec::new, |buffer, block, (colors, alpha)| {
-                let rows = table.block(block * per_block, colors.len(), buffer)?;
-                Ok(self.decode(rows, table.stride(), colors, alpha))
-            });
+    fn read(&self, table: &Table, warnings: &mut Vec<String>) -> Result<(Vec<[f32; 3]>, Vec<f32>)> {
+        let (mut colors, mut alpha) = (vec![[0.0; 3]; table.rows], vec![0.0; table.rows]);
+        let step = table.rows_per_block();
+        let parts = colors.chunks_mut(step).zip(alpha.chunks_mut(step));
+        let blocks = table.blocks(parts, |_, rows, (colors, alpha)| Ok(self.decode(rows, colors, alpha)))?;
         let mut clamped = Clamped::default();
-        for block in blocks {
-            clamped.merge(block?);
-        }
-        clamped.report(path, warnings)?;
+        blocks.into_iter().for_each(|block| clamped.merge(block));
+        clamped.report(table.path, warnings)?;
         if alpha.iter().all(|a| *a == 1.0) {
             alpha = Vec::new();
         }
         Ok((colors, alpha))
     }
 
-    fn decode(&self, rows: &[u8], stride: usize, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Clamped {
+    fn decode(&self, rows: ChunksExact<u8>, colors: &mut [[f32; 3]], alpha: &mut [f32]) -> Clamped {
         let codes = linear_of_srgb8();
         let mut clamped = Clamped::default();
-        for ((row, color), alpha) in rows.chunks_exact(stride).zip(colors).zip(alpha) {
+        for ((row, color), alpha) in rows.zip(colors).zip(alpha) {
             *color = self.rgb.map(|column| match column.scalar {
                 Scalar::U8 => codes[row[column.offset] as usize],
                 _ => linear_from_srgb(channel(column, row, &mut clamped)),
@@ -183,33 +160,26 @@ pub fn write_mesh(out: &mut dyn Write, asset: &Asset, face_colors: bool) -> io::
 const NORMAL: &str = "property float nx\nproperty float ny\nproperty float nz\n";
 
 fn write_vertices(out: &mut dyn Write, mesh: &Mesh, own: bool, face_colors: bool) -> io::Result<()> {
-    let lit = !mesh.normals.is_empty();
-    let normals = if own { Vec::new() } else { mesh.vertex_normals() };
-    match &mesh.colors {
-        Colors::Vertex(colors) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
-            push_vector(block, mesh.positions[v]);
-            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
-            if !face_colors {
-                block.extend_from_slice(&rgba(colors[v], 1.0));
-            }
-        }),
-        Colors::Face(_) if !own => write_blocks(out, mesh.vertex_count(), |v, block| {
-            push_vector(block, mesh.positions[v]);
-            normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
-        }),
-        _ => write_blocks(out, mesh.face_count(), |face, block| {
+    if own {
+        return write_blocks(out, mesh.face_count(), |face, block| {
             let (colors, opacity) = (mesh.corner_colors(face), opacity(mesh, face));
             for (corner, color) in mesh.corners(face).into_iter().zip(colors) {
                 push_vector(block, corner);
-                if lit {
-                    push_vector(block, mesh.normals[face]);
-                }
+                mesh.normals.get(face).iter().for_each(|normal| push_vector(block, **normal));
                 if !face_colors {
                     block.extend_from_slice(&rgba(color, opacity));
                 }
             }
-        }),
+        });
     }
+    let normals = mesh.vertex_normals();
+    write_blocks(out, mesh.vertex_count(), |v, block| {
+        push_vector(block, mesh.positions[v]);
+        normals.get(v).iter().for_each(|normal| push_vector(block, **normal));
+        if let (Colors::Vertex(colors), false) = (&mesh.colors, face_colors) {
+            block.extend_from_slice(&rgba(colors[v], 1.0));
+        }
+    })
 }
 
 fn push_vector(block: &mut Vec<u8>, vector: Vec3) {

@@ -1,20 +1,15 @@
 //! The soup PLY: our own file of a trained scene, and a valid triangle mesh. See `docs/soup-ply.md`.
 
-use super::corners;
-use super::corners::{Corners, first_error, read_positions};
-use super::header::Column;
-use super::header::{Element, Scalar};
-use super::table;
-use super::table::Table;
-use super::tables::Tables;
+use super::header::{Column, Element, Header};
+use super::table::{self, Table};
 use crate::ReadOptions;
-use crate::lines::to_comment;
-use crate::lines::write_blocks;
-use glam::{DVec3, Vec3};
+use crate::lines::{to_comment, write_blocks};
+use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
 use std::io::{self, Write};
-use std::path::Path;
-use trisplat_scene::parallel;
-use trisplat_scene::{Error, Limits, Provenance, Result, Soup, camera::Camera, rgb_from_sh0};
+use std::slice::ChunksExact;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Limits, Provenance, Result, Soup, rgb_from_sh0};
 
 /// The property of a face that is 1 for the shell; files without a shell lack it.
 const SHELL: &str = "shell";
@@ -25,164 +20,52 @@ pub(super) fn is_soup(faces: &Element) -> bool {
 }
 
 /// The soup, relative to `origin`, with SH up to `options.sh_degree`; higher degrees are skipped.
-pub(super) fn read(
-    path: &Path,
-    element: &Element,
-    tables: &Tables,
-    origin: DVec3,
-    options: &ReadOptions,
-) -> Result<Soup> {
-    let Tables { vertices, faces, .. } = tables;
-    let columns = Columns::of(path, element, faces, options.sh_degree)?;
-    for axis in ["x", "y", "z"] {
-        vertices.column(axis)?;
-    }
-    let (count, limits) = (faces.rows(), &options.limits);
+pub(super) fn read(vertices: &Table, faces: &Table, origin: DVec3, options: &ReadOptions) -> Result<Soup> {
+    let (higher, sh_degree) = faces.sh_columns(options.sh_degree)?;
+    let [opacity, sigma] = faces.columns(["opacity", "sigma"])?;
+    let mut columns = vec![faces.columns(["f_dc_0", "f_dc_1", "f_dc_2"])?];
+    columns.extend(higher);
+    let (count, k, limits, path) = (faces.rows, columns.len(), &options.limits, faces.path.display());
     let mut soup = Soup {
-        vertices: Vec::new(),
-        opacity: limits.zeroed(path.display(), count)?,
-        sigma: limits.zeroed(path.display(), count)?,
-        sh: limits.zeroed(path.display(), count * columns.sh.len())?,
-        sh_degree: columns.sh_degree,
+        vertices: limits.zeroed(&path, count)?,
+        opacity: limits.zeroed(&path, count)?,
+        sigma: limits.zeroed(&path, count)?,
+        sh: limits.zeroed(&path, count * k)?,
+        sh_degree,
         shell: Vec::new(),
     };
-    let unshared = columns.read(faces, &mut soup)?;
-    soup.shell = read_shell(faces, limits, path)?;
-    soup.vertices = if unshared && vertices.rows() == 3 * count {
-        let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), count)?;
-        read_positions(vertices, origin, bytemuck::cast_slice_mut(&mut own))?;
-        own
+    let indices = faces.triangles(vertices.rows, limits)?;
+    let step = faces.rows_per_block();
+    let parts = soup.opacity.chunks_mut(step).zip(soup.sigma.chunks_mut(step));
+    faces.blocks(parts.zip(soup.sh.chunks_mut(step * k)), |_, rows, ((opacities, sigmas), sh)| {
+        for (i, row) in rows.enumerate() {
+            (opacities[i], sigmas[i]) = (opacity.f32(row), sigma.f32(row));
+            let sh = sh[i * k..].iter_mut().zip(&columns);
+            sh.for_each(|(out, columns)| *out = columns.map(|column| column.f32(row)));
+        }
+        Ok(())
+    })?;
+    if let Some(column) = faces.find(SHELL) {
+        let flags = |_: usize, rows: ChunksExact<'_, u8>, _: usize| {
+            Ok(rows.map(|row| column.f32(row) != 0.0).collect::<Vec<bool>>())
+        };
+        soup.shell = faces.blocks(0..count.div_ceil(step), flags)?.concat();
+        if !soup.shell.contains(&true) {
+            soup.shell = Vec::new();
+        }
+    }
+    let unshared = vertices.rows == 3 * count && indices.iter().enumerate().all(|(i, v)| i == *v as usize);
+    if unshared {
+        vertices.read_positions(origin, soup.vertices.as_flattened_mut())?;
     } else {
-        gather(vertices, origin, faces, limits, path)?
-    };
+        let mut shared = limits.zeroed::<Vec3>(&path, vertices.rows)?;
+        vertices.read_positions(origin, &mut shared)?;
+        let corners = indices.as_chunks::<3>().0;
+        parallel::for_each_mut(&mut soup.vertices, GRAIN, |face, out| {
+            *out = corners[face].map(|vertex| shared[vertex as usize]);
+        });
+    }
     Ok(soup)
-}
-
-/// Flags of the shell's faces; empty when none is set.
-fn read_shell(faces: &Table, limits: &Limits, path: &Path) -> Result<Vec<bool>> {
-    let Some(column) = faces.find(SHELL) else { return Ok(Vec::new()) };
-    let mut shell = limits.zeroed::<u8>(path.display(), faces.rows())?;
-    let per_block = faces.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [u8]| {
-        let rows = faces.block(block * per_block, out.len(), buffer)?;
-        rows.chunks_exact(faces.stride())
-            .zip(out)
-            .for_each(|(row, out)| *out = u8::from(column.f32(row) != 0.0));
-        Ok(())
-    };
-    first_error(parallel::map_with(shell.chunks_mut(per_block), Vec::new, read))?;
-    Ok(if shell.contains(&1) { shell.into_iter().map(|flag| flag == 1).collect() } else { Vec::new() })
-}
-
-/// The corners of every face, looked up among shared vertices.
-fn gather(
-    vertices: &Table,
-    origin: DVec3,
-    faces: &Table,
-    limits: &Limits,
-    path: &Path,
-) -> Result<Vec<[Vec3; 3]>> {
-    let mut shared = limits.zeroed::<Vec3>(path.display(), vertices.rows())?;
-    read_positions(vertices, origin, &mut shared)?;
-    let corners = Corners::of(faces)?;
-    let mut own = limits.zeroed::<[Vec3; 3]>(path.display(), faces.rows())?;
-    let per_block = faces.rows_per_block();
-    let read = |buffer: &mut Vec<u8>, block: usize, out: &mut [[Vec3; 3]]| {
-        let first = block * per_block;
-        let rows = faces.block(first, out.len(), buffer)?;
-        for (i, (row, out)) in rows.chunks_exact(faces.stride()).zip(out).enumerate() {
-            let face = corners.checked(faces, row, first + i, shared.len())?;
-            *out = face.map(|v| shared[v as usize]);
-        }
-        Ok(())
-    };
-    first_error(parallel::map_with(own.chunks_mut(per_block), Vec::new, read))?;
-    Ok(own)
-}
-
-/// The places of a soup's numbers in a face's row.
-struct Columns {
-    corners: Corners,
-    opacity: Column,
-    sigma: Column,
-    /// Red, green and blue of each requested coefficient. `[K]`
-    sh: Vec<[Column; 3]>,
-    sh_degree: u8,
-}
-
-impl Columns {
-    fn of(path: &Path, element: &Element, faces: &Table, highest: u8) -> Result<Self> {
-        let rest = element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let Some(degree) = (0..=3u8).find(|d| 3 * (sh_count(*d) - 1) == rest) else {
-            let reason =
-                format!("has {rest} properties f_rest_*; expected 0, 9, 24 or 45 (SH degree 0 to 3)");
-            return Err(Error::malformed(path, "element face", reason));
-        };
-        let sh_degree = degree.min(highest);
-        // 3DGS order: all of red, then all of green, then all of blue.
-        let name = |k: usize, channel: usize| match k {
-            0 => format!("f_dc_{channel}"),
-            _ => format!("f_rest_{}", channel * (sh_count(degree) - 1) + k - 1),
-        };
-        let coefficient = |k: usize| -> Result<[Column; 3]> {
-            Ok([faces.column(&name(k, 0))?, faces.column(&name(k, 1))?, faces.column(&name(k, 2))?])
-        };
-        Ok(Self {
-            corners: Corners::of(faces)?,
-            opacity: faces.column("opacity")?,
-            sigma: faces.column("sigma")?,
-            sh: (0..sh_count(sh_degree)).map(coefficient).collect::<Result<_>>()?,
-            sh_degree,
-        })
-    }
-
-    /// Fills everything except the vertices; true when the corners are 0, 1, 2, 3, …
-    fn read(&self, faces: &Table, soup: &mut Soup) -> Result<bool> {
-        let (per_block, k) = (faces.rows_per_block(), self.sh.len());
-        let parts = soup
-            .opacity
-            .chunks_mut(per_block)
-            .zip(soup.sigma.chunks_mut(per_block))
-            .zip(soup.sh.chunks_mut(per_block * k));
-        let blocks: Vec<Result<bool>> =
-            parallel::map_with(parts, Vec::new, |buffer, block, ((opacity, sigma), sh)| {
-                let rows = faces.block(block * per_block, opacity.len(), buffer)?;
-                let unshared = self.corners.are_unshared(faces, rows, block * per_block)?;
-                copy_column(self.opacity, rows, faces.stride(), opacity);
-                copy_column(self.sigma, rows, faces.stride(), sigma);
-                self.copy_sh(rows, faces.stride(), sh);
-                Ok(unshared)
-            });
-        blocks.into_iter().try_fold(true, |all, block| Ok(all & block?))
-    }
-
-    fn copy_sh(&self, rows: &[u8], stride: usize, out: &mut [[f32; 3]]) {
-        let floats = self.sh.iter().flatten().all(|c| c.scalar == Scalar::F32);
-        for (row, out) in rows.chunks_exact(stride).zip(out.chunks_exact_mut(self.sh.len())) {
-            for (columns, out) in self.sh.iter().zip(out) {
-                *out =
-                    if floats { columns.map(|c| float(row, c.offset)) } else { columns.map(|c| c.f32(row)) };
-            }
-        }
-    }
-}
-
-fn copy_column(column: Column, rows: &[u8], stride: usize, out: &mut [f32]) {
-    let floats = column.scalar == Scalar::F32;
-    for (row, out) in rows.chunks_exact(stride).zip(out) {
-        *out = if floats { float(row, column.offset) } else { column.f32(row) };
-    }
-}
-
-#[inline]
-fn float(row: &[u8], offset: usize) -> f32 {
-    let mut bytes = [0; 4];
-    bytes.copy_from_slice(&row[offset..offset + 4]);
-    f32::from_le_bytes(bytes)
-}
-
-fn sh_count(degree: u8) -> usize {
-    (degree as usize + 1).pow(2)
 }
 
 /// Writes a soup PLY: binary little-endian, three separate vertices per triangle. `cameras` are those of its
@@ -276,7 +159,7 @@ impl<'a> SoupWriter<'a> {
         if self.written < self.count {
             return Err(other_count());
         }
-        corners::write(self.out, cameras)
+        write_views(self.out, cameras)
     }
 }
 
@@ -292,7 +175,7 @@ fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camer
         header += &format!("property float {axis}\n");
     }
     header += &format!("element face {}\nproperty list uchar int vertex_indices\n", count);
-    let rest = (0..3 * (sh_count(sh_degree) - 1)).map(|i| format!("f_rest_{i}"));
+    let rest = (0..3 * ((usize::from(sh_degree) + 1).pow(2) - 1)).map(|i| format!("f_rest_{i}"));
     let names = ["opacity", "sigma", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from);
     for name in names.into_iter().chain(rest) {
         header += &format!("property float {name}\n");
@@ -303,5 +186,65 @@ fn header(count: usize, sh_degree: u8, provenance: &Provenance, cameras: &[Camer
     if shell {
         header += &format!("property uchar {SHELL}\n");
     }
-    header + &corners::header(cameras) + "end_header\n"
+    header + &view_header(cameras) + "end_header\n"
+}
+
+// ---- The element `view` of a soup PLY: the cameras of its photos ----------------------------------
+
+const VIEW: &str = "view";
+/// R by rows, t, focal lengths and principal point; then the size, as integers.
+const FLOATS: [&str; 16] =
+    ["r00", "r01", "r02", "r10", "r11", "r12", "r20", "r21", "r22", "tx", "ty", "tz", "fx", "fy", "cx", "cy"];
+const WHOLE: [&str; 2] = ["width", "height"];
+
+/// The name of the element, empty unless it exists with all properties of a camera.
+pub(super) fn view_name(header: &Header) -> &'static str {
+    let element = header.element(VIEW).filter(|e| FLOATS.iter().chain(&WHOLE).all(|p| e.has(p)));
+    element.map_or("", |_| VIEW)
+}
+
+/// The element's lines in the header; none without cameras.
+fn view_header(cameras: &[Camera]) -> String {
+    if cameras.is_empty() {
+        return String::new();
+    }
+    let mut header = format!("element {VIEW} {}\n", cameras.len());
+    FLOATS.iter().for_each(|name| header += &format!("property float {name}\n"));
+    WHOLE.iter().for_each(|name| header += &format!("property uint {name}\n"));
+    header
+}
+
+/// Writes the rows.
+fn write_views(out: &mut dyn Write, cameras: &[Camera]) -> io::Result<()> {
+    write_blocks(out, cameras.len(), |i, block| {
+        let Camera { rotation, translation, focal, center, size } = cameras[i];
+        let rows = rotation.transpose().to_cols_array();
+        let rest = translation.to_array().into_iter().chain(focal.to_array()).chain(center.to_array());
+        rows.into_iter().chain(rest).for_each(|x| block.extend_from_slice(&x.to_le_bytes()));
+        size.to_array().into_iter().for_each(|n| block.extend_from_slice(&n.to_le_bytes()));
+    })
+}
+
+/// The cameras. An error names the first row that is invalid, or whose pictures are too large.
+pub(super) fn read_views(table: &Table, limits: &Limits) -> Result<Vec<Camera>> {
+    let (floats, whole) = (table.columns(FLOATS)?, table.columns(WHOLE)?);
+    let mut cameras = Vec::new();
+    table.each_row(|i, row| {
+        let [rotation @ .., tx, ty, tz, fx, fy, cx, cy] = floats.map(|column: Column| column.f32(row));
+        let camera = Camera {
+            rotation: Mat3::from_cols_array(&rotation).transpose(),
+            translation: Vec3::new(tx, ty, tz),
+            focal: Vec2::new(fx, fy),
+            center: Vec2::new(cx, cy),
+            size: UVec2::from(whole.map(|column| u32::try_from(column.int(row)).unwrap_or(0))),
+        };
+        limits.camera(format!("{}: {VIEW} {i}", table.path.display()), camera.size)?;
+        let turns = (camera.rotation.determinant() - 1.0).abs() < 0.01;
+        if camera.validate(limits).is_err() || !turns {
+            return Err(table.error(i, crate::splats::NO_CAMERA));
+        }
+        cameras.push(camera);
+        Ok(())
+    })?;
+    Ok(cameras)
 }

@@ -1,14 +1,12 @@
 //! Gaussians in a PLY, as the trainers of 3DGS, 2DGS and Mip-Splatting write them.
 
-use super::corners::{first_error, read_positions};
 use super::header::{Column, Element, Header};
-use super::table::Table;
-use super::{corners, tables};
-use crate::splats::{sh0, unit, zeroed};
+use super::table::{self, Table};
+use crate::splats::{sh0, unit, with_largest, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
 use std::f64::consts::SQRT_2;
-use trisplat_scene::{Error, Result, ScreenFilter, Splats, parallel};
+use trisplat_scene::{Error, Result, ScreenFilter, Splats};
 
 /// Whether these vertices are Gaussians.
 pub(super) fn are_in(vertices: &Element) -> bool {
@@ -17,41 +15,16 @@ pub(super) fn are_in(vertices: &Element) -> bool {
 
 /// The Gaussians, and the origin that was subtracted from their positions.
 pub(super) fn read(source: &Source, header: &Header, options: &ReadOptions) -> Result<(Splats, DVec3)> {
-    let vertices = tables::points(source, header, &options.limits)?;
-    let rest = header.element("vertex").map_or(0, rest_count);
-    let columns = Columns::of(source, &vertices, rest, options.sh_degree)?;
-    let origin = corners::origin(&vertices)?;
-    let mut splats = zeroed(&source.path, vertices.rows(), columns.sh_degree, &options.limits)?;
-    read_positions(&vertices, origin, &mut splats.positions)?;
+    let vertices = table::points(source, header, &options.limits)?;
+    let columns = Columns::of(&vertices, options.sh_degree)?;
+    let origin = vertices.origin()?;
+    let mut splats = zeroed(&source.path, vertices.rows, columns.sh_degree, &options.limits)?;
+    vertices.read_positions(origin, &mut splats.positions)?;
     columns.read(&vertices, &mut splats)?;
     if columns.filter.is_some() {
         splats.filter = ScreenFilter::MIP;
     }
     Ok((splats, origin))
-}
-
-/// Number of coefficients above degree 0, of all three channels.
-pub(super) fn rest_count(element: &Element) -> usize {
-    element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count()
-}
-
-/// Red, green and blue of each coefficient above degree 0, at most up to a degree, and the degree. The file has all of red
-/// first, then green, then blue.
-pub(super) fn rest_columns(
-    source: &Source,
-    table: &Table,
-    rest: usize,
-    highest: u8,
-) -> Result<(Vec<[Column; 3]>, u8)> {
-    let count = |degree: u8| (usize::from(degree) + 1).pow(2) - 1;
-    let Some(degree) = (0..=3u8).find(|d| 3 * count(*d) == rest) else {
-        let reason = format!("has {rest} properties f_rest_*; expected 0, 9, 24 or 45 (SH degree 0 to 3)");
-        return Err(Error::malformed(&source.path, "header", reason));
-    };
-    let kept = degree.min(highest);
-    let column = |channel: usize, k: usize| table.column(&format!("f_rest_{}", channel * count(degree) + k));
-    let all = (0..count(kept)).map(|k| Ok([column(0, k)?, column(1, k)?, column(2, k)?]));
-    Ok((all.collect::<Result<_>>()?, kept))
 }
 
 /// The places of a Gaussian's numbers in its row.
@@ -69,17 +42,16 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(source: &Source, vertices: &Table, rest: usize, highest: u8) -> Result<Self> {
-        let column = |name: &str| vertices.column(name);
-        let (higher, sh_degree) = rest_columns(source, vertices, rest, highest)?;
-        let mut sh = vec![[column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?]];
+    fn of(vertices: &Table, highest: u8) -> Result<Self> {
+        let (higher, sh_degree) = vertices.sh_columns(highest)?;
+        let mut sh = vec![vertices.columns(["f_dc_0", "f_dc_1", "f_dc_2"])?];
         sh.extend(higher);
-        let mut scales = vec![column("scale_0")?, column("scale_1")?];
+        let mut scales = vertices.columns(["scale_0", "scale_1"])?.to_vec();
         scales.extend(vertices.find("scale_2"));
         Ok(Self {
-            opacity: column("opacity")?,
+            opacity: vertices.column("opacity")?,
             scales,
-            rotation: [column("rot_0")?, column("rot_1")?, column("rot_2")?, column("rot_3")?],
+            rotation: vertices.columns(["rot_0", "rot_1", "rot_2", "rot_3"])?,
             filter: vertices.find("filter_3D"),
             sh,
             sh_degree,
@@ -88,24 +60,19 @@ impl Columns {
 
     /// Fills in everything except the positions.
     fn read(&self, vertices: &Table, splats: &mut Splats) -> Result<()> {
-        let (per_block, k) = (vertices.rows_per_block(), self.sh.len());
-        let read = |buffer: &mut Vec<u8>, block: usize, (((scales, rotations), opacity), sh): Block| {
-            let rows = vertices.block(block * per_block, opacity.len(), buffer)?;
-            for (i, row) in rows.chunks_exact(vertices.stride()).enumerate() {
+        let (step, k) = (vertices.rows_per_block(), self.sh.len());
+        let shapes = splats.scales.chunks_mut(step).zip(splats.rotations.chunks_mut(step));
+        let colors = splats.opacity.chunks_mut(step).zip(splats.sh.chunks_mut(step * k));
+        vertices.blocks(shapes.zip(colors), |_, rows, ((scales, rotations), (opacity, sh))| {
+            for (i, row) in rows.enumerate() {
                 (scales[i], rotations[i], opacity[i]) = self.shape(row);
-                for (columns, out) in self.sh.iter().zip(&mut sh[i * k..(i + 1) * k]) {
+                for (columns, out) in self.sh.iter().zip(&mut sh[i * k..]) {
                     *out = columns.map(|column| column.f32(row));
                 }
             }
             Ok(())
-        };
-        let blocks = splats
-            .scales
-            .chunks_mut(per_block)
-            .zip(splats.rotations.chunks_mut(per_block))
-            .zip(splats.opacity.chunks_mut(per_block))
-            .zip(splats.sh.chunks_mut(per_block * k));
-        first_error(parallel::map_with(blocks, Vec::new, read))
+        })?;
+        Ok(())
     }
 
     /// Physical scales, rotation and opacity of one Gaussian; in f64 and rounded once.
@@ -123,9 +90,6 @@ impl Columns {
         (DVec3::from(scales).as_vec3(), rotation, opacity as f32)
     }
 }
-
-/// Scales, rotations, opacities and coefficients of the Gaussians of a block.
-type Block<'a> = (((&'a mut [Vec3], &'a mut [Quat]), &'a mut [f32]), &'a mut [[f32; 3]]);
 
 // ---- PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk -----------
 
@@ -149,28 +113,31 @@ type Ranges = [[f64; 2]; RANGES.len()];
 
 /// The Gaussians.
 pub(super) fn read_packed(source: &Source, header: &Header, options: &ReadOptions) -> Result<Splats> {
-    let path = &source.path;
-    let missing = |name: &str| Error::malformed(path, "header", format!("has no element {name}"));
-    let [chunks, vertices, sh] = tables::some(source, header, ["chunk", "vertex", "sh"], &options.limits)?;
+    let (path, limits) = (&source.path, &options.limits);
+    let [chunks, vertices, sh] = table::open(source, header, ["chunk", "vertex", "sh"], false, limits)?;
     let (chunks, vertices) =
-        (chunks.ok_or_else(|| missing("chunk"))?, vertices.ok_or_else(|| missing("vertex"))?);
-    let count = vertices.rows();
-    if chunks.rows() != count.div_ceil(CHUNK) {
-        let reason = format!("{} chunks of {CHUNK} cannot hold exactly {count} Gaussians", chunks.rows());
+        (table::required(chunks, source, "chunk")?, table::required(vertices, source, "vertex")?);
+    let count = vertices.rows;
+    if chunks.rows != count.div_ceil(CHUNK) {
+        let reason = format!("{} chunks of {CHUNK} cannot hold exactly {count} Gaussians", chunks.rows);
         return Err(Error::malformed(path, "element chunk", reason));
     }
-    let rest = header.element("sh").map_or(0, rest_count);
-    let higher = sh.map(|table| rest_columns(source, &table, rest, options.sh_degree).map(|c| (table, c)));
-    let higher = higher.transpose()?;
-    let degree = higher.as_ref().map_or(0, |(_, (_, degree))| *degree);
-    let mut splats = zeroed(path, count, degree, &options.limits)?;
+    let (higher, degree) =
+        sh.as_ref().map_or(Ok((Vec::new(), 0)), |table| table.sh_columns(options.sh_degree))?;
+    let mut splats = zeroed(path, count, degree, limits)?;
     read_shapes(&vertices, &read_ranges(&chunks)?, &mut splats)?;
-    if let Some((table, (columns, _))) = &higher {
-        if table.rows() != count {
-            let reason = format!("has {} rows for {count} Gaussians", table.rows());
+    if let Some(table) = &sh {
+        if table.rows != count {
+            let reason = format!("has {} rows for {count} Gaussians", table.rows);
             return Err(Error::malformed(path, "element sh", reason));
         }
-        read_sh(table, columns, &mut splats)?;
+        let k = splats.sh_count();
+        table.each_row(|i, row| {
+            for (columns, out) in higher.iter().zip(&mut splats.sh[i * k + 1..(i + 1) * k]) {
+                *out = columns.map(|column| coefficient(column.int(row)));
+            }
+            Ok(())
+        })?;
     }
     Ok(splats)
 }
@@ -182,24 +149,20 @@ fn read_ranges(chunks: &Table) -> Result<Vec<Ranges>> {
         columns.push([chunks.column(low)?, chunks.column(high)?]);
     }
     let mut out = Vec::new();
-    each_row(chunks, |_, row| {
+    chunks.each_row(|_, row| {
         let mut ranges = [[0.0, 1.0]; RANGES.len()];
         ranges.iter_mut().zip(&columns).for_each(|(range, c)| *range = c.map(|column| column.f64(row)));
         out.push(ranges);
+        Ok(())
     })?;
     Ok(out)
 }
 
 fn read_shapes(vertices: &Table, ranges: &[Ranges], splats: &mut Splats) -> Result<()> {
-    let column = |name: &str| vertices.column(name);
-    let [position, rotation, scale, color] = [
-        column("packed_position")?,
-        column("packed_rotation")?,
-        column("packed_scale")?,
-        column("packed_color")?,
-    ];
+    let [position, rotation, scale, color] =
+        vertices.columns(["packed_position", "packed_rotation", "packed_scale", "packed_color"])?;
     let k = splats.sh_count();
-    each_row(vertices, |i, row| {
+    vertices.each_row(|i, row| {
         let word = |column: Column| column.int(row) as u32;
         let ranges = &ranges[i / CHUNK];
         let between = |range: usize, t: f64| ranges[range][0] * (1.0 - t) + ranges[range][1] * t;
@@ -213,15 +176,7 @@ fn read_shapes(vertices: &Table, ranges: &[Ranges], splats: &mut Splats) -> Resu
         let rgb = [24, 16, 8].map(|shift| share(color >> shift, 8));
         splats.sh[i * k] = three(6, rgb).to_array().map(sh0);
         splats.opacity[i] = share(color, 8) as f32;
-    })
-}
-
-fn read_sh(table: &Table, columns: &[[Column; 3]], splats: &mut Splats) -> Result<()> {
-    let k = splats.sh_count();
-    each_row(table, |i, row| {
-        for (columns, out) in columns.iter().zip(&mut splats.sh[i * k + 1..(i + 1) * k]) {
-            *out = columns.map(|column| coefficient(column.int(row)));
-        }
+        Ok(())
     })
 }
 
@@ -235,16 +190,6 @@ fn coefficient(byte: i64) -> f32 {
     ((share - 0.5) * 8.0) as f32
 }
 
-/// Calls `each` with the number and bytes of every row.
-fn each_row(table: &Table, mut each: impl FnMut(usize, &[u8])) -> Result<()> {
-    let (step, mut buffer) = (table.rows_per_block(), Vec::new());
-    for first in (0..table.rows()).step_by(step) {
-        let rows = table.block(first, step.min(table.rows() - first), &mut buffer)?;
-        rows.chunks_exact(table.stride()).enumerate().for_each(|(i, row)| each(first + i, row));
-    }
-    Ok(())
-}
-
 /// The lowest bits as a share of their largest number.
 fn share(word: u32, bits: u32) -> f64 {
     let most = (1 << bits) - 1;
@@ -255,11 +200,8 @@ fn unpack_11_10_11(word: u32) -> [f64; 3] {
     [share(word >> 21, 11), share(word >> 11, 10), share(word, 11)]
 }
 
-/// w, x, y, z: three of them in 10 bits each, between ±√½; the largest, whose number has 2 bits, follows from them.
+/// Smallest-three quaternion w, x, y, z: 2 bits for the index of the largest, 10 bits for each other in ±√½.
 fn unpack_rotation(word: u32) -> [f64; 4] {
     let others = [20, 10, 0].map(|shift| (share(word >> shift, 10) - 0.5) * SQRT_2);
-    let largest = (1.0 - others.iter().map(|x| x * x).sum::<f64>()).max(0.0).sqrt();
-    let mut all = others.to_vec();
-    all.insert((word >> 30) as usize, largest);
-    [all[0], all[1], all[2], all[3]]
+    with_largest(others, (word >> 30) as u8)
 }

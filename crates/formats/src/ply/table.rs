@@ -4,66 +4,37 @@
 //! stays in the file and is read block by block, from any thread. Everything else (ascii, big-endian,
 //! polygons, other lists) is rewritten into one in memory first, see [`super::transcode`].
 
-use super::header::Column;
-use super::header::{Element, Encoding, PropertyType, Scalar};
-use super::transcode;
-use super::transcode::{Polygons, Wanted};
-use crate::faces::{check_corners, not_a_triangle};
+use super::header::{Column, Element, Encoding, Header, PropertyType, Scalar};
+use super::transcode::{self, Wanted};
+use crate::Source;
+use crate::faces::{Faces, not_a_triangle};
+use crate::finish::{origin_of, sampled};
 use crate::lines::write_blocks;
-use crate::source::Source;
+use glam::{DVec3, Vec3};
 use std::fs::File;
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
-use trisplat_scene::{Error, Result, parallel};
+use std::slice::ChunksExact;
+use trisplat_scene::{Error, Limits, Result, parallel};
 
 /// Bytes read at once: fits the second-level cache, large against the cost of a system call.
 const BLOCK: usize = 1 << 19;
 
-/// The layout of an element's row.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Layout {
-    pub(super) stride: usize,
-    columns: Vec<(String, Column)>,
-    /// The count and the first number of the corner list, which always holds three here.
-    pub(super) corners: Option<(Column, Column)>,
-}
-
-impl Layout {
-    /// All single numbers and the corner list, in file order; other lists take no room.
-    fn of(element: &Element) -> Self {
-        let mut layout = Layout::default();
-        for property in &element.properties {
-            match property.kind {
-                PropertyType::Scalar(scalar) => {
-                    let column = layout.push(scalar, 1);
-                    layout.columns.push((property.name.clone(), column));
-                }
-                PropertyType::List { count, item } if property.is_corner_list() => {
-                    layout.corners = Some((layout.push(count, 1), layout.push(item, 3)));
-                }
-                PropertyType::List { .. } => {}
-            }
-        }
-        layout
-    }
-
-    fn push(&mut self, scalar: Scalar, count: usize) -> Column {
-        let column = Column { offset: self.stride, scalar };
-        self.stride += scalar.size() * count;
-        column
-    }
-}
-
 /// The rows of one element.
 #[derive(Debug)]
 pub struct Table<'a> {
-    path: &'a Path,
-    element: &'a Element,
-    layout: Layout,
-    rows: usize,
-    bytes: Body<'a>,
-    polygons: Polygons,
+    pub(super) path: &'a Path,
+    pub(super) element: &'a Element,
+    pub(super) rows: usize,
+    /// Bytes of a row.
+    stride: usize,
+    /// All single numbers, in file order.
+    columns: Vec<(&'a str, Column)>,
+    /// The count and the first number of the corner list, which always holds three here.
+    corners: Option<(Column, Column)>,
+    body: Body<'a>,
+    /// The faces with more than three corners, in order; their rows hold the first three.
+    polygons: Vec<(usize, Vec<i64>)>,
 }
 
 /// Where the rows are.
@@ -73,138 +44,169 @@ enum Body<'a> {
     Memory(Vec<u8>),
 }
 
+/// The rows of the elements called `names`, `None` for those that the file lacks. Faces may be `polygons`.
+///
+/// Errors: more rows than a scene may have, before any is read; a file that is too short for them.
+pub(super) fn open<'a, const N: usize>(
+    source: &'a Source,
+    header: &'a Header,
+    names: [&str; N],
+    polygons: bool,
+    limits: &Limits,
+) -> Result<[Option<Table<'a>>; N]> {
+    let place = |element: &Element| format!("{}: element {}", source.path.display(), element.name);
+    header.element("face").map_or(Ok(()), |face| limits.triangles(place(face), face.rows))?;
+    header.element("vertex").map_or(Ok(()), |vertex| limits.vertices(place(vertex), vertex.rows))?;
+    let slot = |element: &Element| names.iter().position(|name| *name == element.name);
+    let last = header.elements.iter().rposition(|e| slot(e).is_some()).map_or(0, |last| last + 1);
+    let mut tables = [const { None }; N];
+    let mut at = header.body;
+    for element in &header.elements[..last] {
+        let wanted = match slot(element) {
+            None => Wanted::Nothing,
+            Some(_) if polygons && element.name == "face" => Wanted::Polygons,
+            Some(_) => Wanted::Triangles,
+        };
+        let (table, end) = Table::open(source, header.encoding, element, at, wanted)?;
+        at = end;
+        if let Some(slot) = slot(element) {
+            tables[slot] = Some(table);
+        }
+    }
+    Ok(tables)
+}
+
+/// A table that the file must have.
+pub(super) fn required<'a>(table: Option<Table<'a>>, source: &Source, name: &str) -> Result<Table<'a>> {
+    table.ok_or_else(|| Error::malformed(&source.path, "header", format!("has no element {name}")))
+}
+
+/// Only the rows of `vertex`: a cloud of points.
+pub fn points<'a>(source: &'a Source, header: &'a Header, limits: &Limits) -> Result<Table<'a>> {
+    let [vertices] = open(source, header, ["vertex"], false, limits)?;
+    required(vertices, source, "vertex")
+}
+
 impl<'a> Table<'a> {
     /// The rows of `element`, which start at byte `at`, and the byte after the last one. The file is checked
     /// to be long enough for them.
-    pub(super) fn open(
+    fn open(
         source: &'a Source,
         encoding: Encoding,
         element: &'a Element,
         at: u64,
         wanted: Wanted,
     ) -> Result<(Self, u64)> {
-        let (layout, bytes) = (Layout::of(element), Body::File(&source.file, at));
-        let polygons = Polygons::default();
-        let mut table = Self { path: &source.path, element, layout, rows: 0, bytes, polygons };
-        if table.is_in_place(encoding, wanted) && table.count_rows(source.len.saturating_sub(at), wanted)? {
-            let end = at + element.rows * table.layout.stride as u64;
+        let mut table = Self {
+            path: &source.path,
+            element,
+            // Only rows without properties can be too many here, and these are not read.
+            rows: usize::try_from(element.rows).unwrap_or(usize::MAX),
+            stride: 0,
+            columns: Vec::new(),
+            corners: None,
+            body: Body::File(&source.file, at),
+            polygons: Vec::new(),
+        };
+        for property in &element.properties {
+            match property.kind {
+                PropertyType::Scalar(scalar) => {
+                    let column = table.push(scalar, 1);
+                    table.columns.push((&property.name, column));
+                }
+                PropertyType::List { count, item } if property.is_corner_list() => {
+                    table.corners = Some((table.push(count, 1), table.push(item, 3)));
+                }
+                // Other lists take no room.
+                PropertyType::List { .. } => {}
+            }
+        }
+        if table.is_in_place(encoding, wanted) && table.fits(source.len.saturating_sub(at), wanted)? {
+            let end = at + element.rows * table.stride as u64;
             return Ok((table, end));
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
-        // The rows were read, so their number fits a usize.
-        (table.rows, table.bytes, table.polygons) =
-            (element.rows as usize, Body::Memory(out.bytes), out.polygons);
+        (table.body, table.polygons) = (Body::Memory(out.bytes), out.polygons);
         Ok((table, out.end))
+    }
+
+    fn push(&mut self, scalar: Scalar, count: usize) -> Column {
+        let column = Column { offset: self.stride, scalar };
+        self.stride += scalar.size() * count;
+        column
     }
 
     /// True when every row takes `stride` bytes in the final form, as long as all faces are triangles.
     fn is_in_place(&self, encoding: Encoding, wanted: Wanted) -> bool {
         let is_list = |kind| matches!(kind, PropertyType::List { .. });
         let lists = self.element.properties.iter().filter(|p| is_list(p.kind)).count();
+        let is_face = lists == 1 && self.corners.is_some() && self.element.name == "face";
         match encoding {
             Encoding::Ascii => false,
             Encoding::Big => lists == 0 && wanted == Wanted::Nothing,
-            Encoding::Little if lists == 0 => true,
-            Encoding::Little => {
-                lists == 1
-                    && self.layout.corners.is_some()
-                    && self.element.name == "face"
-                    && wanted != Wanted::Nothing
-            }
+            Encoding::Little => lists == 0 || is_face && wanted != Wanted::Nothing,
         }
     }
 
-    /// Takes the number of rows from the header if `left` bytes suffice for them; false when polygons, which
-    /// make rows longer, are among them. If polygons are not permitted, faces are checked during reading.
-    fn count_rows(&mut self, left: u64, wanted: Wanted) -> Result<bool> {
-        let (rows, stride) = (self.element.rows, self.layout.stride as u64);
+    /// Whether `left` bytes hold all rows in this form. False for faces among which are polygons, which make
+    /// rows longer, or which are cut short: [`super::transcode`] names the first bad one. If polygons are not
+    /// permitted, faces are checked during reading.
+    fn fits(&self, left: u64, wanted: Wanted) -> Result<bool> {
+        let (rows, stride) = (self.element.rows, self.stride as u64);
         let enough = rows.checked_mul(stride).is_some_and(|bytes| bytes <= left);
-        // Only rows without properties can be too many here, and these are not read.
-        let there = if enough { rows } else { left / stride };
-        self.rows = usize::try_from(there).unwrap_or(usize::MAX);
-        if enough && wanted != Wanted::Polygons {
-            return Ok(true);
-        }
-        match self.first_polygon()? {
-            // A face with fewer than three corners also makes the file shorter: name it if there is one.
-            Some((row, corners)) if wanted == Wanted::Polygons => {
-                check_corners(corners).map_err(|reason| self.error(row, reason))?;
-                Ok(false)
+        match self.corners {
+            None if !enough => Err(self.malformed(format!(
+                "promises {rows} rows of {stride} bytes, but only {left} bytes follow: cut short"
+            ))),
+            Some((count, _)) if enough && wanted == Wanted::Polygons => {
+                let blocks = 0..self.rows.div_ceil(self.rows_per_block());
+                let are_triangles =
+                    self.blocks(blocks, |_, mut rows, _| Ok(rows.all(|row| count.int(row) == 3)))?;
+                Ok(are_triangles.into_iter().all(|all| all))
             }
-            Some((row, corners)) => Err(self.error(row, not_a_triangle(corners))),
-            None if enough => Ok(true),
-            None => {
-                let reason = format!(
-                    "promises {rows} rows of {stride} bytes, but only {left} bytes follow: cut short"
-                );
-                Err(Error::malformed(self.path, format!("element {}", self.element.name), reason))
-            }
+            _ => Ok(enough),
         }
-    }
-
-    /// The first face that is not a triangle, and its number of corners.
-    fn first_polygon(&self) -> Result<Option<(usize, i64)>> {
-        let Some((count, _)) = self.layout.corners else { return Ok(None) };
-        let step = self.rows_per_block();
-        let found = parallel::find_first(self.rows.div_ceil(step), 1, |block| {
-            let (first, mut buffer) = (block * step, Vec::new());
-            let rows = match self.block(first, step.min(self.rows - first), &mut buffer) {
-                Ok(rows) => rows,
-                Err(error) => return Some(Err(error)),
-            };
-            let mut counts = rows.chunks_exact(self.layout.stride).map(|row| count.int(row)).enumerate();
-            counts.find(|(_, count)| *count != 3).map(|(i, count)| Ok((first + i, count)))
-        });
-        found.transpose()
-    }
-
-    /// The faces with more than three corners; their rows hold the first three.
-    pub(super) fn polygons(&self) -> &Polygons {
-        &self.polygons
-    }
-
-    /// Number of rows.
-    pub fn rows(&self) -> usize {
-        self.rows
-    }
-
-    /// Bytes of a row.
-    pub fn stride(&self) -> usize {
-        self.layout.stride
-    }
-
-    /// Rows that are read at once.
-    pub fn rows_per_block(&self) -> usize {
-        (BLOCK / self.layout.stride.max(1)).max(1)
     }
 
     /// The single number of that name, if the rows have one.
     pub fn find(&self, name: &str) -> Option<Column> {
-        self.layout.columns.iter().find(|(n, _)| n == name).map(|(_, column)| *column)
+        self.columns.iter().find(|(n, _)| *n == name).map(|(_, column)| *column)
     }
 
     /// The single number of that name, which the rows must have.
     pub fn column(&self, name: &str) -> Result<Column> {
-        self.find(name).ok_or_else(|| {
-            let reason = format!("has no property {name}");
-            Error::malformed(self.path, format!("element {}", self.element.name), reason)
-        })
+        self.find(name).ok_or_else(|| self.malformed(format!("has no property {name}")))
     }
 
-    /// Count and first corner of the face list.
-    pub(super) fn corners(&self) -> Result<(Column, Column)> {
-        let error = |reason| Error::malformed(self.path, format!("element {}", self.element.name), reason);
-        let corners =
-            self.layout.corners.ok_or_else(|| error("has no list vertex_indices or vertex_index"))?;
-        if !corners.1.scalar.is_integer() {
-            return Err(error("has float corner numbers; expected an integer type"));
+    /// The single numbers of these names.
+    pub(super) fn columns<const N: usize>(&self, names: [&str; N]) -> Result<[Column; N]> {
+        let mut columns = [Column { offset: 0, scalar: Scalar::U8 }; N];
+        for (column, name) in columns.iter_mut().zip(names) {
+            *column = self.column(name)?;
         }
-        Ok(corners)
+        Ok(columns)
     }
 
-    /// The file and one of its rows, for messages.
-    pub(super) fn place(&self, row: usize) -> String {
-        format!("{}: {} {row}", self.path.display(), self.element.name)
+    /// Red, green and blue of each SH coefficient above degree 0, and their degree, at most `highest`. The
+    /// file has all of red first, then green, then blue, as 3DGS.
+    pub(super) fn sh_columns(&self, highest: u8) -> Result<(Vec<[Column; 3]>, u8)> {
+        let rest = self.element.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
+        let count = |degree: u8| (usize::from(degree) + 1).pow(2) - 1;
+        let Some(degree) = (0..=3u8).find(|d| 3 * count(*d) == rest) else {
+            return Err(self.malformed(format!(
+                "has {rest} properties f_rest_*; expected 0, 9, 24 or 45 (SH degree 0 to 3)"
+            )));
+        };
+        let kept = degree.min(highest);
+        let column =
+            |channel: usize, k: usize| self.column(&format!("f_rest_{}", channel * count(degree) + k));
+        let all = (0..count(kept)).map(|k| Ok([column(0, k)?, column(1, k)?, column(2, k)?]));
+        Ok((all.collect::<Result<_>>()?, kept))
+    }
+
+    /// Something wrong in the whole element.
+    fn malformed(&self, reason: impl Into<String>) -> Error {
+        Error::malformed(self.path, format!("element {}", self.element.name), reason)
     }
 
     /// A broken row.
@@ -212,29 +214,136 @@ impl<'a> Table<'a> {
         Error::malformed(self.path, format!("{} {row}", self.element.name), reason)
     }
 
+    /// Rows that are read at once.
+    pub(super) fn rows_per_block(&self) -> usize {
+        (BLOCK / self.stride.max(1)).max(1)
+    }
+
+    /// Reads all rows on all threads: `read` gets the number of a block's first row, its rows and its part.
+    /// The error is that of the first block, so that it does not depend on threads.
+    pub(super) fn blocks<P: Send, R: Send>(
+        &self,
+        parts: impl IntoIterator<Item = P>,
+        read: impl Fn(usize, ChunksExact<'_, u8>, P) -> Result<R> + Sync,
+    ) -> Result<Vec<R>> {
+        let step = self.rows_per_block();
+        let block = |buffer: &mut Vec<u8>, block: usize, part: P| {
+            let first = block * step;
+            let rows = self.block(first, step.min(self.rows - first), buffer)?;
+            read(first, rows.chunks_exact(self.stride.max(1)), part)
+        };
+        parallel::map_with(parts, Vec::new, block).into_iter().collect()
+    }
+
+    /// Calls `each` with the number and bytes of every row, in order.
+    ///
+    /// Errors: those of the operating system and of `each`.
+    pub fn each_row(&self, mut each: impl FnMut(usize, &[u8]) -> Result<()>) -> Result<()> {
+        let (step, mut buffer) = (self.rows_per_block(), Vec::new());
+        for first in (0..self.rows).step_by(step) {
+            let rows = self.block(first, step.min(self.rows - first), &mut buffer)?;
+            let mut rows = rows.chunks_exact(self.stride.max(1)).enumerate();
+            rows.try_for_each(|(i, row)| each(first + i, row))?;
+        }
+        Ok(())
+    }
+
     /// `rows` rows from `first` on, read into `buffer` if they are not in memory.
-    pub fn block<'b>(&'b self, first: usize, rows: usize, buffer: &'b mut Vec<u8>) -> Result<&'b [u8]> {
-        let (from, len) = (first * self.layout.stride, rows * self.layout.stride);
-        match &self.bytes {
+    fn block<'b>(&'b self, first: usize, rows: usize, buffer: &'b mut Vec<u8>) -> Result<&'b [u8]> {
+        let (from, len) = (first * self.stride, rows * self.stride);
+        match &self.body {
             Body::Memory(bytes) => Ok(&bytes[from..from + len]),
-            Body::File(..) => {
+            Body::File(file, offset) => {
                 buffer.resize(len, 0);
-                self.fill(first, buffer)?;
+                read_at(file, buffer, offset + from as u64).map_err(|e| Error::io(self.path, e))?;
                 Ok(buffer)
             }
         }
     }
 
-    /// Copies whole rows from `first` on into `out`.
-    pub(super) fn fill(&self, first: usize, out: &mut [u8]) -> Result<()> {
-        let from = first * self.layout.stride;
-        match &self.bytes {
-            Body::Memory(bytes) => out.copy_from_slice(&bytes[from..from + out.len()]),
-            Body::File(file, offset) => {
-                read_at(file, out, offset + from as u64).map_err(|e| Error::io(self.path, e))?;
+    /// The origin to subtract from every position: zero, except for double positions far from the origin.
+    pub(super) fn origin(&self) -> Result<DVec3> {
+        let axes = self.columns(["x", "y", "z"])?;
+        if !axes.iter().any(|axis| axis.scalar == Scalar::F64) {
+            return Ok(DVec3::ZERO);
+        }
+        let mut buffer = Vec::new();
+        let mut position = |row: usize| {
+            let row = self.block(row, 1, &mut buffer)?;
+            Ok(DVec3::from(axes.map(|axis| axis.f64(row))))
+        };
+        Ok(origin_of(sampled(self.rows).map(&mut position).collect::<Result<_>>()?))
+    }
+
+    /// Reads x, y, z of every vertex, relative to `origin`. // out: [V]
+    pub(super) fn read_positions(&self, origin: DVec3, out: &mut [Vec3]) -> Result<()> {
+        let axes = self.columns(["x", "y", "z"])?;
+        self.blocks(out.chunks_mut(self.rows_per_block()), |_, rows, out| {
+            rows.zip(out).for_each(|(row, out)| {
+                *out = match origin {
+                    DVec3::ZERO => Vec3::from(axes.map(|axis| axis.f32(row))),
+                    _ => (DVec3::from(axes.map(|axis| axis.f64(row))) - origin).as_vec3(),
+                }
+            });
+            Ok(())
+        })?;
+        Ok(())
+    }
+
+    /// The first three corners of all faces, each below `vertices`. `[F * 3]`
+    pub(super) fn triangles(&self, vertices: usize, limits: &Limits) -> Result<Vec<u32>> {
+        let corners = self.corners;
+        let (count, first) =
+            corners.ok_or_else(|| self.malformed("has no list vertex_indices or vertex_index"))?;
+        if !first.scalar.is_integer() {
+            return Err(self.malformed("has float corner numbers; expected an integer type"));
+        }
+        let corners = [0, 1, 2].map(|i| Column { offset: first.offset + i * first.scalar.size(), ..first });
+        let mut indices = limits.zeroed::<u32>(self.path.display(), self.rows * 3)?;
+        self.blocks(indices.chunks_mut(3 * self.rows_per_block()), |face, rows, out| {
+            for (i, (row, out)) in rows.zip(out.as_chunks_mut::<3>().0).enumerate() {
+                if count.int(row) != 3 {
+                    return Err(self.error(face + i, not_a_triangle(count.int(row))));
+                }
+                for (out, corner) in out.iter_mut().zip(corners) {
+                    *out = self.vertex(face + i, corner.int(row), vertices)?;
+                }
+            }
+            Ok(())
+        })?;
+        Ok(indices)
+    }
+
+    #[inline]
+    fn vertex(&self, face: usize, corner: i64, vertices: usize) -> Result<u32> {
+        match u32::try_from(corner) {
+            Ok(vertex) if (vertex as usize) < vertices => Ok(vertex),
+            _ => {
+                let reason = format!("names vertex {corner}, but there are {vertices} vertices");
+                Err(self.error(face, reason))
             }
         }
-        Ok(())
+    }
+
+    /// All faces, their corners below `vertices`.
+    pub(super) fn faces(&self, vertices: usize, limits: &Limits) -> Result<Faces> {
+        let indices = self.triangles(vertices, limits)?;
+        if self.polygons.is_empty() {
+            return Ok(Faces::from_triangles(indices));
+        }
+        let (mut out, mut polygons) = (Faces::default(), self.polygons.iter().peekable());
+        for (face, triangle) in indices.chunks_exact(3).enumerate() {
+            let pushed = match polygons.next_if(|(polygon, _)| *polygon == face) {
+                Some((_, listed)) => {
+                    let corners = listed.iter().map(|corner| self.vertex(face, *corner, vertices));
+                    out.push(&corners.collect::<Result<Vec<u32>>>()?)
+                }
+                None => out.push(triangle),
+            };
+            pushed.map_err(|reason| self.error(face, reason))?;
+            limits.triangles(self.path.display(), out.triangles() as u64)?;
+        }
+        Ok(out)
     }
 }
 

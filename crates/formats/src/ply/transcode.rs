@@ -2,11 +2,10 @@
 //!
 //! Memory grows with the rows read, not with the numbers in the header.
 
-use super::header::Column;
-use super::header::{Element, Encoding, PropertyType, Scalar};
+use super::header::{Column, Element, Encoding, PropertyType, Scalar};
+use crate::Source;
 use crate::faces::{check_corners, not_a_triangle};
-use crate::source::Source;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use trisplat_scene::{Error, Result};
 
 /// What is wanted of an element's rows.
@@ -25,25 +24,10 @@ pub(super) enum Wanted {
 pub(super) struct Transcoded {
     /// All single numbers and the first three corners; empty when the element was only skipped.
     pub(super) bytes: Vec<u8>,
-    pub(super) polygons: Polygons,
+    /// The faces with more than three corners, with all of them.
+    pub(super) polygons: Vec<(usize, Vec<i64>)>,
     /// The byte after the last row.
     pub(super) end: u64,
-}
-
-/// All corners of polygons.
-#[derive(Debug, Default)]
-pub(super) struct Polygons {
-    /// Faces and the ends of their corners in `corners`, in order.
-    faces: Vec<(usize, usize)>,
-    corners: Vec<i64>,
-}
-
-impl Polygons {
-    /// Faces and their corners, in order of the faces.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, &[i64])> {
-        let starts = std::iter::once(0).chain(self.faces.iter().map(|(_, end)| *end));
-        self.faces.iter().zip(starts).map(|(&(face, end), start)| (face, &self.corners[start..end]))
-    }
 }
 
 /// Reads the rows of `element`, which start at byte `at`.
@@ -61,37 +45,27 @@ pub(super) fn rows(
     }
     let mut file = &*source.file;
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::io(&source.path, e))?;
-    let mut input = Input { reader: BufReader::with_capacity(1 << 16, file), encoding, at, len: source.len };
+    let reader = BufReader::with_capacity(1 << 16, file);
+    let mut input = Input { reader, encoding, at, len: source.len, word: Vec::new() };
     for row in 0..element.rows {
-        input.row(element, row as usize, wanted, &mut out).map_err(|fault| match fault {
-            Fault::Io(e) => Error::io(&source.path, e),
-            Fault::Text(reason) => Error::malformed(&source.path, format!("{} {row}", element.name), reason),
-            Fault::End => Error::malformed(
-                &source.path,
-                format!("{} {row}", element.name),
-                format!("the file ends here, but promises {} rows: it was cut short", element.rows),
-            ),
+        input.row(element, row as usize, wanted, &mut out).map_err(|fault| {
+            let reason = match fault.kind() {
+                ErrorKind::InvalidData => fault.to_string(),
+                ErrorKind::UnexpectedEof => {
+                    format!("the file ends here, but promises {} rows: it was cut short", element.rows)
+                }
+                _ => return Error::io(&source.path, fault),
+            };
+            Error::malformed(&source.path, format!("{} {row}", element.name), reason)
         })?;
     }
     out.end = input.at;
     Ok(out)
 }
 
-enum Fault {
-    Io(std::io::Error),
-    End,
-    Text(String),
-}
-
-type ReadResult<T> = std::result::Result<T, Fault>;
-
-impl From<std::io::Error> for Fault {
-    fn from(error: std::io::Error) -> Self {
-        match error.kind() {
-            std::io::ErrorKind::UnexpectedEof => Fault::End,
-            _ => Fault::Io(error),
-        }
-    }
+/// Something wrong in a row.
+fn fault(reason: impl Into<String>) -> io::Error {
+    io::Error::new(ErrorKind::InvalidData, reason.into())
 }
 
 struct Input<'a> {
@@ -100,10 +74,12 @@ struct Input<'a> {
     /// Next byte of the file.
     at: u64,
     len: u64,
+    /// The last word of ascii.
+    word: Vec<u8>,
 }
 
 impl Input<'_> {
-    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> ReadResult<()> {
+    fn row(&mut self, element: &Element, row: usize, wanted: Wanted, out: &mut Transcoded) -> io::Result<()> {
         for property in &element.properties {
             match property.kind {
                 PropertyType::Scalar(scalar) => {
@@ -134,31 +110,32 @@ impl Input<'_> {
         row: usize,
         wanted: Wanted,
         out: &mut Transcoded,
-    ) -> ReadResult<()> {
+    ) -> io::Result<()> {
         let length = integer(self.number(count)?, count);
         if wanted == Wanted::Triangles && length != 3 {
-            return Err(Fault::Text(not_a_triangle(length)));
+            return Err(fault(not_a_triangle(length)));
         }
-        let length = check_corners(length).map_err(Fault::Text)?;
+        let length = check_corners(length).map_err(fault)?;
         // Three, in any integer type.
         out.bytes.extend_from_slice(&3u64.to_le_bytes()[..count.size()]);
+        let mut corners = Vec::new();
         for corner in 0..length {
             let number = self.number(item)?;
             if corner < 3 {
                 out.bytes.extend_from_slice(&number[..item.size()]);
             }
             if length > 3 {
-                out.polygons.corners.push(integer(number, item));
+                corners.push(integer(number, item));
             }
         }
         if length > 3 {
-            out.polygons.faces.push((row, out.polygons.corners.len()));
+            out.polygons.push((row, corners));
         }
         Ok(())
     }
 
-    fn skip_list(&mut self, length: i64, item: Scalar) -> ReadResult<()> {
-        let length = u64::try_from(length).map_err(|_| Fault::Text(format!("a list of {length} numbers")))?;
+    fn skip_list(&mut self, length: i64, item: Scalar) -> io::Result<()> {
+        let length = u64::try_from(length).map_err(|_| fault(format!("a list of {length} numbers")))?;
         if self.encoding != Encoding::Ascii {
             return self.skip(length * item.size() as u64);
         }
@@ -166,7 +143,7 @@ impl Input<'_> {
     }
 
     /// The next number as little-endian bytes.
-    fn number(&mut self, scalar: Scalar) -> ReadResult<[u8; 8]> {
+    fn number(&mut self, scalar: Scalar) -> io::Result<[u8; 8]> {
         if self.encoding == Encoding::Ascii {
             return self.ascii(scalar);
         }
@@ -180,49 +157,36 @@ impl Input<'_> {
         Ok(bytes)
     }
 
-    fn skip(&mut self, bytes: u64) -> ReadResult<()> {
+    fn skip(&mut self, bytes: u64) -> io::Result<()> {
         if bytes > self.len.saturating_sub(self.at) {
-            return Err(Fault::End);
+            return Err(ErrorKind::UnexpectedEof.into());
         }
         self.at += bytes;
         // The rest of a file is below i64::MAX.
-        Ok(self.reader.seek_relative(bytes as i64)?)
+        self.reader.seek_relative(bytes as i64)
     }
 
-    fn ascii(&mut self, scalar: Scalar) -> ReadResult<[u8; 8]> {
-        let mut buffer = [0; 64];
-        let word = self.word(&mut buffer)?;
-        let text = std::str::from_utf8(word).unwrap_or("?");
-        let bad = || Fault::Text(format!("{text:?} is not a number of its type ({scalar:?})"));
+    fn ascii(&mut self, scalar: Scalar) -> io::Result<[u8; 8]> {
+        self.next_word()?;
+        let text = std::str::from_utf8(&self.word).unwrap_or("?");
+        let bad = || fault(format!("{text:?} is not a number of its type ({scalar:?})"));
         parse(text, scalar).ok_or_else(bad)
     }
 
-    /// The next word between white space.
-    fn word<'b>(&mut self, buffer: &'b mut [u8; 64]) -> ReadResult<&'b [u8]> {
-        let mut length = 0;
-        loop {
-            let chunk = self.reader.fill_buf()?;
-            if chunk.is_empty() {
-                return if length > 0 { Ok(&buffer[..length]) } else { Err(Fault::End) };
+    /// Reads the next word between white space.
+    fn next_word(&mut self) -> io::Result<()> {
+        self.word.clear();
+        for byte in self.reader.by_ref().bytes() {
+            let byte = byte?;
+            self.at += 1;
+            match (byte.is_ascii_whitespace(), self.word.len()) {
+                (true, 0) => {}
+                (true, _) => return Ok(()),
+                (false, 64) => return Err(fault("a number of more than 64 characters")),
+                (false, _) => self.word.push(byte),
             }
-            let mut used = 0;
-            for &byte in chunk {
-                used += 1;
-                if !byte.is_ascii_whitespace() {
-                    let slot = buffer
-                        .get_mut(length)
-                        .ok_or_else(|| Fault::Text("a number of more than 64 characters".into()))?;
-                    *slot = byte;
-                    length += 1;
-                } else if length > 0 {
-                    self.at += used as u64;
-                    self.reader.consume(used);
-                    return Ok(&buffer[..length]);
-                }
-            }
-            self.at += used as u64;
-            self.reader.consume(used);
         }
+        if self.word.is_empty() { Err(ErrorKind::UnexpectedEof.into()) } else { Ok(()) }
     }
 }
 

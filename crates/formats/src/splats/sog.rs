@@ -7,7 +7,7 @@
 //! shN      a 16-bit number per Gaussian in a list of coefficients, 64 a row, each a byte into a codebook
 //! ```
 
-use super::{finish, read_all, unit, zeroed};
+use super::{finish, read_all, unit, with_largest, zeroed};
 use crate::{ReadOptions, Source, format};
 use glam::{DVec3, UVec2, Vec3};
 use image::codecs::webp::WebPDecoder;
@@ -84,10 +84,9 @@ struct Picture {
 
 /// Whether an open zip archive is a scene in SOG. A broken one is not.
 pub(crate) fn is_sog(source: &mut Source) -> Result<bool> {
-    let io = |e| Error::io(&source.path, e);
     let names =
         zip::ZipArchive::new(BufReader::new(&*source.file)).map(|zip| names(&zip)).unwrap_or_default();
-    source.rewind().map_err(io)?;
+    source.rewind()?;
     Ok(format::is_sog(&names))
 }
 
@@ -217,10 +216,7 @@ impl<'a> Archive<'a> {
             return Err(Error::malformed(self.path, "quats", reason));
         };
         let others = [a, b, c].map(|byte| (f64::from(byte) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2);
-        let rest = (1.0 - others.iter().map(|x| x * x).sum::<f64>()).max(0.0).sqrt();
-        let mut all = others.to_vec();
-        all.insert(largest.into(), rest);
-        Ok([all[0], all[1], all[2], all[3]])
+        Ok(with_largest(others, largest))
     }
 
     /// Coefficients above degree 0.

@@ -14,11 +14,11 @@
 //! Axes: +x right, +y up, +z back.
 
 use super::{finish, read_all, unit, zeroed};
+use crate::source::damaged;
 use crate::{ReadOptions, Source, format};
 use glam::DVec3;
 use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
-use std::io::ErrorKind;
 use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis};
 
@@ -53,19 +53,6 @@ pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<Imported
     let splats = header.splats(&source, &bytes[HEADER..], options)?;
     let provenance = Provenance { up: Some(UpAxis::Y), ..Provenance::default() };
     finish(path, splats, provenance, Vec::new(), DVec3::ZERO)
-}
-
-/// The error of a decoder that met wrong bytes, with the program that tests them.
-fn damaged(path: &Path, error: Error, place: &str, test: &str) -> Error {
-    use ErrorKind::{InvalidData, InvalidInput, Other, UnexpectedEof};
-    match error {
-        Error::Io { source, .. }
-            if matches!(source.kind(), InvalidInput | InvalidData | UnexpectedEof | Other) =>
-        {
-            Error::malformed(path, place, format!("end too soon or are damaged; `{test}` tests it"))
-        }
-        other => other,
-    }
 }
 
 /// The short header and the arrays of version 4, which then lie as in version 3.
