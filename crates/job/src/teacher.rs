@@ -99,7 +99,7 @@ pub(super) fn enough(photos: usize) -> StepLimit {
 pub(super) fn enough_for_teacher(photos: usize) -> StepLimit {
     let steps = TEACHER_STEPS_PER_PHOTO * photos as u64;
     // A teacher shows large surfaces, so it gains more from a large number of steps on small photos than from few on large ones.
-    StepLimit { steps: Some(steps), steps_of_full_photos: steps, ..StepLimit::default() }
+    StepLimit { steps: Some(steps), steps_of_full_photos: steps }
 }
 
 /// Budget for a teacher after `spent` seconds of the run's budget.

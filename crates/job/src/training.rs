@@ -15,7 +15,7 @@ use trisplat_scene::{
 };
 use trisplat_train::{
     BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
-    budget::{self, BudgetController, Paced, PlanInput, StepLimit, calibrate},
+    budget::{self, Pace, Paced, PlanInput, StepLimit},
 };
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
@@ -204,7 +204,7 @@ impl TrainJob {
     }
 
     /// Description of the budget's plan for people.
-    fn summary(&self, pace: &BudgetController) -> String {
+    fn summary(&self, pace: &Pace) -> String {
         let why = if self.watched.is_some() { "watched photos" } else { "photos are few" };
         let end =
             if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
@@ -326,22 +326,18 @@ impl TrainJob {
         };
         let (options, how) = (&self.options.options, &mut self.dataset_options);
         let spending = Spending::of_process(budget.clock, began);
-        let (background, secs) = (how.background.to_f32(), budget.seconds.0);
-        let from = self.from.as_ref();
-        let calibration = calibrate(&self.dataset, from, options, background, &spending, secs)?;
-        let input = PlanInput {
+        let speed =
+            budget::speed(&self.dataset, self.from.as_ref(), options, how.background.to_f32(), &spending)?;
+        let pace = budget::plan(&PlanInput {
             triangles_given,
             size_given: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
-            from_scene: from.is_some(),
+            from: self.from.as_ref().map(|scene| scene.scene.triangle_count() as u64),
             enough,
-            ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), calibration)
-        };
-        let plan = budget::plan(&input)?;
-        let pace = BudgetController::new(&input, &plan, spending.seconds());
-        self.options.options = plan.apply(options);
-        if plan.max_size.is_some() {
-            how.max_size = plan.max_size;
-            // Only a few photos were decoded so far.
+            ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), speed)
+        })?;
+        self.options.options = pace.apply(options);
+        if pace.plan.max_size.is_some() {
+            how.max_size = pace.plan.max_size;
             self.dataset = Dataset::load(&self.dataset.path, how)?;
         }
         Ok(Some(Paced { pace, spending }))

@@ -12,10 +12,7 @@ use trisplat_scene::{
     Error, Result,
     report::{Counts, StageDetails, StageReport, counted, to_json},
 };
-use trisplat_train::{
-    TrainOptions, Trained,
-    budget::{CostModel, Workload, part_secs},
-};
+use trisplat_train::{TrainOptions, Trained, budget::part_secs};
 
 /// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
 const LONGEST_PX: u32 = 96;
@@ -148,12 +145,11 @@ pub fn left_out(photos: &Dataset) -> Result<Dataset> {
 }
 
 /// Whether some of `photos` can be spared, and the trainings take little time compared with a run of `options` without a budget.
-/// A cost model decides instead of a clock, so equal runs decide alike.
+/// Expected seconds decide instead of a clock, so equal runs decide alike.
 pub(super) fn fits_beside(options: &TrainOptions, photos: &Dataset) -> bool {
     let count = photos.train().count();
     let secs = |options: &TrainOptions, photo: UVec2| -> f64 {
-        let first = options.max_triangles.min(photos.points.len() as u64);
-        part_secs(&CostModel::FITTED, &Workload::at_start(photo, first), options).iter().sum()
+        part_secs(options, photo, options.max_triangles).iter().sum()
     };
     let camera = photos.train().map(|view| &view.camera).max_by_key(|camera| camera.size.element_product());
     camera.is_some_and(|camera| {

@@ -3,13 +3,13 @@
 //! Tensors are the raw parameters, both Adam moments and the visibility statistics, little-endian.
 //! `__metadata__` has the format (`trisplat`), a JSON text with all other values (`run`), and the XXH3 hash of both (`xxh3`).
 
-use super::budget::BudgetController;
-use super::core::Core;
+use super::budget::Pace;
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
+use super::outputs::TrainSample;
 use super::params::{Params, TrainState};
-use super::progress::TrainSample;
+use super::start::Core;
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
@@ -22,7 +22,7 @@ use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFi
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: &str = "18";
+const FORMAT: &str = "19";
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
@@ -68,8 +68,8 @@ pub struct CheckpointMeta {
     pub curve: Vec<TrainSample>,
     /// CPU seconds used so far.
     pub cpu_secs: f64,
-    /// The known costs of a run with a budget.
-    pub pace: Option<BudgetController>,
+    /// The pace of a run with a budget.
+    pub pace: Option<Pace>,
 }
 
 impl CheckpointMeta {
@@ -410,7 +410,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             read(&path).unwrap_err().to_string()
         };
-        let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"17");
+        let error = replaced(&format!("\"trisplat\":\"{FORMAT}"), "\"trisplat\":\"18");
         let expected = format!("is a checkpoint of another version, this one reads format {FORMAT}");
         assert!(error.contains(&expected), "{error}");
         let other = replaced("\"trisplat\":", "\"somebody\":");

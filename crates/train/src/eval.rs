@@ -122,6 +122,11 @@ impl Evaluator {
         self.shrunk
     }
 
+    /// Number of held-out photos.
+    pub(crate) fn len(&self) -> usize {
+        self.views.len()
+    }
+
     /// True when no photo is held out.
     pub(crate) fn is_empty(&self) -> bool {
         self.views.is_empty()
@@ -139,16 +144,17 @@ impl Evaluator {
         Some(scene.draw(&camera, options, &mut self.soft, &mut self.solid))
     }
 
-    /// Draws a soup of the world for every photo and compares. Fails when a photo cannot be decoded.
+    /// Draws a soup of the world for the first `most` photos and compares. Fails when a photo cannot be decoded.
     pub(crate) fn scores(
         &mut self,
+        most: usize,
         soup: &Soup,
         space: &SceneNormalization,
         options: &SoftOptions,
     ) -> Result<Vec<PhotoScore>> {
         let scene = EvalScene::new(soup, space, options);
         let (mut soft, mut solid) = (std::mem::take(&mut self.soft), std::mem::take(&mut self.solid));
-        let scores = self.scores_of(options, |camera, options| {
+        let scores = self.scores_of(most, options, |camera, options| {
             let camera = space.camera_to_training(camera);
             Ok(scene.draw(&camera, options, &mut soft, &mut solid))
         });
@@ -156,16 +162,17 @@ impl Evaluator {
         scores
     }
 
-    /// Compares every photo with the picture of `draw` for its camera, in the world, drawn with `options`;
+    /// Compares the first `most` photos with the picture of `draw` for its camera, in the world, drawn with `options`;
     /// objects get other backgrounds. Fails when it does, or when a photo cannot be decoded.
     pub(crate) fn scores_of(
         &mut self,
+        most: usize,
         options: &SoftOptions,
         mut draw: impl FnMut(&Camera, &SoftOptions) -> Result<RgbImage>,
     ) -> Result<Vec<PhotoScore>> {
-        self.photos.prefetch(0..self.views.len());
+        self.photos.prefetch(0..self.views.len().min(most));
         let mut scores = Vec::with_capacity(self.views.len());
-        for (i, EvalView { name, camera, cut }) in self.views.iter().enumerate() {
+        for (i, EvalView { name, camera, cut }) in self.views.iter().enumerate().take(most) {
             let photo = self.photos.take(i)?;
             scores.push(match *cut && photo.alpha.is_some() {
                 false => {

@@ -5,10 +5,10 @@
 //! v_i = q + k · d · u_i      d: mean distance to the three nearest points, u_i: uniform on the unit sphere
 //! ```
 
-use super::neighbours::mean_distances;
 use super::options::InitOptions;
 use glam::Vec3;
-use trisplat_scene::{Rng, Soup, math::median::median, sh0_from_rgb};
+use trisplat_scene::math::median::median;
+use trisplat_scene::{Rng, Soup, parallel, sh0_from_rgb};
 
 /// First opacity (0.28, supplement).
 pub(super) const FIRST_OPACITY: f32 = 0.28;
@@ -49,6 +49,103 @@ pub(crate) fn first_soup(points: &[InitPoint], options: &InitOptions, seed: u64)
         sh: points.iter().map(|p| p.rgb.map(sh0_from_rgb)).collect(),
         sh_degree: 0,
         ..Soup::default()
+    }
+}
+
+/// Points in a leaf.
+const LEAF: usize = 8;
+
+/// The mean distance of every point to its three nearest neighbours, in the points' order. With fewer than
+/// four points the mean is over all others; a lone point gets 0.
+pub(crate) fn mean_distances(points: &[Vec3]) -> Vec<f32> {
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    let mut axes = vec![0; points.len()];
+    build(points, &mut order, &mut axes);
+    let tree = KdTree { points, order: &order, axes: &axes };
+    parallel::collect(points.len(), 1, |i| tree.mean_distance(i as u32, points[i]))
+}
+
+/// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same place.
+#[derive(Clone, Copy)]
+struct KdTree<'a> {
+    points: &'a [Vec3],
+    order: &'a [u32],
+    axes: &'a [u8],
+}
+
+/// Puts the median along the widest axis in the middle, then recurses into both halves.
+fn build(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
+    if order.len() <= LEAF {
+        return;
+    }
+    let axis = widest_axis(points, order);
+    let middle = order.len() / 2;
+    let key = |i: &u32| (points[*i as usize][axis], *i);
+    order.select_nth_unstable_by(middle, |a, b| {
+        let (a, b) = (key(a), key(b));
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    });
+    let (left, right) = order.split_at_mut(middle);
+    let (left_axes, right_axes) = axes.split_at_mut(middle);
+    right_axes[0] = axis as u8;
+    build(points, left, left_axes);
+    build(points, &mut right[1..], &mut right_axes[1..]);
+}
+
+/// The axis along which these points spread most.
+fn widest_axis(points: &[Vec3], order: &[u32]) -> usize {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for &i in order {
+        low = low.min(points[i as usize]);
+        high = high.max(points[i as usize]);
+    }
+    let size = high - low;
+    if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    }
+}
+
+impl KdTree<'_> {
+    fn mean_distance(self, me: u32, p: Vec3) -> f32 {
+        let mut best = [f32::INFINITY; 3];
+        self.search(me, p, &mut best);
+        let found = best.iter().filter(|d| d.is_finite());
+        let count = found.clone().count();
+        if count == 0 { 0.0 } else { found.map(|d| d.sqrt()).sum::<f32>() / count as f32 }
+    }
+
+    /// Keeps the three smallest squared distances in `best`, ascending.
+    fn search(self, me: u32, p: Vec3, best: &mut [f32; 3]) {
+        if self.order.len() <= LEAF {
+            self.order.iter().for_each(|&i| self.offer(i, me, p, best));
+            return;
+        }
+        let middle = self.order.len() / 2;
+        let axis = usize::from(self.axes[middle]);
+        let offset = p[axis] - self.points[self.order[middle] as usize][axis];
+        let (left, right) = (self.part(0..middle), self.part(middle + 1..self.order.len()));
+        let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
+        near.search(me, p, best);
+        self.offer(self.order[middle], me, p, best);
+        if offset * offset < best[2] {
+            far.search(me, p, best);
+        }
+    }
+
+    fn offer(self, i: u32, me: u32, p: Vec3, best: &mut [f32; 3]) {
+        let d = self.points[i as usize].distance_squared(p);
+        if i != me && d < best[2] {
+            best[2] = d;
+            best.sort_by(f32::total_cmp);
+        }
+    }
+
+    fn part(self, range: std::ops::Range<usize>) -> Self {
+        Self { order: &self.order[range.clone()], axes: &self.axes[range], ..self }
     }
 }
 
@@ -95,5 +192,43 @@ mod tests {
             soup.validate().unwrap();
             assert!(soup.len() >= least);
         }
+    }
+}
+
+#[cfg(test)]
+mod neighbours_tests {
+    use super::*;
+    use trisplat_scene::Rng;
+
+    #[test]
+    fn equals_brute_force() {
+        let rng = Rng::new(1, "points", 0);
+        let points: Vec<Vec3> = (0..700u64)
+            .map(|i| {
+                let p = Vec3::new(rng.uniform(3 * i), rng.uniform(3 * i + 1), 0.1 * rng.uniform(3 * i + 2));
+                if i % 50 == 0 {
+                    p * 1e4
+                } else if i % 17 == 0 {
+                    Vec3::splat(0.5)
+                } else {
+                    p
+                }
+            })
+            .collect();
+        let fast = mean_distances(&points);
+        for (i, p) in points.iter().enumerate() {
+            let mut all: Vec<f32> =
+                points.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, q)| q.distance(*p)).collect();
+            all.sort_by(f32::total_cmp);
+            let mean = all[..3].iter().sum::<f32>() / 3.0;
+            assert!((fast[i] - mean).abs() <= 1e-5 * mean.max(1e-3), "{i}: {} {mean}", fast[i]);
+        }
+    }
+
+    #[test]
+    fn few_points() {
+        assert!(mean_distances(&[]).is_empty());
+        assert_eq!(mean_distances(&[Vec3::ONE]), [0.0]);
+        assert_eq!(mean_distances(&[Vec3::ZERO, Vec3::X]), [1.0, 1.0]);
     }
 }

@@ -1,16 +1,20 @@
 //! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
 
 use super::backend::TrainBackend;
-use super::budget::BudgetController;
+use super::budget::{Correction, Pace, Spending};
 use super::checkpoint;
+use super::densify::Densified;
 use super::eval::{self, Evaluator, PhotoScore, Quality};
-use super::progress::{TrainEvent, TrainObserver, TrainSample};
 use super::trainer::Trainer;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{Error, Result, process::cpu_secs};
+use trisplat_scene::process::cpu_secs;
+use trisplat_scene::{Error, ImportedScene, Result};
 
 /// The outputs during a run; none of them changes the result.
 #[derive(Debug, Clone, Default)]
@@ -162,7 +166,7 @@ impl<'a> Recorder<'a> {
         evaluate: bool,
     ) -> Result<TrainSample> {
         if evaluate {
-            let scores = self.uncounted(|run| run.scores(trainer))?;
+            let scores = self.uncounted(|run| run.scores(trainer, usize::MAX))?;
             now.test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
             now.test_size = now.test_psnr.and(self.evaluator.shrunk_size());
         }
@@ -171,16 +175,29 @@ impl<'a> Recorder<'a> {
         Ok(now)
     }
 
-    fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>) -> Result<Vec<PhotoScore>> {
+    /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which counts too.
+    pub(super) fn evaluation_secs<B: TrainBackend>(
+        &mut self,
+        trainer: &mut Trainer<B>,
+        clock: &Spending,
+    ) -> Result<f64> {
+        let before = clock.seconds();
+        self.uncounted(|run| run.scores(trainer, 1))?;
+        Ok((clock.seconds() - before) * (self.evaluator.len() + 1) as f64)
+    }
+
+    fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>, most: usize) -> Result<Vec<PhotoScore>> {
         if self.evaluator.is_empty() {
             return Ok(Vec::new());
         }
         let drawing = trainer.drawing(&self.drawing);
         if trainer.draws(&drawing) {
-            return self.evaluator.scores_of(&drawing, |camera, drawing| trainer.picture(camera, drawing));
+            return self
+                .evaluator
+                .scores_of(most, &drawing, |camera, drawing| trainer.picture(camera, drawing));
         }
         let (soup, space) = (trainer.soup()?, trainer.space());
-        self.evaluator.scores(&soup, &space, &drawing)
+        self.evaluator.scores(most, &soup, &space, &drawing)
     }
 
     /// Writes a checkpoint, if the run has any; returns its step and path.
@@ -188,7 +205,7 @@ impl<'a> Recorder<'a> {
         &mut self,
         trainer: &mut Trainer<B>,
         outputs: &RunOptions,
-        pace: Option<BudgetController>,
+        pace: Option<Pace>,
     ) -> Option<(u64, PathBuf)> {
         let path = outputs.checkpoint.as_ref()?;
         let spent = cpu_secs() - self.cpu_start;
@@ -240,7 +257,7 @@ impl<'a> Recorder<'a> {
         last: Option<TrainSample>,
     ) -> Result<Recorded> {
         let spent = cpu_secs() - self.cpu_start;
-        let scores = self.scores(trainer)?;
+        let scores = self.scores(trainer, usize::MAX)?;
         if let Some(last) = last {
             let test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
             let test_size = test_psnr.and(self.evaluator.shrunk_size());
@@ -262,3 +279,56 @@ impl<'a> Recorder<'a> {
         })
     }
 }
+
+/// The state of a run after some step: one point of its curve.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TrainSample {
+    /// Steps made.
+    pub step: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Loss, averaged over the last steps.
+    pub loss: f64,
+    /// PSNR on the training photos as drawn, averaged over the last steps, dB.
+    pub psnr: f64,
+    /// PSNR on the held-out photos, dB; only if measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_psnr: Option<f64>,
+    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_size: Option<ShrunkSize>,
+    /// Width of the last photo, px.
+    pub width_px: u32,
+    /// CPU seconds of the process, evaluation excluded.
+    pub cpu_secs: f64,
+    /// Wall-clock seconds since this process began training.
+    pub wall_secs: f64,
+    /// Gradients dropped so far because they were not finite.
+    pub dropped: u64,
+}
+
+/// What happens in a run.
+#[derive(Debug)]
+pub enum TrainEvent<'a> {
+    /// A step was made.
+    Step {
+        /// Loss and PSNR are means over the steps since the last sample with known figures; on a graphics card the last two
+        /// steps are not known yet.
+        sample: &'a TrainSample,
+        /// Set it to get [`TrainEvent::Scene`] after this step.
+        wants_scene: &'a mut bool,
+    },
+    /// A sample of the curve; its loss and PSNR are means since the last one.
+    Sampled(&'a TrainSample),
+    /// The scene was densified after this step.
+    Densified(u64, &'a Densified),
+    /// The budget changed the planned number of steps.
+    Corrected(&'a Correction),
+    /// A checkpoint or a preview could not be written; the run continues.
+    Lost(&'a Error),
+    /// A copy of the scene after the step of the sample, as in its file.
+    Scene(&'a TrainSample, Box<ImportedScene>),
+}
+
+/// Is told what happens; `ControlFlow::Break` stops the run after the step, with a checkpoint.
+pub type TrainObserver<'a> = &'a mut dyn FnMut(TrainEvent<'_>) -> ControlFlow<()>;

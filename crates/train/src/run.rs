@@ -1,14 +1,14 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
 use super::backend::{RunSize, TrainBackend};
-use super::budget::{BudgetController, Paced, Spending};
+use super::budget::{Pace, Paced, Spending};
 use super::checkpoint::Checkpoint;
 use super::cpu::CpuBackend;
 use super::exposure::ExposureDetails;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
 use super::outputs::{Recorder, RunOptions};
-use super::progress::{TrainEvent, TrainObserver, TrainSample};
+use super::outputs::{TrainEvent, TrainObserver, TrainSample};
 use super::start::{FirstScene, Part};
 use super::trained::{Trained, provenance};
 use super::trainer::Trainer;
@@ -157,7 +157,15 @@ impl<'a> TrainRun<'a> {
             }
             _ => None,
         };
-        let mut paced = self.paced.or_else(|| goes_on(self.resume.as_ref()?.meta.pace.clone()?, self.began));
+        let goes_on = || {
+            let pace = self.resume.as_ref()?.meta.pace.clone()?;
+            let clock = pace.budget.clock;
+            let spending =
+                self.began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
+            let spending = spending.after(pace.stored_secs());
+            Some(Paced { pace, spending })
+        };
+        let mut paced = self.paced.or_else(goes_on);
         let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
         let scene = self.from.as_ref().map(|scene| FirstScene { scene, part: self.part, cut: self.cut_from });
         let force = self.force_resume;
@@ -166,6 +174,7 @@ impl<'a> TrainRun<'a> {
             None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
         };
         if let Some(Paced { pace, spending }) = &mut paced {
+            // Pictures of a teacher, the shell, and what a resumed run reads again are no steps.
             pace.resume(spending.seconds());
         }
         Ok(StartedRun {
@@ -189,14 +198,6 @@ impl<'a> TrainRun<'a> {
     pub fn run(self, observer: TrainObserver<'_>) -> Result<Trained> {
         self.start()?.finish(observer)
     }
-}
-
-/// The pace of a checkpoint, and a clock that continues from it.
-fn goes_on(pace: BudgetController, began: Option<Instant>) -> Option<Paced> {
-    let clock = pace.budget.clock;
-    let spending = began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
-    let spending = spending.after(pace.stored_secs());
-    Some(Paced { pace, spending })
 }
 
 /// The memory for photos, divided between training and held-out photos in proportion to their bytes.
@@ -321,7 +322,6 @@ impl<B: TrainBackend> StartedRun<'_, B> {
     /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its sample, and
     /// whether to stop.
     fn make_step(&mut self, every: u64, record: &mut Recorder<'_>) -> Result<(TrainSample, bool)> {
-        let triangles = self.trainer.triangles() as u64;
         let outcome = self.trainer.step()?;
         let Self { trainer, paced, outputs, .. } = self;
         let step = trainer.steps();
@@ -333,7 +333,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         if let Some(densified) = &outcome.densified {
             record.tell(TrainEvent::Densified(now.step, densified));
         }
-        keep_pace(trainer, triangles, paced.as_mut(), record);
+        keep_pace(trainer, paced.as_mut(), record)?;
         trainer.find_exposures(&self.drawing)?;
         let is_over = self.is_over();
         let Self { trainer, paced, outputs, .. } = self;
@@ -408,26 +408,28 @@ fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Prov
     }
 }
 
-/// Counts the last step, which had `triangles`; at a milestone, chooses the remaining steps anew.
+/// At a milestone, chooses the remaining steps anew.
 fn keep_pace<B: TrainBackend>(
     trainer: &mut Trainer<B>,
-    triangles: u64,
     paced: Option<&mut Paced>,
     record: &mut Recorder<'_>,
-) {
-    let Some(Paced { pace, spending }) = paced else { return };
-    let step = trainer.steps();
-    pace.stepped(step.saturating_sub(1), triangles, trainer.options());
-    let triangles = trainer.triangles() as u64;
-    if let Some(options) = pace.corrected(step, spending.seconds(), triangles, trainer.options()) {
+) -> Result<()> {
+    let Some(Paced { pace, spending }) = paced else { return Ok(()) };
+    let (step, triangles) = (trainer.steps(), trainer.triangles() as u64);
+    let spent = spending.seconds();
+    if trainer.options().milestones.last() == Some(&step) {
+        pace.reserve(record.evaluation_secs(trainer, spending)?);
+    }
+    if let Some(options) = pace.corrected(step, spent, triangles, trainer.options()) {
         trainer.stretch(&options);
         if let Some(correction) = pace.corrections.last() {
             record.tell(TrainEvent::Corrected(correction));
         }
     }
+    Ok(())
 }
 
 /// The state of the budget for a checkpoint.
-fn stored(paced: &Option<Paced>) -> Option<BudgetController> {
+fn stored(paced: &Option<Paced>) -> Option<Pace> {
     paced.as_ref().map(|paced| paced.pace.stored(paced.spending.seconds()))
 }

@@ -1,8 +1,6 @@
 //! The state before the first step: triangles at the points of a data set, or those of a scene.
 
-use super::core::Core;
 use super::exposure::ExposureEstimates;
-use super::from_scene;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
@@ -10,10 +8,12 @@ use super::pyramid::Pyramid;
 use super::schedule::Schedule;
 use super::shell;
 use super::visibility::VisibilityStats;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use trisplat_dataset::{Dataset, DatasetKind, Point, View, random_points};
-use trisplat_scene::{ImportedScene, Placement, Result, SceneNormalization, Soup, camera::Camera};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -144,12 +144,12 @@ pub(super) fn from_scene(
         _ => scene.provenance.placement,
     };
     let positions = || match dataset.points.is_empty() {
-        true => from_scene::centers(scene, &placement, dataset.origin),
+        true => centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
     let space = from.part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
     let most = (!from.cut).then_some(options.max_triangles.saturating_add(frozen as u64));
-    let mut soup = from_scene::first_soup(scene, &placement, dataset.origin, &space, most)?;
+    let mut soup = placed_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
     let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
     let mut position = at_first_step(views, options, space, &soup);
@@ -181,6 +181,65 @@ fn at_first_step(
         dropped: 0,
         core: None,
         exposure: ExposureEstimates::first(views, options.exposure),
+    }
+}
+
+/// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data
+/// set: `origin` is the world point at (0, 0, 0) of the data set.
+///
+/// Errors: more triangles than `most`, if given, or none at all.
+fn placed_soup(
+    scene: &ImportedScene,
+    placement: &Placement,
+    origin: DVec3,
+    space: &SceneNormalization,
+    most: Option<u64>,
+) -> Result<Soup> {
+    let mut soup = scene.scene.to_soup();
+    if soup.is_empty() {
+        return Err(Error::invalid("from", "a scene without triangles", "one or more triangles"));
+    }
+    if let Some(most) = most.filter(|most| soup.len() as u64 > *most) {
+        let wants = format!("{} or more, as many as the scene to start from has", soup.len());
+        return Err(Error::invalid("max_triangles", most, wants));
+    }
+    for corner in soup.vertices.iter_mut().flatten() {
+        let world: Vec3 = (placement.to_world_f64(*corner) - origin).as_vec3();
+        *corner = space.to_training(world);
+    }
+    Ok(soup)
+}
+
+/// Replaces the points of a data set without points: places of the triangles of `scene`, in its world.
+fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<Vec3> {
+    let center = |i: usize| {
+        let sum: DVec3 = scene.scene.corners(i).iter().map(|corner| placement.to_world_f64(*corner)).sum();
+        (sum / 3.0 - origin).as_vec3()
+    };
+    (0..scene.scene.triangle_count()).map(center).collect()
+}
+
+/// A box of training space with its own limit of triangles. The surroundings grow with it, and stop when it
+/// is full.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Core {
+    /// Lowest coordinates, inclusive; `None`: unbounded.
+    pub low: [Option<f32>; 3],
+    /// Highest coordinates, exclusive; `None`: unbounded.
+    pub high: [Option<f32>; 3],
+    /// Most triangles with their middle in the box.
+    pub triangles: u64,
+}
+
+impl Core {
+    /// Whether triangle `i` has its middle in the box.
+    pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
+        let [a, b, c] = params.vertices[i];
+        let middle: Vec3 = (a + b + c) / 3.0;
+        (0..3).all(|k| {
+            self.low[k].is_none_or(|low| middle[k] >= low) && self.high[k].is_none_or(|high| middle[k] < high)
+        })
     }
 }
 

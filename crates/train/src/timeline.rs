@@ -72,16 +72,6 @@ impl Timeline {
         }
     }
 
-    /// The steps of a whole run with the density of this one at `step`.
-    pub(crate) fn density(&self, step: u64) -> f64 {
-        match self.part_of(step) {
-            Some(Part { positions: [from, until], steps: [first, last] }) => {
-                (last - first).max(1) as f64 * REFERENCE_STEPS / (until - from)
-            }
-            None => self.steps.max(1) as f64,
-        }
-    }
-
     /// The part of step `step`; `None` for a proportional run.
     fn part_of(&self, step: u64) -> Option<Part> {
         self.parts()?.into_iter().find(|part| step < part.steps[1]).or_else(|| {
@@ -113,7 +103,6 @@ mod tests {
         let plain = timeline(3000, [0; 4]);
         assert_eq!(plain.step_at(12_000.0), 1200);
         assert_eq!(plain.position(1500), 15_000.0);
-        assert_eq!(plain.density(7), 3000.0);
         assert_eq!(Timeline::proportional(1000), [400, 667, 800, 900]);
     }
 
@@ -135,7 +124,6 @@ mod tests {
         let (before, after) = (timeline(1003, [401, 669, 802, 903]), timeline(77, [401, 669, 670, 680]));
         for step in 0..669 {
             assert_eq!(before.position(step), after.position(step));
-            assert_eq!(before.density(step), after.density(step));
         }
         for position in 0..20_000 {
             assert_eq!(before.step_at(position.into()), after.step_at(position.into()));

@@ -1,10 +1,10 @@
 //! The result of a run: the scene, its figures, and its file.
 
-use super::budget::{BudgetController, BudgetDetails, Paced};
+use super::budget::{BudgetDetails, Paced};
 use super::eval::{PhotoScore, Quality};
 use super::exposure::ExposureDetails;
 use super::options::TrainOptions;
-use super::progress::TrainSample;
+use super::outputs::TrainSample;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -158,16 +158,7 @@ impl Trained {
     /// The use of the budget so far; `None` without one.
     pub fn budget(&self) -> Option<BudgetDetails> {
         let Paced { pace, spending } = self.paced.as_ref()?;
-        Some(pace.details(spending.seconds(), self.repeat(pace)))
-    }
-
-    /// The options that make the same run without a budget.
-    fn repeat(&self, pace: &BudgetController) -> String {
-        let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = self.options;
-        let size = pace.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
-        format!(
-            "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\""
-        )
+        Some(pace.details(spending.seconds(), &self.options))
     }
 
     /// The run as the only stage of its report; it began with `triangles` and took `seconds`.

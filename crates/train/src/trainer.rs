@@ -2,16 +2,16 @@
 
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
-use super::core::Core;
 use super::densify::{self, Densified, densify};
 use super::eval::{EvalScene, solid_samples};
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
+use super::outputs::TrainSample;
 use super::params::{Anneal, TrainState};
-use super::progress::TrainSample;
 use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
+use super::start::Core;
 use super::start::{self, FirstScene, Position};
 use super::visibility::{PhotoVisibility, VisibilityStats};
 use std::sync::Arc;

@@ -1,17 +1,17 @@
 //! The backend of a training scene on a graphics card.
 
-use super::job::{COUNTS, GROUPS, Jobs};
-use super::limits::GpuLimits;
 use super::passes::{Passes, Variants};
-use super::pending_step::{PendingStep, missing_capacity};
-use super::photos::Photos;
-use super::rows::row_count;
+use super::scene::Photos;
+use super::scene::row_count;
 use super::scene::{REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer};
-use super::self_test::self_test;
+use super::sequence::self_test;
 use super::sequence::{BindGroups, Sequence};
+use super::sequence::{COUNTS, GROUPS, Jobs};
+use super::step_buffers::GpuLimits;
 use super::step_buffers::{SLOT_PARTS, StepBuffers, StepCapacity};
 use super::step_passes::StepPasses;
 use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
+use super::uniform::{PendingStep, missing_capacity};
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;

@@ -8,23 +8,15 @@
 //! the same bits on the same card. Parameters and moments stay on the card between `load` and `store`.
 
 mod gpu_backend;
-mod job;
-mod limits;
-mod ordering;
 mod passes;
-mod pending_step;
-mod photos;
 mod picture;
-mod rows;
 mod scene;
-mod self_test;
 mod sequence;
-mod source;
 mod step_buffers;
 mod step_passes;
 mod uniform;
 
 pub use gpu_backend::GpuBackend;
 pub(super) use gpu_backend::expected_bytes;
-pub use limits::GpuLimits;
 pub use picture::CardScene;
+pub use step_buffers::GpuLimits;

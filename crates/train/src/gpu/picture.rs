@@ -1,10 +1,10 @@
 //! Pictures of a scene on the card: the passes of a step up to the frame.
 
 use super::gpu_backend::GpuBackend;
-use super::limits::GpuLimits;
-use super::pending_step::{first_counts, missing_capacity};
+use super::step_buffers::GpuLimits;
 use super::step_buffers::StepCapacity;
 use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
+use super::uniform::{first_counts, missing_capacity};
 use crate::backend::TrainBackend;
 use crate::params::{Params, TrainState};
 use trisplat_gpu::{Gpu, readback::elements};

@@ -1,15 +1,19 @@
 //! The scene and Adam's moments, on the card.
 
-use super::rows::{append, from_params, row_count};
-use super::source::GROUP;
+use super::passes::GROUP;
 use super::uniform::SceneShape;
-use crate::backend::BackendVisibility;
+use crate::backend::{BackendVisibility, PhotoId, StepPhoto};
 use crate::params::{Params, TrainState};
+use glam::Vec3;
+use std::collections::HashMap;
 use std::ops::Range;
-use trisplat_gpu::{Gpu, readback::elements, storage, uniform};
+use trisplat_gpu::buffer::filled;
+use trisplat_gpu::readback::elements;
+use trisplat_gpu::{Gpu, storage, uniform};
 use trisplat_raster::soft::Importance;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result};
-use wgpu::{BindingResource, Buffer, BufferBinding};
+use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, CommandEncoder};
 
 /// The remedy when a scene does not fit.
 pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
@@ -175,6 +179,147 @@ impl VisibilityBuffer {
     }
 }
 
+/// Rows before the SH.
+const GEOMETRY_ROWS: usize = 11;
+
+/// Numbers per triangle.
+pub(super) fn row_count(sh_count: usize) -> usize {
+    GEOMETRY_ROWS + 3 * sh_count
+}
+
+/// The rows of a chunk of `params`. `[11 + 3 K, N]`
+pub(super) fn from_params(params: &Params, chunk: Range<usize>) -> Vec<f32> {
+    let (n, k) = (chunk.len(), params.sh_count());
+    let (vertices, sh) = (&params.vertices[chunk.clone()], &params.sh[chunk.start * k..chunk.end * k]);
+    let mut rows = vec![0.0; row_count(k) * n];
+    parallel::for_each(rows.chunks_mut(n.max(1)), |j, row| match j {
+        0..9 => row.iter_mut().zip(vertices).for_each(|(x, v)| *x = v[j / 3][j % 3]),
+        9 => row.copy_from_slice(&params.opacity[chunk.clone()]),
+        10 => row.copy_from_slice(&params.sigma[chunk.clone()]),
+        _ => {
+            let (k_at, c) = ((j - GEOMETRY_ROWS) / 3, (j - GEOMETRY_ROWS) % 3);
+            row.iter_mut().zip(sh.chunks_exact(k)).for_each(|(x, sh)| *x = sh[k_at][c]);
+        }
+    });
+    rows
+}
+
+/// Appends a chunk of `n` to `params`.
+pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
+    let k = params.sh_count();
+    let at = |j: usize, i: usize| rows[j * n + i];
+    let corner = |i: usize, c: usize| Vec3::new(at(3 * c, i), at(3 * c + 1, i), at(3 * c + 2, i));
+    let coefficient = |m: usize| {
+        let (i, first) = (m / k, GEOMETRY_ROWS + 3 * (m % k));
+        [at(first, i), at(first + 1, i), at(first + 2, i)]
+    };
+    parallel::extend(&mut params.vertices, n, GRAIN, |i| [corner(i, 0), corner(i, 1), corner(i, 2)]);
+    params.opacity.extend_from_slice(&rows[9 * n..10 * n]);
+    params.sigma.extend_from_slice(&rows[10 * n..11 * n]);
+    parallel::extend(&mut params.sh, n * k, GRAIN, coefficient);
+}
+
+/// A photo of a step: a pixel's colour and weight in 8 bits each, lowest first.
+#[derive(Debug)]
+pub(super) enum PhotoSource {
+    /// On the card.
+    Held(Buffer),
+    /// In main memory.
+    Packed(Vec<u32>),
+}
+
+impl PhotoSource {
+    /// Copies it to `to`, before all later recorded passes.
+    pub(super) fn copy(&self, gpu: &Gpu, encoder: &mut CommandEncoder, to: &Buffer) {
+        match self {
+            Self::Held(buffer) => encoder.copy_buffer_to_buffer(buffer, 0, to, 0, buffer.size()),
+            Self::Packed(pixels) => gpu.queue.write_buffer(to, 0, bytemuck::cast_slice(pixels)),
+        }
+    }
+}
+
+/// The photos on the card. The one that was used least recently leaves for a new one.
+#[derive(Debug)]
+pub(super) struct Photos {
+    held: HashMap<PhotoId, HeldPhoto>,
+    bytes: u64,
+    most_bytes: u64,
+    uses: u64,
+}
+
+#[derive(Debug)]
+struct HeldPhoto {
+    buffer: Buffer,
+    last_use: u64,
+}
+
+impl Photos {
+    /// None yet, and never more than `most_bytes`.
+    pub(super) fn new(most_bytes: u64) -> Self {
+        Self { held: HashMap::new(), bytes: 0, most_bytes, uses: 0 }
+    }
+
+    /// Forgets them; true when this frees memory.
+    pub(super) fn clear(&mut self) -> bool {
+        let any = !self.held.is_empty();
+        self.held.clear();
+        self.bytes = 0;
+        any
+    }
+
+    /// Keeps no photo from now on; true when this frees memory.
+    pub(super) fn give_up(&mut self) -> bool {
+        self.most_bytes = 0;
+        self.clear()
+    }
+
+    /// A photo, on the card if there is room for it.
+    pub(super) fn get(&mut self, gpu: &Gpu, photo: &StepPhoto<'_>) -> PhotoSource {
+        let bytes = 4 * photo.pixels.rgb.len() as u64;
+        let id = photo.id.filter(|_| bytes <= self.most_bytes);
+        let held = id.and_then(|id| self.hold(gpu, id, photo, bytes));
+        held.map_or_else(|| PhotoSource::Packed(packed(photo)), PhotoSource::Held)
+    }
+
+    fn hold(&mut self, gpu: &Gpu, id: PhotoId, photo: &StepPhoto<'_>, bytes: u64) -> Option<Buffer> {
+        self.uses += 1;
+        if let Some(held) = self.held.get_mut(&id) {
+            held.last_use = self.uses;
+            return Some(held.buffer.clone());
+        }
+        while self.bytes + bytes > self.most_bytes {
+            let oldest = *self.held.iter().min_by_key(|(_, held)| held.last_use)?.0;
+            self.bytes -= self.held.remove(&oldest).map_or(0, |held| held.buffer.size());
+        }
+        let pixel = packed_pixel(photo);
+        let usage = BufferUsages::COPY_SRC;
+        match filled(gpu, "photo", usage, photo.pixels.rgb.len(), pixel) {
+            Ok(buffer) => {
+                self.bytes += buffer.size();
+                self.held.insert(id, HeldPhoto { buffer: buffer.clone(), last_use: self.uses });
+                Some(buffer)
+            }
+            Err(_) => {
+                // The card is full earlier than expected: its photos stay, new ones do not.
+                self.most_bytes = self.bytes;
+                None
+            }
+        }
+    }
+}
+
+fn packed(photo: &StepPhoto<'_>) -> Vec<u32> {
+    parallel::collect(photo.pixels.rgb.len(), GRAIN, packed_pixel(photo))
+}
+
+fn packed_pixel<'a>(photo: &StepPhoto<'a>) -> impl Fn(usize) -> u32 + Sync + use<'a> {
+    let (rgb, alpha) = (&photo.pixels.rgb, photo.pixels.alpha.as_deref());
+    move |i| {
+        let [r, g, b] = rgb[i];
+        u32::from_le_bytes([r, g, b, alpha.map_or(u8::MAX, |alpha| alpha[i])])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,5 +331,34 @@ mod tests {
         assert_eq!(chunk_triangles(59, (2 << 30) - 1), 9_099_264 / GROUP * GROUP);
         assert_eq!(chunk_triangles(59, 1), GROUP);
         assert_eq!(chunk_triangles(14, u64::MAX) % GROUP, 0);
+    }
+}
+
+#[cfg(test)]
+mod rows_tests {
+    use super::*;
+    use trisplat_scene::Rng;
+
+    #[test]
+    fn rows_hold_every_number_once() {
+        for degree in 0..=3u8 {
+            let rng = Rng::new(5, "rows", 0);
+            let (n, k) = (7, (usize::from(degree) + 1).pow(2));
+            let number = |i: usize| rng.uniform(i as u64);
+            let params = Params {
+                vertices: (0..n).map(|i| [0, 1, 2].map(|c| Vec3::splat(number(3 * i + c)))).collect(),
+                opacity: (0..n).map(|i| number(100 + i)).collect(),
+                sigma: (0..n).map(|i| number(200 + i)).collect(),
+                sh: (0..n * k).map(|m| [0, 1, 2].map(|c| number(300 + 3 * m + c))).collect(),
+                sh_degree: degree,
+            };
+            let mut back = Params { sh_degree: degree, ..Params::default() };
+            for chunk in [0..3, 3..5, 5..n] {
+                let rows = from_params(&params, chunk.clone());
+                assert_eq!(rows.len(), row_count(k) * chunk.len());
+                append(&mut back, &rows, chunk.len());
+            }
+            assert_eq!(back, params);
+        }
     }
 }

@@ -1,11 +1,11 @@
 //! The passes of one step, in order.
 
-use super::job::{Count, DIGIT_BITS, Groups, Job, sum, turn};
-use super::ordering::{Ordering, Sort};
+use super::passes::{GROUP, SCAN_ITEMS};
 use super::passes::{Passes, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
+use super::sequence::{Count, DIGIT_BITS, Groups, Job, sum, turn};
+use super::sequence::{Ordering, Sort};
 use super::sequence::{Sequence, Spread, all};
-use super::source::{GROUP, SCAN_ITEMS};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use wgpu::{BindingResource, Buffer};

@@ -1,0 +1,581 @@
+//! Budgets of time: some steps measure the machine, seconds choose steps, triangles and the size of photos, and a clock moves milestones.
+//!
+//! ```text
+//! speed ──► plan ──► run: at each milestone, seconds that are left ──► steps that are left
+//! ```
+//!
+//! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. The number of remaining steps
+//! changes only at a milestone (`timeline.rs`), so that options can describe the run.
+
+use crate::cpu::CpuBackend;
+use crate::identity::RunIdentity;
+use crate::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
+use crate::pyramid::{MIN_PX, size_at};
+use crate::schedule::Schedule;
+use crate::start::FirstScene;
+use crate::timeline::{MILESTONES, Timeline};
+use crate::trainer::Trainer;
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use trisplat_dataset::{Dataset, Photo, View};
+use trisplat_scene::{Error, ImportedScene, Result};
+
+pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
+
+/// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only their proportions count, because
+/// [`speed`] measures the machine.
+const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
+/// Seconds per pixel to decode a photo, and to draw and compare a held-out one, in the same unit.
+const DECODE_SECS: f64 = 10e-9;
+const EVALUATE_SECS: f64 = 0.3e-6;
+/// Photos to measure by, and the seconds and steps that are enough: some clocks advance only every 16 ms.
+const MEASURED_PHOTOS: usize = 3;
+const MEASURED_SECS: f64 = 0.05;
+const MEASURED_STEPS: u64 = 200;
+/// Triangles per step, by the least error at equal cost (docs/benchmarks/history.md).
+const TRIANGLES_PER_STEP: f64 = 14.0;
+/// Least pixels of the training photos per triangle: more triangles overfit the photos.
+const PIXELS_PER_TRIANGLE: f64 = 80.0;
+/// Fewer steps than this are worth smaller photos, unless a run has its own number.
+const ENOUGH_STEPS: u64 = 1000;
+/// Photos are not made smaller than this on their longer side, px.
+const SMALLEST_PHOTO: u32 = 320;
+/// Fewer steps do not give a usable scene.
+const FEWEST_STEPS: u64 = 60;
+/// Least triangles, unless the scene begins with more, and most.
+const TRIANGLES: [f64; 2] = [1e3, 1e6];
+/// Most remaining steps, as a multiple of the planned ones.
+const MOST_STRETCH: f64 = 10.0;
+
+/// Limits of a run with any budget.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StepLimit {
+    /// More steps than this gain nothing.
+    pub steps: Option<u64>,
+    /// Fewer steps than this are worth smaller photos.
+    pub steps_of_full_photos: u64,
+}
+
+impl Default for StepLimit {
+    fn default() -> Self {
+        Self { steps: None, steps_of_full_photos: ENOUGH_STEPS }
+    }
+}
+
+/// A plan for a budget.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Plan {
+    /// Steps.
+    pub steps: u64,
+    /// Most triangles.
+    pub max_triangles: u64,
+    /// The longer side of the photos, px; null: unchanged.
+    pub max_size: Option<u32>,
+    /// Expected seconds of the steps.
+    pub step_secs: f64,
+    /// Seconds reserved for evaluation and writing.
+    pub reserve_secs: f64,
+}
+
+/// A change of the remaining steps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Correction {
+    /// Steps made.
+    pub step: u64,
+    /// Seconds of the budget spent.
+    pub spent_secs: f64,
+    /// Steps of the whole run from here on.
+    pub steps: u64,
+}
+
+/// How a run used its budget.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct BudgetDetails {
+    /// The budget.
+    pub budget: Budget,
+    /// What was chosen before the first step.
+    pub plan: Plan,
+    /// The changes since.
+    pub corrections: Vec<Correction>,
+    /// Seconds spent at the time of the report.
+    pub spent_secs: f64,
+    /// Options that make the same run without a budget.
+    pub repeat: String,
+}
+
+/// A run with a budget, as its checkpoints store it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pace {
+    /// The budget.
+    pub budget: Budget,
+    /// What was chosen before the first step.
+    pub plan: Plan,
+    /// The changes since.
+    pub corrections: Vec<Correction>,
+    /// The size of the photos, the largest, px.
+    photo: UVec2,
+    /// Seconds spent at the start of the present part, and when this was last stored.
+    began_secs: f64,
+    stored_secs: f64,
+    /// Seconds for the work after the last step, once they were measured.
+    reserve_secs: Option<f64>,
+    /// More steps than this gain nothing.
+    most_steps: Option<u64>,
+}
+
+/// A pace, and the clock of the budget.
+#[derive(Debug, Clone)]
+pub struct Paced {
+    /// The plan and its changes.
+    pub pace: Pace,
+    /// What is spent.
+    pub spending: Spending,
+}
+
+/// What a budget is planned for.
+#[derive(Debug, Clone)]
+pub struct PlanInput<'a> {
+    /// The options of the run; its steps, its milestones and, unless given, its triangles are chosen.
+    pub options: &'a TrainOptions,
+    /// The budget.
+    pub budget: Budget,
+    /// Seconds spent already.
+    pub spent_secs: f64,
+    /// The machine's [`speed`].
+    pub speed: f64,
+    /// Training photos, and held-out ones.
+    pub photos: [u64; 2],
+    /// The size of the largest training photo, px.
+    pub photo: UVec2,
+    /// `max_triangles` is given.
+    pub triangles_given: bool,
+    /// `max_size` is given, or cannot be chosen.
+    pub size_given: bool,
+    /// Triangles of the scene that the run starts from, which must all fit.
+    pub from: Option<u64>,
+    /// What is enough for it.
+    pub enough: StepLimit,
+}
+
+impl<'a> PlanInput<'a> {
+    /// Of a data set after reading.
+    pub fn new(
+        dataset: &Dataset,
+        options: &'a TrainOptions,
+        budget: Budget,
+        spent_secs: f64,
+        speed: f64,
+    ) -> Self {
+        let sizes = dataset.train().map(|view| view.photo.size);
+        Self {
+            options,
+            budget,
+            spent_secs,
+            speed,
+            photos: [dataset.train().count(), dataset.test().count()].map(|count| count as u64),
+            photo: sizes.max_by_key(|size| size.element_product()).unwrap_or(UVec2::ONE),
+            triangles_given: false,
+            size_given: false,
+            from: None,
+            enough: StepLimit::default(),
+        }
+    }
+
+    /// The size of photos whose longer side is `max_size`.
+    fn photo_of(&self, max_size: Option<u32>) -> UVec2 {
+        let longer = self.photo.max_element();
+        let most = max_size.unwrap_or(longer).min(longer);
+        (self.photo.as_dvec2() * f64::from(most) / f64::from(longer)).round().as_uvec2().max(UVec2::ONE)
+    }
+
+    /// Seconds to decode the photos and for the work after the last step, with photos of `photo`.
+    fn beside_secs(&self, photo: UVec2) -> [f64; 2] {
+        let [all, held_out] = [self.photos[0] + self.photos[1], self.photos[1]].map(|count| count as f64);
+        let [full, small] = [self.photo, photo].map(|size| size.as_dvec2().element_product());
+        [all * full * DECODE_SECS, held_out * small * EVALUATE_SECS].map(|secs| secs * self.speed)
+    }
+
+    /// Options of a run of `steps`, and the seconds up to its last step.
+    fn run(&self, steps: u64, photo: UVec2) -> (TrainOptions, f64) {
+        let max_triangles = self.triangles(photo, steps);
+        let options = TrainOptions { steps, max_triangles, milestones: [0; 4], ..self.options.clone() };
+        let secs: f64 = part_secs(&options, photo, max_triangles).iter().sum();
+        (options, secs * self.speed + self.beside_secs(photo)[0])
+    }
+
+    /// The most triangles of a run of `steps`.
+    fn triangles(&self, photo: UVec2, steps: u64) -> u64 {
+        if self.triangles_given {
+            return self.options.max_triangles;
+        }
+        let [least, most] = TRIANGLES;
+        let pixels = self.photos[0] as f64 * photo.as_dvec2().element_product();
+        let most = (pixels / PIXELS_PER_TRIANGLE).clamp(least, most);
+        let triangles = (TRIANGLES_PER_STEP * steps as f64).clamp(least, most).round() as u64;
+        triangles.max(self.from.unwrap_or(0))
+    }
+
+    /// The plan for photos of one size; `None` if the budget is too small for it.
+    fn for_size(&self, max_size: Option<u32>) -> Option<Plan> {
+        let photo = self.photo_of(max_size);
+        let reserve_secs = self.beside_secs(photo)[1];
+        let left = self.budget.seconds.0 - self.spent_secs - reserve_secs;
+        // Seconds rise with the steps: the most steps that fit lie between two of these.
+        let fits = |steps: u64| self.run(steps, photo).1 <= left;
+        let (mut low, mut high) = (FEWEST_STEPS, 2 * FEWEST_STEPS);
+        if !fits(low) {
+            return None;
+        }
+        let most = self.enough.steps.unwrap_or(1 << 40).max(FEWEST_STEPS);
+        while fits(high) && high < most {
+            (low, high) = (high, 2 * high);
+        }
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            *(if fits(middle) { &mut low } else { &mut high }) = middle;
+        }
+        let (TrainOptions { steps, max_triangles, .. }, step_secs) = self.run(low.min(most), photo);
+        Some(Plan { steps, max_triangles, max_size, step_secs, reserve_secs })
+    }
+
+    fn too_small(&self, photo: UVec2) -> Error {
+        let needed = self.spent_secs + self.beside_secs(photo)[1] + self.run(FEWEST_STEPS, photo).1;
+        let wants = format!("{}s or more for this data set", (1.2 * needed).ceil().max(1.0));
+        Error::invalid(self.budget.option(), self.budget.seconds, wants)
+    }
+}
+
+/// Seconds on the budget's clock per second of [`STEP_SECS`], by soft steps on photos of half size, which are thrown away.
+///
+/// Errors: those of [`Trainer::start`]; photos that cannot be decoded; a system without CPU time.
+pub fn speed(
+    dataset: &Dataset,
+    from: Option<&ImportedScene>,
+    options: &TrainOptions,
+    background: [f32; 3],
+    spending: &Spending,
+) -> Result<f64> {
+    let apart = (dataset.train().count() / MEASURED_PHOTOS).max(1);
+    let some = dataset.train().step_by(apart).take(MEASURED_PHOTOS);
+    let decoded = |view: &View| Ok(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
+    let dataset = Dataset { views: some.map(decoded).collect::<Result<_>>()?, ..dataset.clone() };
+    // Positions of this schedule are steps, so the first ones contain nothing else.
+    let (steps, warmup) =
+        (REFERENCE_STEPS as u64, WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS });
+    let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
+    let identity = RunIdentity::of(&dataset, background, from);
+    let backend = CpuBackend::new(options.drawing(background));
+    let mut trainer =
+        Trainer::start(&dataset, from.map(FirstScene::whole), &options, identity, u64::MAX, backend)?;
+    // The first step allocates.
+    trainer.step()?;
+    let before = spending.seconds();
+    let (mut expected, mut taken) = (0.0, 0.0);
+    let [constant, per_triangle, per_pixel] = STEP_SECS[0];
+    while taken < MEASURED_SECS && trainer.steps() < MEASURED_STEPS {
+        for view in &dataset.views {
+            trainer.step()?;
+            let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
+            expected += constant + per_triangle * trainer.triangles() as f64 + per_pixel * pixels;
+        }
+        taken = spending.seconds() - before;
+    }
+    let wants = "a system that reports CPU time, or `budget_wall`";
+    if taken > 0.0 { Ok(taken / expected) } else { Err(Error::invalid("budget", "in CPU time", wants)) }
+}
+
+/// Chooses steps, triangles and the size of photos. The rule: the most steps that fit, with fourteen
+/// triangles per step, and unchanged photos unless that leaves too few steps.
+///
+/// Errors: a budget too small for any scene.
+pub fn plan(input: &PlanInput<'_>) -> Result<Pace> {
+    let mut size = None;
+    loop {
+        let photo = input.photo_of(size);
+        let plan = input.for_size(size);
+        let smaller = (photo.max_element() * 3 / 4).max(SMALLEST_PHOTO);
+        let enough = plan.as_ref().is_some_and(|plan| {
+            plan.steps >= input.enough.steps_of_full_photos.min(input.enough.steps.unwrap_or(u64::MAX))
+        });
+        if enough || input.size_given || smaller >= photo.max_element() {
+            let plan = plan.ok_or_else(|| input.too_small(photo))?;
+            return Ok(Pace {
+                budget: input.budget,
+                plan,
+                corrections: Vec::new(),
+                photo,
+                began_secs: input.spent_secs,
+                stored_secs: input.spent_secs,
+                reserve_secs: None,
+                most_steps: input.enough.steps,
+            });
+        }
+        size = Some(smaller);
+    }
+}
+
+/// The run between milestones, with the steps of each part at its end.
+fn ends(options: &TrainOptions) -> [u64; 5] {
+    let [a, b, c, d] = match options.milestones {
+        [0, 0, 0, 0] => Timeline::proportional(options.steps),
+        milestones => milestones,
+    };
+    [a, b, c, d, options.steps]
+}
+
+/// Expected CPU seconds of the steps of each part between two milestones, with photos of `photo` and this number of triangles.
+pub fn part_secs(options: &TrainOptions, photo: UVec2, triangles: u64) -> [f64; 5] {
+    // In a run of 30,000 steps, positions and steps are the same.
+    let reference = TrainOptions { steps: REFERENCE_STEPS as u64, milestones: [0; 4], ..options.clone() };
+    let (schedule, ends) = (Schedule::new(&reference), ends(options));
+    std::array::from_fn(|part| {
+        let before = part.checked_sub(1).map_or((0, 0.0), |before| (ends[before], MILESTONES[before]));
+        let until = MILESTONES.get(part).copied().unwrap_or(REFERENCE_STEPS);
+        let middle = (0.5 * (before.1 + until)) as u64;
+        let pixels = size_at(photo, schedule.level(middle), MIN_PX).as_dvec2().element_product();
+        // The scene grows in the first part.
+        let triangles = triangles as f64 * if part == 0 { 0.5 } else { 1.0 };
+        let [constant, per_triangle, per_pixel] = STEP_SECS[usize::from(schedule.is_opaque(middle))];
+        let steps = ends[part].saturating_sub(before.0) as f64;
+        steps * (constant + per_triangle * triangles + per_pixel * pixels)
+    })
+}
+
+impl Pace {
+    /// After `step` steps and `spent_secs`: the options of the rest of the run, if this is a milestone.
+    /// Earlier steps keep theirs.
+    pub(crate) fn corrected(
+        &mut self,
+        step: u64,
+        spent_secs: f64,
+        triangles: u64,
+        options: &TrainOptions,
+    ) -> Option<TrainOptions> {
+        let part = options.milestones.iter().position(|milestone| *milestone == step)?;
+        let secs = part_secs(options, self.photo, triangles);
+        let speed = ((spent_secs - self.began_secs) / secs[part].max(1e-9)).max(1e-9);
+        let reserve = self.reserve_secs.unwrap_or(speed * self.plan.reserve_secs);
+        let left = self.budget.seconds.0 - spent_secs - reserve;
+        let rest = speed * secs[part + 1..].iter().sum::<f64>();
+        let to_do = |steps: u64| steps.saturating_sub(step) as f64;
+        let most = self.most_steps.map_or(f64::INFINITY, |most| to_do(most) / to_do(options.steps).max(1.0));
+        let stretch = (left / rest.max(1e-9)).clamp(0.0, most.min(MOST_STRETCH));
+        let corrected = stretched(options, part, stretch);
+        self.began_secs = spent_secs;
+        self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
+        Some(corrected)
+    }
+
+    /// Takes over what the work after the last step will take.
+    pub(crate) fn reserve(&mut self, secs: f64) {
+        self.reserve_secs = Some(secs);
+    }
+
+    /// The state for a checkpoint after `spent_secs`.
+    pub(crate) fn stored(&self, spent_secs: f64) -> Self {
+        Self { stored_secs: spent_secs, ..self.clone() }
+    }
+
+    /// Seconds that were spent when this was stored.
+    pub(crate) fn stored_secs(&self) -> f64 {
+        self.stored_secs
+    }
+
+    /// Continues after `spent_secs`: what was spent since this was stored is not counted as steps.
+    pub(crate) fn resume(&mut self, spent_secs: f64) {
+        self.began_secs += spent_secs - self.stored_secs;
+        self.stored_secs = spent_secs;
+    }
+
+    /// `options` with the choices. Their milestones are explicit, because they may change.
+    pub fn apply(&self, options: &TrainOptions) -> TrainOptions {
+        let Plan { steps, max_triangles, .. } = self.plan;
+        TrainOptions { steps, max_triangles, milestones: Timeline::proportional(steps), ..options.clone() }
+    }
+
+    /// The use of the budget by a run that ended with `options`.
+    pub(crate) fn details(&self, spent_secs: f64, options: &TrainOptions) -> BudgetDetails {
+        let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = options;
+        let size = self.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
+        let repeat = format!(
+            "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\""
+        );
+        let (plan, corrections) = (self.plan.clone(), self.corrections.clone());
+        BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }
+    }
+
+    /// True when the run has all useful steps, and the budget has time for more.
+    pub fn is_enough(&self) -> bool {
+        self.most_steps.is_some_and(|most| self.plan.steps >= most)
+    }
+
+    /// "budget 60s of CPU time: 1500 steps of at most 21000 triangles, photos as they are; ..." for the terminal.
+    pub fn summary(&self) -> String {
+        let Plan { steps, max_triangles, max_size, .. } = &self.plan;
+        let photos = max_size.map_or_else(
+            || "photos as they are".to_owned(),
+            |px| format!("photos of {px} px, because larger ones leave too few steps"),
+        );
+        // Hundredths of seconds say nothing beside ten.
+        let secs = self.budget.seconds.0;
+        let seconds = Seconds(if secs < 10.0 { (100.0 * secs).round() / 100.0 } else { secs.round() });
+        let budget = Budget { seconds, ..self.budget };
+        format!("budget {budget}: about {steps} steps of at most {max_triangles} triangles, {photos}")
+    }
+}
+
+/// `options` with `stretch` times the steps of each part after milestone `part`, one at least.
+fn stretched(options: &TrainOptions, part: usize, stretch: f64) -> TrainOptions {
+    let before = ends(options);
+    let mut after = before;
+    for next in part + 1..before.len() {
+        let steps = (before[next] - before[next - 1]) as f64 * stretch;
+        after[next] = after[next - 1] + (steps.round() as u64).max(1);
+    }
+    let [a, b, c, d, steps] = after;
+    TrainOptions { steps, milestones: [a, b, c, d], ..options.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PHOTO: UVec2 = UVec2::new(480, 270);
+
+    fn input(options: &TrainOptions, seconds: f64) -> PlanInput<'_> {
+        PlanInput {
+            options,
+            budget: Budget::cpu(Seconds(seconds)),
+            spent_secs: 0.5,
+            speed: 1.0,
+            photos: [40, 6],
+            photo: PHOTO,
+            triangles_given: false,
+            size_given: false,
+            from: None,
+            enough: StepLimit::default(),
+        }
+    }
+
+    /// Runs a plan on a machine that takes `soft` and `engine` times as long, with a scene of `triangles` of `most`; returns the seconds
+    /// spent and the final options.
+    fn run(
+        seconds: f64,
+        [soft, engine]: [f64; 2],
+        triangles: impl Fn(u64) -> u64,
+        resume_at: Option<usize>,
+    ) -> (f64, TrainOptions) {
+        let base = TrainOptions::default();
+        let mut pace = plan(&input(&base, seconds)).unwrap();
+        let triangles = triangles(pace.plan.max_triangles);
+        let (mut options, mut spent) = (pace.apply(&base), 0.5);
+        for part in 0..5 {
+            if resume_at == Some(part) {
+                // The scene and the photos are read again.
+                (spent, pace.began_secs) = (spent + 3.0, pace.began_secs + 3.0);
+            }
+            spent += part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };
+            if part < 4 {
+                let step = options.milestones[part];
+                options = pace.corrected(step, spent, triangles, &options).unwrap();
+                options.validate().unwrap();
+            }
+        }
+        (spent + pace.plan.reserve_secs * engine, options)
+    }
+
+    #[test]
+    fn plans_fill_the_budget_they_are_made_for() {
+        let base = TrainOptions::default();
+        let mut before = 0;
+        for seconds in [20.0, 60.0, 300.0] {
+            let Plan { steps, step_secs, reserve_secs, .. } = plan(&input(&base, seconds)).unwrap().plan;
+            let total = 0.5 + step_secs + reserve_secs;
+            assert!(total <= seconds && total > 0.97 * seconds && steps > before, "{total} of {seconds}");
+            before = steps;
+        }
+    }
+
+    #[test]
+    fn seconds_are_told_as_a_person_would() {
+        let base = TrainOptions::default();
+        // `make` gives training 85% of its 90 s, and the rest to the bake.
+        let told = |seconds: f64| plan(&input(&base, seconds)).unwrap().summary();
+        assert!(told(76.63).starts_with("budget 77s of CPU time: "), "{}", told(76.63));
+        assert!(told(8.25).starts_with("budget 8.25s of CPU time: "), "{}", told(8.25));
+    }
+
+    #[test]
+    fn a_run_ends_with_its_budget_on_any_machine_and_after_a_stop() {
+        for speed in [[1.0, 1.0], [0.5, 0.6], [1.6, 1.2], [1.0, 2.0]] {
+            for (few, resume_at) in [(1, None), (4, Some(2))] {
+                let (spent, options) = run(60.0, speed, |most| most / few, resume_at);
+                assert!((spent / 60.0 - 1.0).abs() < 0.03, "{speed:?}: {spent}");
+                assert!(options.milestones.is_sorted() && options.milestones[3] < options.steps);
+            }
+        }
+    }
+
+    #[test]
+    fn a_run_that_has_all_steps_that_pay_leaves_the_rest_of_its_budget() {
+        let base = TrainOptions::default();
+        let enough = StepLimit { steps: Some(1500), ..StepLimit::default() };
+        let mut pace = plan(&PlanInput { enough, ..input(&base, 600.0) }).unwrap();
+        assert_eq!((pace.plan.steps, pace.plan.max_triangles, pace.is_enough()), (1500, 21_000, true));
+        let mut options = pace.apply(&base);
+        for part in 0..4 {
+            let step = options.milestones[part];
+            options = pace.corrected(step, 1.0 + 0.1 * part as f64, 9000, &options).unwrap();
+            assert!(options.steps.abs_diff(1500) <= 2, "{}", options.steps);
+        }
+    }
+
+    #[test]
+    fn a_run_too_slow_for_its_budget_still_passes_every_part() {
+        let (_, options) = run(20.0, [40.0, 40.0], |most| most, None);
+        let [a, b, c, d] = options.milestones;
+        assert!([b - a, c - b, d - c, options.steps - d].iter().all(|steps| *steps >= 1));
+        let schedule = Schedule::new(&options);
+        assert!(schedule.is_opaque(options.steps - 1) && !schedule.is_opaque(0));
+    }
+
+    #[test]
+    fn what_is_given_is_kept() {
+        let options = TrainOptions { max_triangles: 7000, ..TrainOptions::default() };
+        let plan = |input: &PlanInput<'_>| plan(input).unwrap().plan;
+        let given = PlanInput { triangles_given: true, ..input(&options, 60.0) };
+        assert_eq!(plan(&given).max_triangles, 7000);
+        assert_eq!(plan(&PlanInput { from: Some(90_000), ..input(&options, 60.0) }).max_triangles, 90_000);
+        let large = PlanInput { photo: UVec2::new(3000, 2000), ..input(&options, 60.0) };
+        assert!(plan(&large).max_size.is_some());
+        assert_eq!(plan(&PlanInput { size_given: true, ..large }).max_size, None);
+    }
+
+    #[test]
+    fn a_budget_too_small_for_anything_is_an_error() {
+        let options = TrainOptions::default();
+        let error = plan(&input(&options, 0.6)).unwrap_err().to_string();
+        assert!(error.starts_with("budget is 0.6s: expected ") && error.contains("or more"), "{error}");
+    }
+
+    #[test]
+    fn a_part_costs_what_its_own_steps_do_and_full_photos_with_engine_shading_most() {
+        let options = |steps| TrainOptions { steps, ..TrainOptions::default() };
+        let plain = part_secs(&options(1000), PHOTO, 10_000);
+        let longer = TrainOptions { milestones: [400, 667, 800, 1100], ..options(1200) };
+        let longer = part_secs(&longer, PHOTO, 10_000);
+        for (part, factor) in [(0, 1.0), (1, 1.0), (2, 1.0), (3, 3.0), (4, 1.0)] {
+            assert!((longer[part] / plain[part] / factor - 1.0).abs() < 0.01, "{part}: {plain:?} {longer:?}");
+        }
+        let per_step: Vec<f64> =
+            plain.iter().zip([400.0, 267.0, 133.0, 100.0, 100.0]).map(|(s, n)| s / n).collect();
+        assert!(per_step.is_sorted(), "{per_step:?}");
+        // Between milestones nothing changes.
+        let base = TrainOptions::default();
+        let mut pace = plan(&input(&base, 60.0)).unwrap();
+        let options = pace.apply(&base);
+        assert_eq!(pace.corrected(options.milestones[0] - 1, 5.0, 9000, &options), None);
+    }
+}
