@@ -2,14 +2,14 @@
 
 use super::cases::{CASES, between, difference, duals};
 use crate::common::dual::Dual;
-use trisplat_raster::kernel::{composite, sh};
+use trisplat_raster::kernel::{sh, window};
 use trisplat_scene::{Rng, math::real::Real, math::real::V3};
 
 /// Layers of (alpha, value) over a background value, as duals.
 fn blended<R: Real>(alphas: &[R], values: &[R], background: R) -> R {
     let (mut sum, mut t) = (R::of(0.0), R::of(1.0));
     for (alpha, value) in alphas.iter().zip(values) {
-        let (w, after) = composite::blend(t, *alpha);
+        let (w, after) = window::blend(t, *alpha);
         sum = sum + w * *value;
         t = after;
     }
@@ -29,9 +29,9 @@ fn blend_grad_is_exact_up_to_alpha_one() {
         let mut t = 1.0;
         let mut got = Vec::new();
         for i in 0..6 {
-            let (w, after) = composite::blend(t, alphas[i]);
+            let (w, after) = window::blend(t, alphas[i]);
             behind -= w * values[i];
-            got.push(composite::blend_grad(t, alphas[i], values[i], behind, i == 5, background));
+            got.push(window::blend_grad(t, alphas[i], values[i], behind, i == 5, background));
             t = after;
         }
         assert!(difference(&loss.d, &got) < 1e-12, "case {case}");
@@ -48,7 +48,7 @@ fn distortion_grad_is_exact() {
     let mut brute = Dual::<8>::of(0.0);
     for i in 0..4 {
         let (w, m) = (dual[i], dual[i + 4]);
-        loss = loss + composite::distortion(w, m, sums);
+        loss = loss + window::distortion(w, m, sums);
         sums = [sums[0] + w, sums[1] + w * m, sums[2] + w * m * m];
         for j in 0..i {
             let d = m - dual[j + 4];
@@ -57,7 +57,7 @@ fn distortion_grad_is_exact() {
     }
     assert!((loss.v - brute.v).abs() < 1e-15 && difference(&brute.d, &loss.d) < 1e-12);
     let totals = sums.map(|s| s.v);
-    let grads: Vec<_> = (0..4).map(|i| composite::distortion_grad(w[i], m[i], totals)).collect();
+    let grads: Vec<_> = (0..4).map(|i| window::distortion_grad(w[i], m[i], totals)).collect();
     let got: Vec<f64> = grads.iter().map(|g| g.0).chain(grads.iter().map(|g| g.1)).collect();
     assert!(difference(&brute.d, &got) < 1e-12);
 }

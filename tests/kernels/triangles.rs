@@ -4,7 +4,7 @@ use super::cases::{CASES, between, camera, corners, difference, duals, flat, tri
 use crate::common::dual::Dual;
 use trisplat_raster::{
     kernel::splat::{DepthPlaneGrad, SplatGrad},
-    kernel::{clip, splat, window},
+    kernel::{splat, window},
 };
 use trisplat_scene::{
     Rng,
@@ -138,9 +138,9 @@ fn near_point_grad_is_exact() {
         let d = V3::new(0.4, -1.1, 0.6);
         let v = |x: &[Dual<6>], i: usize| V3::new(x[i], x[i + 1], x[i + 2]);
         let dual = duals(x);
-        let p = clip::near_point(v(&dual, 0), v(&dual, 3), Dual::of(0.4));
+        let p = splat::near_point(v(&dual, 0), v(&dual, 3), Dual::of(0.4));
         let loss = p.x * Dual::of(d.x) + p.y * Dual::of(d.y) + p.z * Dual::of(d.z);
-        let (a, b) = clip::near_point_grad(V3::new(x[0], x[1], x[2]), V3::new(x[3], x[4], x[5]), 0.4, d);
+        let (a, b) = splat::near_point_grad(V3::new(x[0], x[1], x[2]), V3::new(x[3], x[4], x[5]), 0.4, d);
         assert!(difference(&loss.d, &[a.x, a.y, a.z, b.x, b.y, b.z]) < 1e-12, "case {case}");
     }
 }
@@ -150,7 +150,7 @@ fn clipping_keeps_the_winding_and_the_area() {
     let v = [[0.0, 0.0, 1.0], [3.0, 0.0, 2.0], [0.0, 2.0, -1.0]].map(|[x, y, z]: [f64; 3]| V3::new(x, y, z));
     for mask in 0..8u8 {
         let front = [0, 1, 2].map(|i| mask >> i & 1 == 1);
-        let (pieces, count) = clip::pieces(front);
+        let (pieces, count) = splat::pieces(front);
         assert_eq!(count, [0, 1, 1, 2, 1, 2, 2, 1][mask as usize]);
         for piece in &pieces[..count] {
             assert_eq!(piece[0].from, piece[0].to);
@@ -160,10 +160,10 @@ fn clipping_keeps_the_winding_and_the_area() {
         }
     }
     // z = 0 cuts corner 2 off; the pieces' areas add up to the area above it.
-    let (pieces, count) = clip::pieces([true, true, false]);
-    let at = |c: clip::PieceCorner| {
+    let (pieces, count) = splat::pieces([true, true, false]);
+    let at = |c: splat::PieceCorner| {
         let (a, b) = (v[c.from as usize], v[c.to as usize]);
-        if c.from == c.to { a } else { clip::near_point(a, b, 0.0) }
+        if c.from == c.to { a } else { splat::near_point(a, b, 0.0) }
     };
     let cross = |p: [V3<f64>; 3]| (p[1] - p[0]).cross(p[2] - p[0]);
     let whole = cross(v);
@@ -174,7 +174,7 @@ fn clipping_keeps_the_winding_and_the_area() {
         sum += n.length();
     }
     let cut =
-        cross([at(clip::PieceCorner { from: 0, to: 2 }), at(clip::PieceCorner { from: 1, to: 2 }), v[2]])
+        cross([at(splat::PieceCorner { from: 0, to: 2 }), at(splat::PieceCorner { from: 1, to: 2 }), v[2]])
             .length();
     assert!((sum + cut - whole.length()).abs() < 1e-12);
 }

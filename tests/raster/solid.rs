@@ -3,7 +3,7 @@
 
 use crate::common::ray_caster::{FaceAt, RayFace, ray};
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
-use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
+use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
 use trisplat_scene::{
     Rng,
     camera::Camera,
@@ -82,13 +82,23 @@ fn compare_sample(
     assert!(depth > 0.0 && depth.is_finite(), "{place}: depth {depth}");
     let off = (1.0 / depth - mine.w).abs();
     assert!(!(off > mine.slack * 1.5), "{place}: 1/z {} is not {}", 1.0 / depth, mine.w);
-    let weights = drawn.barycentrics(mesh, camera, x, y);
+    let weights = barycentrics(drawn, mesh, camera, x, y);
     assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6, "{place}: {weights:?}");
     assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{place}: {weights:?}");
     if mine.covers() {
         let far = weights.iter().zip(mine.weights).any(|(a, b)| (f64::from(*a) - b).abs() > 1e-5);
         assert!(!far, "{place}: {weights:?} are not {:?}", mine.weights);
     }
+}
+
+/// Barycentric coordinates of the face at a sample; zeros for an empty one.
+fn barycentrics(drawn: &Visibility, mesh: &Mesh, camera: &Camera, x: u32, y: u32) -> [f32; 3] {
+    let face = drawn.face[(y * drawn.size.x + x) as usize];
+    if face == NO_FACE {
+        return [0.0; 3];
+    }
+    let barycentrics = Barycentrics::new(mesh, camera, drawn.size.x / camera.size.x);
+    barycentrics.weights(&barycentrics.face(face), x, y)
 }
 
 /// `count` triangles around (0, 0, depth), of sizes from `small` to `large`.
@@ -268,7 +278,7 @@ fn mean(
     for k in 0..samples * samples {
         let (sx, sy) = (x * samples + k % samples, y * samples + k / samples);
         let face = drawn.face[(sy * drawn.size.x + sx) as usize];
-        let weights = drawn.barycentrics(mesh, camera, sx, sy);
+        let weights = barycentrics(drawn, mesh, camera, sx, sy);
         for c in 0..3 {
             sum[c] += match face {
                 NO_FACE => f64::from(linear_from_srgb(background[c])),

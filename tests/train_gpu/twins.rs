@@ -3,11 +3,9 @@
 use super::card;
 use trisplat_gpu::{Gpu, Kernel, readback::elements, storage, workgroups};
 use trisplat_raster::{
-    kernel::adam::{Rate, adam},
-    kernel::clip::{near_point, near_point_grad, pieces},
     kernel::splat::{self, CameraTriangle, DepthPlane, DepthPlaneGrad, Splat, SplatGrad},
-    kernel::wgsl_library,
-    kernel::{composite, sh, window},
+    kernel::splat::{near_point, near_point_grad, pieces},
+    kernel::{Rate, adam, sh, wgsl_library, window},
 };
 use trisplat_scene::{
     Rng,
@@ -133,10 +131,10 @@ const TWINS: &[Twin] = &[
                 distortion(x[0], x[2], vec3(x[5], x[6], x[7])), g.x, g.y);",
         outputs: 7,
         rust: |x| {
-            let (b, sums) = (composite::blend(x[0], x[1]), [x[5], x[6], x[7]]);
-            let grad = |last| composite::blend_grad(x[0], x[1], x[2], x[3], last, x[4]);
-            let g = composite::distortion_grad(x[0], x[2], sums);
-            vec![b.0, b.1, grad(false), grad(true), composite::distortion(x[0], x[2], sums), g.0, g.1]
+            let (b, sums) = (window::blend(x[0], x[1]), [x[5], x[6], x[7]]);
+            let grad = |last| window::blend_grad(x[0], x[1], x[2], x[3], last, x[4]);
+            let g = window::distortion_grad(x[0], x[2], sums);
+            vec![b.0, b.1, grad(false), grad(true), window::distortion(x[0], x[2], sums), g.0, g.1]
         },
         bound: 1e-5,
     },
@@ -215,7 +213,7 @@ const TWINS: &[Twin] = &[
             let bits = x[0] as u32;
             let (found, count) = pieces([0, 1, 2].map(|i| bits >> i & 1 == 1));
             let code = |at: usize| {
-                let corner = |(k, c): (usize, &trisplat_raster::kernel::clip::PieceCorner)| u32::from(c.from | c.to << 2) << (4 * k);
+                let corner = |(k, c): (usize, &trisplat_raster::kernel::splat::PieceCorner)| u32::from(c.from | c.to << 2) << (4 * k);
                 found[at].iter().enumerate().map(corner).sum::<u32>() as f32
             };
             vec![count as f32, code(0), code(1)]
@@ -248,7 +246,7 @@ const TWINS: &[Twin] = &[
         rust: |x| {
             // A rate whose numbers are 0.01 and 3: those of the WGSL.
             let (mut value, mut m, mut v) = ([x[0]], [x[2]], [x[3]]);
-            let rate = Rate::from_parts(0.01, 3.0);
+            let rate = Rate { step: 0.01, second: 3.0 };
             adam(rate, &mut value, &[x[1]], &mut m, &mut v);
             vec![value[0], m[0], v[0]]
         },

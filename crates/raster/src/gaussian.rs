@@ -7,14 +7,13 @@ mod ellipse;
 
 pub use ellipse::GaussianOptions;
 
-use crate::kernel::composite;
+use crate::kernel::window;
 use crate::soft::{Frame, TILE};
-use ellipse::{ALPHA_CAP, Ellipse, LOG2_CUTOFF, MIN_TRANSMITTANCE, Rows};
+use ellipse::{ALPHA_CAP, Ellipse, LOG2_CUTOFF, MIN_TRANSMITTANCE};
 use glam::{UVec2, Vec2};
-use trisplat_scene::{
-    Splats, camera::Camera, math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch,
-    math::lanes::prefetch, math::real::Mask, math::real::Real, parallel,
-};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
+use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::{Splats, camera::Camera, parallel};
 
 /// Lines of a tile.
 const LINES: usize = TILE as usize;
@@ -23,19 +22,10 @@ const _: () = assert!(LINES == LANES);
 /// Entries between an ellipse and the one that is fetched into the cache.
 const AHEAD: usize = 8;
 /// x of the pixel centres of a line.
-const CENTRES: [f32; LANES] = centres();
+const CENTRES: [f32; LANES] =
+    [0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5, 10.5, 11.5, 12.5, 13.5, 14.5, 15.5];
 /// Alpha far below the cut-off, where the lanes' exponential is still defined.
 const LEAST_POWER: f32 = -64.0;
-
-const fn centres() -> [f32; LANES] {
-    let mut out = [0.5; LANES];
-    let mut i = 1;
-    while i < LANES {
-        out[i] = out[i - 1] + 1.0;
-        i += 1;
-    }
-    out
-}
 
 /// What a camera sees of Gaussians; colours sRGB-encoded, as they were trained. The same bits for any number of threads.
 pub fn draw(splats: &Splats, camera: &Camera, options: &GaussianOptions) -> Frame {
@@ -49,20 +39,9 @@ pub fn draw_and_weigh(
     options: &GaussianOptions,
     weights: Option<&mut [f32]>,
 ) -> Frame {
-    let projected = ellipse::all(splats, camera, options);
-    let order = ellipse::front_to_back(&projected);
-    let rows = ellipse::bin(&projected, &order, camera.size);
-    frame(&projected, &rows, camera.size, options, weights)
-}
-
-/// Draws all rows of tiles. Adds the blending weight of each Gaussian, summed over the pixels, to `weights`.
-fn frame(
-    ellipses: &[Ellipse],
-    rows: &Rows,
-    size: UVec2,
-    options: &GaussianOptions,
-    weights: Option<&mut [f32]>,
-) -> Frame {
+    let size = camera.size;
+    let ellipses = &ellipse::all(splats, camera, options)[..];
+    let rows = ellipse::bin(ellipses, &ellipse::front_to_back(ellipses), size);
     let pixels = size.x as usize * size.y as usize;
     let mut frame = Frame {
         size,
@@ -88,10 +67,9 @@ fn frame(
         {
             for (x, (rgb, transmittance)) in rgb.iter_mut().zip(transmittance).enumerate() {
                 let (tile, lane) = (&tiles[x / LANES], x % LANES);
-                let left = tile.transmittance[line][lane];
-                *transmittance = left;
-                let behind = options.background;
-                *rgb = [0, 1, 2].map(|c| left.mul_add(behind[c], tile.rgb[c][line][lane]));
+                *transmittance = tile.transmittance[line][lane];
+                *rgb =
+                    [0, 1, 2].map(|c| transmittance.mul_add(options.background[c], tile.rgb[c][line][lane]));
             }
         }
         let of_tile = |(i, tile): (usize, &TilePixels)| {
@@ -189,7 +167,7 @@ impl DrawTile<'_> {
                 continue;
             }
             let alpha = Real::min(Real::max(power, L::splat(LEAST_POWER)).exp2(), L::splat(ALPHA_CAP));
-            let (weight, after) = composite::blend(before, alpha.masked(drawn));
+            let (weight, after) = window::blend(before, alpha.masked(drawn));
             for (channel, color) in pixels.rgb.iter_mut().zip(rgb) {
                 weight.mul_add(color, L::load(&channel[line])).store(&mut channel[line]);
             }

@@ -18,20 +18,64 @@
 //!   light, then sRGB-encoded and rounded.
 
 mod bin;
-mod bins;
 mod fill;
 mod projector;
-mod resolve;
 mod shade;
 mod visibility;
 
-pub use resolve::SolidRasterOptions;
 pub use visibility::{Barycentrics, FaceBarycentrics, NO_FACE, Nearest, PlaneTile, Visibility};
 
-use bin::{Faces, PAIRS_PER_ROUND, rounds};
-use bins::Batch;
+use bin::{
+    Batch, EMPTY, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TileDepths, face_of, inverse_depth_of,
+    tile_count, tile_place, tile_size,
+};
+use fill::FillTile;
+use glam::UVec2;
 use projector::Projector;
-use trisplat_scene::{camera::Camera, image::RgbImage, mesh::Mesh};
+use shade::ShadeTile;
+use trisplat_scene::math::{color::linear_from_srgb, lanes::dispatch};
+use trisplat_scene::{Error, Result, camera::Camera, image::RgbImage, mesh::Mesh, parallel};
+
+/// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
+const MAX_SAMPLES: u32 = 1 << 15;
+
+/// How to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolidRasterOptions {
+    /// Colour behind everything, sRGB-encoded.
+    pub background: [f32; 3],
+    /// Samples per pixel along each axis: 1, 2 or 4.
+    pub samples: u32,
+    /// Depth of the near plane in units of the mesh, > 0. Depth precision does not depend on it.
+    pub near: f32,
+}
+
+impl Default for SolidRasterOptions {
+    fn default() -> Self {
+        Self { background: [0.0; 3], samples: 1, near: 0.01 }
+    }
+}
+
+impl SolidRasterOptions {
+    /// Checks the ranges, and that a picture of `size` has at most `MAX_SAMPLES` along each axis.
+    pub fn validate(&self, size: UVec2) -> Result<()> {
+        if !matches!(self.samples, 1 | 2 | 4) {
+            return Err(Error::invalid("samples", self.samples, "1, 2 or 4"));
+        }
+        if !(self.near > 0.0 && self.near.is_finite()) {
+            return Err(Error::invalid("near", self.near, "a depth above 0"));
+        }
+        let most = u64::from(size.max_element()) * u64::from(self.samples);
+        if most > u64::from(MAX_SAMPLES) {
+            let wants = format!("a picture of at most {} px a side", MAX_SAMPLES / self.samples);
+            return Err(Error::invalid("samples", format!("{} on {size} px", self.samples), wants));
+        }
+        Ok(())
+    }
+}
+
+/// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
+const PAIRS_PER_ROUND: usize = 1 << 24;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug, Default)]
@@ -48,26 +92,42 @@ impl SolidRasterizer {
         Self::default()
     }
 
-    fn pairs(&self) -> usize {
-        self.pairs_per_round.unwrap_or(PAIRS_PER_ROUND)
-    }
-
     /// The picture of `camera`, in 8 bits. The same bytes for any number of threads.
     ///
     /// The mesh must be valid ([`Mesh::validate_shape`]) and the options valid for the camera's size.
     pub fn render(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> RgbImage {
-        let projector = Projector::new(camera, options.samples, options.near);
-        let pairs = self.pairs();
-        let faces = binned(&mut self.batches, mesh, &projector, pairs);
-        resolve::picture(&faces, mesh, &projector, options)
+        let projector = &Projector::new(camera, options.samples, options.near);
+        let (size, samples) = (camera.size, options.samples as usize);
+        let mut rgb = vec![[0; 3]; size.x as usize * size.y as usize];
+        let tiles = split_tiles(&mut rgb, size.x as usize, TILE_WIDTH / samples, TILE_HEIGHT / samples);
+        let background = options.background.map(linear_from_srgb);
+        Faces::new(self, mesh, projector, (1, None)).for_each_tile(tiles, |place, keys, mut rows| {
+            let corner = [place.x * TILE_WIDTH as u32, place.y * TILE_HEIGHT as u32];
+            dispatch(ShadeTile { mesh, projector, background, corner, keys: &keys[0], rows: &mut rows });
+        });
+        RgbImage { size, rgb, alpha: None }
     }
 
     /// The face and depth that every sample sees.
     pub fn visibility(&mut self, mesh: &Mesh, camera: &Camera, options: &SolidRasterOptions) -> &Visibility {
         let projector = Projector::new(camera, options.samples, options.near);
-        let pairs = self.pairs();
-        let faces = binned(&mut self.batches, mesh, &projector, pairs);
-        resolve::export(&faces, &projector, &mut self.visibility);
+        let mut out = std::mem::take(&mut self.visibility);
+        out.size = projector.size;
+        let (width, count) = (out.size.x as usize, out.size.x as usize * out.size.y as usize);
+        out.face.resize(count, NO_FACE);
+        out.depth.resize(count, f32::INFINITY);
+        let seen = split_tiles(&mut out.face, width, TILE_WIDTH, TILE_HEIGHT);
+        let depths = split_tiles(&mut out.depth, width, TILE_WIDTH, TILE_HEIGHT);
+        let tiles = seen.into_iter().zip(depths).collect();
+        Faces::new(self, mesh, &projector, (1, None)).for_each_tile(tiles, |_, keys, (seen, depths)| {
+            for ((faces, depths), keys) in seen.into_iter().zip(depths).zip(keys[0].chunks(STRIDE)) {
+                for ((face, depth), key) in faces.iter_mut().zip(depths).zip(keys) {
+                    *face = face_of(*key);
+                    *depth = 1.0 / inverse_depth_of(*key);
+                }
+            }
+        });
+        self.visibility = out;
         &self.visibility
     }
 
@@ -82,16 +142,89 @@ impl SolidRasterizer {
         on_tile: impl Fn(&PlaneTile<'_>) + Sync,
     ) {
         let projector = Projector::new(camera, options.samples, options.near);
-        let pairs = self.pairs();
-        visibility::planes(&mut self.batches, mesh, &projector, pairs, (planes, plane_of), on_tile);
+        let tiles = vec![(); tile_count(projector.size).element_product() as usize];
+        let faces = Faces::new(self, mesh, &projector, (planes, Some(plane_of)));
+        faces.for_each_tile(tiles, |place, keys, ()| {
+            let corner = place * UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
+            on_tile(&PlaneTile { keys, corner, size: tile_size(projector.size, place) });
+        });
     }
 }
 
 /// The faces of a mesh, ready for the tiles.
-fn binned<'a>(batches: &'a mut Vec<Batch>, mesh: &Mesh, projector: &Projector, pairs: usize) -> Faces<'a> {
-    rounds(batches, mesh, projector, (pairs, 1), |keys, batches, tile| {
-        fill::fill(&mut keys[0], batches, tile, projector.size);
-    })
+struct Faces<'a> {
+    /// With all faces in the bins, unless the tiles are filled.
+    batches: &'a [Batch],
+    /// The keys of all tiles; empty if all faces fit in the bins at once. `[tiles * planes]`
+    filled: Vec<SampleKeys>,
+    planes: usize,
+    plane_of: Option<&'a [u8]>,
+    /// Samples across and down.
+    size: UVec2,
+}
+
+impl<'a> Faces<'a> {
+    /// Bins the faces of a mesh; if these are too many for one round, draws those in the bins into the keys of all tiles.
+    fn new(
+        solid: &'a mut SolidRasterizer,
+        mesh: &Mesh,
+        projector: &Projector,
+        (planes, plane_of): (usize, Option<&'a [u8]>),
+    ) -> Self {
+        let (batches, size) = (&mut solid.batches, projector.size);
+        let pairs = solid.pairs_per_round.unwrap_or(PAIRS_PER_ROUND);
+        bin::start(batches, mesh);
+        let mut all = bin::bin(batches, mesh, projector, None, pairs);
+        let mut filled = Vec::new();
+        if !all {
+            filled = vec![EMPTY; tile_count(size).element_product() as usize * planes];
+            loop {
+                parallel::for_each(filled.chunks_mut(planes), |tile, keys| {
+                    dispatch(FillTile { keys, batches, plane_of, tile, size });
+                });
+                if all {
+                    break;
+                }
+                let hidden = TileDepths::new(&filled, planes, size);
+                all = bin::bin(batches, mesh, projector, Some(&hidden), pairs);
+            }
+        }
+        Self { batches, filled, planes, plane_of, size }
+    }
+
+    /// Gives `on_tile` the place and the keys of each tile with its part of `tiles`. `[planes]`
+    fn for_each_tile<T: Send>(&self, tiles: Vec<T>, on_tile: impl Fn(UVec2, &[SampleKeys], T) + Sync) {
+        let Self { batches, filled, planes, plane_of, size } = self;
+        parallel::for_each_with(
+            tiles,
+            || vec![EMPTY; *planes],
+            |keys, tile, part| {
+                let keys = if filled.is_empty() {
+                    keys.iter_mut().for_each(|keys| keys.fill(0));
+                    dispatch(FillTile { keys, batches, plane_of: *plane_of, tile, size: *size });
+                    &keys[..]
+                } else {
+                    &filled[tile * planes..][..*planes]
+                };
+                on_tile(tile_place(*size, tile), keys, part);
+            },
+        );
+    }
+}
+
+/// The rows of a picture split into tiles of `columns` by `rows`, tile by tile. `[tiles][rows]`
+fn split_tiles<T>(values: &mut [T], width: usize, columns: usize, rows: usize) -> Vec<Vec<&mut [T]>> {
+    let mut tiles: Vec<Vec<&mut [T]>> = Vec::new();
+    for band in values.chunks_mut(width * rows) {
+        let first = tiles.len();
+        tiles.resize_with(first + width.div_ceil(columns), || Vec::with_capacity(rows));
+        for row in band.chunks_mut(width) {
+            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(columns)) {
+                tile.push(part);
+            }
+        }
+    }
+    tiles
 }
 
 #[cfg(test)]

@@ -163,7 +163,7 @@ impl<'a> Coverage<'a> {
         brush.take(&self.cells, &small);
         let options = SoftOptions { importance: true, ..self.options };
         brush.soft.render(&SoupRef::from(&brush.soup), &small, &options);
-        brush.importance.reset(brush.soup.len());
+        brush.importance = Importance::new(brush.soup.len());
         brush.soft.accumulate_importance(&mut brush.importance);
         small
     }
@@ -370,7 +370,7 @@ mod tests {
             let small = coverage.draw(&mut brush, &camera);
             projected += brush.numbers.len();
             let options = SoftOptions { importance: true, ..coverage.options };
-            whole.reset(soup.len());
+            whole = Importance::new(soup.len());
             soft.render(&SoupRef::from(&coverage.cells.soup), &small, &options);
             soft.accumulate_importance(&mut whole);
             assert_eq!(soft.frame().rgb, brush.soft.frame().rgb);

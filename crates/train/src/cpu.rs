@@ -92,11 +92,7 @@ impl TrainBackend for CpuBackend {
         self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
         let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
         self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
-        let n = params.len();
         let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
-        if importance.max_weight.len() != n {
-            importance.reset(n);
-        }
         self.soft.accumulate_importance(importance);
         add_errors(&self.d_soup, &mut self.visibility.error);
         let regularisers = Regularisers::new(&self.state, rates);

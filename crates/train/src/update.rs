@@ -3,7 +3,7 @@
 use super::params::{Params, TrainState};
 use super::schedule::StepParams;
 use glam::Vec3;
-use trisplat_raster::kernel::adam::{Rate, adam};
+use trisplat_raster::kernel::{Rate, adam};
 use trisplat_raster::soft::SoupGrad;
 use trisplat_scene::parallel;
 

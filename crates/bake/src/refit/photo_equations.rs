@@ -90,6 +90,7 @@ struct Pass<'a> {
     fit: &'a Fit,
     band: &'a mut Band,
     barycentrics: Barycentrics<'a>,
+    of_pixels: Barycentrics<'a>,
     samples: u32,
     background: [f32; 3],
 }
@@ -103,6 +104,7 @@ impl<'a> Pass<'a> {
             fit,
             band,
             barycentrics,
+            of_pixels: Barycentrics::new(observation.mesh, observation.camera, 1),
             samples,
             background: observation.background.map(linear_from_srgb),
         }
@@ -129,7 +131,7 @@ impl<'a> Pass<'a> {
             if first != NO_FACE {
                 // The colour in the middle is the mean of colours that change linearly.
                 let slot = self.slot(first);
-                let middle = self.barycentrics.weights_in_pixel(&self.band.corners[slot as usize], x, y);
+                let middle = self.of_pixels.weights(&self.band.corners[slot as usize], x, y);
                 self.spread(&[(slot, middle)], photo, weight);
             }
             return;

@@ -208,14 +208,12 @@ pub(super) struct RowTiles {
 /// Sorts the ellipses into rows; `order` is front to back.
 pub(super) fn bin(ellipses: &[Ellipse], order: &[u32], size: UVec2) -> Rows {
     let count = tile_count(size);
-    let part = |ranks: &[u32]| {
+    let parts = parallel::map(order.chunks(BINNED_PER_TASK), |_, ranks| {
         let mut rows = vec![Vec::new(); count.y as usize];
-        for ellipse in ranks {
-            add(&ellipses[*ellipse as usize], *ellipse, size, &mut rows);
-        }
+        ranks.iter().for_each(|at| add(&ellipses[*at as usize], *at, size, &mut rows));
         rows
-    };
-    Rows { parts: parallel::map(order.chunks(BINNED_PER_TASK), |_, ranks| part(ranks)), count }
+    });
+    Rows { parts, count }
 }
 
 /// Adds an ellipse to the rows that it touches.

@@ -1,5 +1,5 @@
 //! The photometric loss (1 - λ) L1 + λ (1 - SSIM) and its exact gradient (Held et al. 2025, eq. 3; SSIM as
-//! [`trisplat_scene::math::ssim`] defines it, mean over pixels and channels). A squared error may be added to L1.
+//! [`trisplat_scene::math::metric`] defines it, mean over pixels and channels). A squared error may be added to L1.
 //!
 //! ```text
 //! S = (2 mx my + C1)(2 sxy + C2) / ((mx² + my² + C1)(sxx + syy + C2))
@@ -14,10 +14,9 @@
 pub use super::ssim::LossNumber;
 
 use super::ssim::{GRADS, MAPS, blur_column, blur_maps, lane_sum, ssim_rows, weight_by};
-use trisplat_scene::{
-    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::metric::TAPS, math::metric::window,
-    parallel,
-};
+use trisplat_scene::math::lanes::{Lanes, Work, dispatch};
+use trisplat_scene::math::metric::{TAPS, window};
+use trisplat_scene::parallel;
 
 /// Means over pixels and channels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -34,11 +33,6 @@ impl Photometric {
     /// The loss itself: (1 - λ) L1 + λ (1 - SSIM), with λ = `dssim`.
     pub fn value(&self, dssim: f64) -> f64 {
         (1.0 - dssim) * self.l1 + dssim * (1.0 - self.ssim)
-    }
-
-    /// Peak signal to noise ratio, dB, for values in [0, 1].
-    pub fn psnr(&self) -> f64 {
-        -10.0 * self.mse.max(1e-12).log10()
     }
 }
 
@@ -79,38 +73,23 @@ pub fn photometric_grad<R: LossNumber>(
     blur_maps(&taps, row, x, y, &mut scratch.maps);
     let ssim = ssim_rows(&taps, row, &scratch.maps, weight, scale, &mut scratch.grads);
     let l1_scale = R::of((1.0 - dssim) / count);
-    let sums =
-        combine_rows(&taps, row, x, y, weight, l1_scale, &scratch.grads, d_rendered.as_flattened_mut());
-    Photometric { l1: sums.0 / count, mse: sums.1 / count, ssim: ssim / count }
-}
-
-/// Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their
-/// difference. Returns the weighted sums of |x - y| and (x - y)².
-#[allow(clippy::too_many_arguments)]
-fn combine_rows<R: LossNumber>(
-    taps: &[R; TAPS],
-    row: usize,
-    x: &[R],
-    y: &[R],
-    weight: Option<&[R]>,
-    l1_scale: R,
-    grads: &[R],
-    d_x: &mut [R],
-) -> (f64, f64) {
+    let (taps, grads) = (&taps, &scratch.grads[..]);
+    // Pass 3: the gradient maps blurred along y, combined with the pictures and the gradient by their difference.
     let sums: Vec<(f64, f64)> = parallel::map_with(
-        d_x.chunks_mut(row),
+        d_rendered.as_flattened_mut().chunks_mut(row),
         || vec![R::default(); (GRADS + 3) * row],
         |memory, at, out| {
             let (x, y) = (&x[at * row..][..row], &y[at * row..][..row]);
-            let weight = weight.map(|w| &w[at * (row / 3)..][..row / 3]);
+            let weight = weight.map(|w| &w[at * width..][..width]);
             let (blurred, parts) = memory.split_at_mut(GRADS * row);
             dispatch(CombineRow { taps, grads, at, x, y, weight, l1_scale, blurred, parts, out })
         },
     );
-    sums.iter().fold((0.0, 0.0), |total, s| (total.0 + s.0, total.1 + s.1))
+    let (l1, mse) = sums.iter().fold((0.0, 0.0), |total, s| (total.0 + s.0, total.1 + s.1));
+    Photometric { l1: l1 / count, mse: mse / count, ssim: ssim / count }
 }
 
-/// One row of pass 3.
+/// One row of pass 3; returns the weighted sums of |x - y| and (x - y)².
 struct CombineRow<'a, R> {
     taps: &'a [R; TAPS],
     grads: &'a [R],

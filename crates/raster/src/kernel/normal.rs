@@ -54,14 +54,14 @@ pub fn normal_grad<R: Real<Mask = bool> + Send + Sync + Into<f64>>(
     let scale = R::of(weight / count.max(1) as f64);
     let pixels: Vec<(R, [R; 3], Slopes<R>)> = parallel::collect(count, GRAIN, |i| maps.pixel(i, scale));
     let slopes = |i: usize, k: usize| pixels[i].2[k];
-    let (w, zero) = (maps.width, V3::new(R::of(0.0), R::of(0.0), R::of(0.0)));
+    let w = maps.width;
     let rows: Vec<(R, R)> = parallel::collect(count, GRAIN, |i| {
         let coverage = R::of(1.0) - maps.transmittance[i];
         if !R::of(MIN_COVERAGE).lt(coverage) {
             return (R::of(0.0), R::of(0.0));
         }
         // A pixel is the right neighbour of the previous pixel and the left neighbour of the next.
-        let mut d_point = zero;
+        let mut d_point = V3::zero();
         if i >= 1 {
             d_point = d_point + slopes(i - 1, 0);
         }

@@ -1,10 +1,9 @@
 //! SSIM by rows, the means of its maps blurred along both axes, and its derivatives.
 
 use std::ops::AddAssign;
-use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::metric::Factors,
-    math::metric::TAPS, math::metric::factors, math::real::Real, parallel,
-};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::math::metric::{Factors, TAPS, factors};
+use trisplat_scene::{math::real::Real, parallel};
 
 /// The number type of the loss: f32 for training, f64 for testing the gradient.
 pub trait LossNumber: Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign {

@@ -1,15 +1,10 @@
 //! The backward pass over the tiles: sums of the pixels' gradients for every (splat, tile).
 
-use super::frame::FrameGrad;
-use super::frame::{SoftOptions, Sort, Window};
-use super::layers::BlockLayers;
-use super::layers::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
+use super::frame::{FrameGrad, SoftOptions, Sort, Window};
+use super::layers::{BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
 use super::slots::{DRAWN, ERROR, GeometryGradSlot, GradSlot, GradSlots, OPACITY, RATIO, RGB, SIGMA};
 use super::splats::{PREFETCH_AHEAD, Splats};
-use super::tiles::{self, BLOCKS};
-use super::tiles::{TileChannel, TileGeometry, TilePixels};
-use super::tiles::{TileEntry, Tiles, split_by_tile};
-use crate::kernel::composite;
+use super::tiles::{self, BLOCKS, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile};
 use crate::kernel::window;
 use glam::UVec2;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
@@ -30,10 +25,8 @@ pub(super) fn draw_grad(
     let wanted = if options.geometry { tiles.entries.len() } else { 0 };
     geometry.resize(wanted, GeometryGradSlot::default());
     let base = split_by_tile(base, &tiles.starts);
-    let starts = if options.geometry { &tiles.starts[..] } else { &[] };
-    let mut geometry = split_by_tile(geometry, starts).into_iter();
-    let work: Vec<_> = base.into_iter().map(|s| (s, geometry.next().unwrap_or_default())).collect();
-    parallel::for_each(work, |tile, (slots, geometry_slots)| {
+    let geometry = split_by_tile(geometry, &tiles.starts);
+    parallel::for_each(base.into_iter().zip(geometry), |tile, (slots, geometry_slots)| {
         let entries = tiles.entries_of(tile);
         let (corner, size) = (tiles.corner(tile), tiles.size);
         let pixels = &pixels[tile];
@@ -112,11 +105,8 @@ impl<'a> GeometryGrad<'a> {
     fn distortion<L: Lanes>(&self, b: usize, inv_depth: L, weight: L) -> (L, L) {
         let m = L::splat(self.map.a) - L::splat(self.map.b) * inv_depth - L::load(&self.forward.anchor[b]);
         let sums = &self.forward.sums;
-        composite::distortion_grad(
-            weight,
-            m,
-            [L::load(&sums[0][b]), L::load(&sums[1][b]), L::load(&sums[2][b])],
-        )
+        let sums = [L::load(&sums[0][b]), L::load(&sums[1][b]), L::load(&sums[2][b])];
+        window::distortion_grad(weight, m, sums)
     }
 
     /// Adds ∂L/∂(1/z), its moments and ∂L/∂normal.
@@ -133,7 +123,7 @@ impl<'a> GeometryGrad<'a> {
         let inv_depth = plane.inv_depth(s.offset);
         let z = L::splat(1.0) / inv_depth;
         let (_, by_m) = self.distortion(b, inv_depth, weight);
-        let is_median = composite::is_median(before, after);
+        let is_median = window::is_median(before, after);
         let d_z = weight.mul_add(L::load(&self.depth[b]), L::load(&self.median[b]).masked(is_median));
         let by_m = L::splat(self.map.b) * L::load(&self.distortion[b]) * by_m;
         let d_inv_depth = (-(d_z * z * z) - by_m).masked(s.drawn);
@@ -164,13 +154,9 @@ impl TileBackward<'_> {
         out
     }
 
-    fn gather_rgb(&self) -> [TileChannel; 3] {
-        [0, 1, 2].map(|c| self.gather(&self.d.d_rgb, |v| v[c]))
-    }
-
     #[inline(always)]
     fn tile<L: Lanes>(self, geometry: Option<&GeometryGrad>) {
-        let d_rgb = self.gather_rgb();
+        let d_rgb = [0, 1, 2].map(|c| self.gather(&self.d.d_rgb, |v| v[c]));
         let error = self.gather(&self.d.error, |v| *v);
         let d_transmittance = self.gather(&self.d.d_transmittance, |v| *v);
         let mut transmittance = [[0.0f32; LANES]; BLOCKS];
@@ -201,6 +187,20 @@ impl TileBackward<'_> {
     }
 
     #[inline(always)]
+    fn splat<'g, L: Lanes>(&self, entry: usize, geometry: Option<&'g GeometryGrad>) -> BackwardSplat<'g, L> {
+        let splat = self.entries[entry].splat as usize;
+        BackwardSplat {
+            broadcast: BroadcastSplat::new(&self.splats.records[splat]),
+            plane: match geometry {
+                Some(g) => Some((g, BroadcastPlane::new(&self.splats.planes[splat]))),
+                None => None,
+            },
+            limits: PixelLimits::new(self.options),
+            ratio_least: L::splat(self.options.ratio_least),
+        }
+    }
+
+    #[inline(always)]
     fn by_tile<L: Lanes>(self, mut state: TileState, geometry: Option<&GeometryGrad>) {
         let limits = PixelLimits::<L>::new(self.options);
         for (k, entry) in self.entries.iter().enumerate() {
@@ -211,7 +211,7 @@ impl TileBackward<'_> {
                 self.slots[k] = GradSlot::default();
                 continue;
             }
-            let splat = BackwardSplat::<L>::new(self.splats, entry.splat, geometry, self.options);
+            let splat = self.splat::<L>(k, geometry);
             let mut sums = SlotSums::new();
             let mut left = entry.blocks;
             while left != 0 {
@@ -220,7 +220,7 @@ impl TileBackward<'_> {
                 let before = L::load(&state.transmittance[b]);
                 let corner = tiles::block_corner(self.corner, b);
                 let Some(shade) = splat.broadcast.shade(corner, before, &limits) else { continue };
-                let (weight, after) = composite::blend(before, shade.alpha);
+                let (weight, after) = window::blend(before, shade.alpha);
                 let value = splat.value(b, &shade, &state);
                 let behind = L::load(&state.behind[b]) - weight * value;
                 after.store(&mut state.transmittance[b]);
@@ -243,16 +243,14 @@ impl TileBackward<'_> {
             layers.find::<L>(self.entries, self.splats, self.corner, b, self.options);
             for i in 0..layers.len() {
                 let (layer, shade) = layers.shade::<L>(i, self.entries, self.splats);
-                let index = self.entries[layer.entry].splat;
-                let splat = BackwardSplat::<L>::new(self.splats, index, geometry, self.options);
+                let splat = self.splat::<L>(layer.entry, geometry);
                 splat.value(b, &shade, &state).store(layers.value(i));
             }
             let (before, behind) = (&mut state.transmittance[b], &mut state.behind[b]);
             layers.replay::<L>(before, behind, self.options.min_transmittance);
             for i in 0..layers.len() {
                 let (layer, shade) = layers.shade::<L>(i, self.entries, self.splats);
-                let index = self.entries[layer.entry].splat;
-                let splat = BackwardSplat::<L>::new(self.splats, index, geometry, self.options);
+                let splat = self.splat::<L>(layer.entry, geometry);
                 let mut sums = SlotSums::new();
                 let at = [L::load(&layer.before), L::load(&layer.behind), L::load(&layer.value)];
                 splat.add_grad(&mut sums, b, &shade, &state, at);
@@ -315,25 +313,7 @@ fn add(to: &mut [f32], other: &[f32]) {
     to.iter_mut().zip(other).for_each(|(a, b)| *a += b);
 }
 
-impl<'a, L: Lanes> BackwardSplat<'a, L> {
-    #[inline(always)]
-    fn new(
-        splats: &Splats,
-        splat: u32,
-        geometry: Option<&'a GeometryGrad<'a>>,
-        options: &SoftOptions,
-    ) -> Self {
-        Self {
-            broadcast: BroadcastSplat::new(&splats.records[splat as usize]),
-            plane: match geometry {
-                Some(g) => Some((g, BroadcastPlane::new(&splats.planes[splat as usize]))),
-                None => None,
-            },
-            limits: PixelLimits::new(options),
-            ratio_least: L::splat(options.ratio_least),
-        }
-    }
-
+impl<L: Lanes> BackwardSplat<'_, L> {
     /// ∂L/∂w; independent of the order of the layers, even through the distortion.
     #[inline(always)]
     fn value(&self, b: usize, shade: &BlockShade<L>, state: &TileState) -> L {
@@ -364,10 +344,10 @@ impl<'a, L: Lanes> BackwardSplat<'a, L> {
         state: &TileState,
         [before, behind, value]: [L; 3],
     ) {
-        let (weight, after) = composite::blend(before, s.alpha);
+        let (weight, after) = window::blend(before, s.alpha);
         let last = after.lt(self.limits.min_transmittance);
         let background = L::load(&state.background[b]);
-        let d_alpha = composite::blend_grad(before, s.alpha, value, behind, last, background);
+        let d_alpha = window::blend_grad(before, s.alpha, value, behind, last, background);
         let d_log = (d_alpha * s.raw).masked(s.drawn.and(s.raw.le(self.limits.cap)));
         let (sigma, least) = (self.broadcast.sigma, self.ratio_least);
         let (d_sigma, d_ratio, edges) = match self.limits.window {

@@ -1,15 +1,13 @@
 //! The forward pass: blends the splats of every tile front to back.
 
-use super::CountedPixels;
 use super::frame::{SoftOptions, Sort};
-use super::layers::BlockLayers;
-use super::layers::{BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
-use super::slots::WeightSlot;
+use super::layers::{BlockLayers, BlockShade, BroadcastPlane, BroadcastSplat, DepthMap, PixelLimits};
+use super::slots::{CountedPixels, WeightSlot};
 use super::splats::{PREFETCH_AHEAD, Splats};
-use super::tiles::{self, BLOCKS, TILE};
-use super::tiles::{TileChannel, TileGeometry, TilePixels};
-use super::tiles::{TileEntry, Tiles, split_by_tile};
-use crate::kernel::composite;
+use super::tiles::{
+    self, BLOCKS, TILE, TileChannel, TileEntry, TileGeometry, TilePixels, Tiles, split_by_tile,
+};
+use crate::kernel::window;
 use glam::UVec2;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use trisplat_scene::math::real::Mask;
@@ -45,10 +43,8 @@ pub(super) fn draw(
     }
     let (size, across) = (tiles.size, tiles.count.x);
     let entries = split_by_tile(&mut tiles.entries, &tiles.starts);
-    let weights = split_by_tile(weights, if options.importance { &tiles.starts } else { &[] });
-    let mut weights = weights.into_iter();
-    let work: Vec<_> = entries.into_iter().map(|e| (e, weights.next().unwrap_or_default())).collect();
-    parallel::for_each(pixels.iter_mut().zip(work), |tile, (pixels, (entries, weights))| {
+    let weights = split_by_tile(weights, &tiles.starts);
+    parallel::for_each(pixels.iter_mut().zip(entries).zip(weights), |tile, ((pixels, entries), weights)| {
         let corner = UVec2::new(tile as u32 % across, tile as u32 / across) * TILE;
         dispatch(DrawTile { splats, entries, weights, pixels, corner, size, slab, options, counted });
     });
@@ -105,10 +101,9 @@ impl DrawTile<'_> {
     /// Clears the pixels; returns the blocks that lie in the image, one bit each.
     #[inline(always)]
     fn clear(&mut self) -> u32 {
-        let whole = tiles::is_whole(self.size, self.corner);
         let mut alive = 0;
         for block in 0..BLOCKS {
-            let inside = if whole { u16::MAX } else { tiles::inside(self.size, self.corner, block) };
+            let inside = tiles::inside(self.size, self.corner, block);
             alive |= u32::from(inside != 0) << block;
             for lane in 0..LANES {
                 self.pixels.transmittance[block][lane] = f32::from(inside >> lane & 1);
@@ -269,12 +264,12 @@ impl TilePixels {
         shade: &BlockShade<L>,
         before: L,
     ) -> (L, L) {
-        let (weight, after) = composite::blend(before, shade.alpha);
+        let (weight, after) = window::blend(before, shade.alpha);
         for (channel, color) in self.rgb.iter_mut().zip(splat.broadcast.rgb) {
             weight.mul_add(color, L::load(&channel[b])).store(&mut channel[b]);
         }
         if let (Some(plane), Some(geometry)) = (&splat.plane, &mut self.geometry) {
-            let crosses = composite::is_median(before, after).and(shade.drawn);
+            let crosses = window::is_median(before, after).and(shade.drawn);
             geometry.add(b, splat.map, weight, crosses, plane, shade);
         }
         (weight, after)
@@ -305,7 +300,7 @@ impl TileGeometry {
         let anchor = L::select(is_first, m, L::load(&self.anchor[b]));
         anchor.store(&mut self.anchor[b]);
         let m = (m - anchor).masked(drawn);
-        let grown = L::load(&self.distortion[b]) + composite::distortion(weight, m, sums);
+        let grown = L::load(&self.distortion[b]) + window::distortion(weight, m, sums);
         grown.store(&mut self.distortion[b]);
         (sums[0] + weight).store(&mut self.sums[0][b]);
         add(&mut self.sums[1][b], weight, m);

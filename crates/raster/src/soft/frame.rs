@@ -2,7 +2,7 @@
 
 use glam::{UVec2, Vec3};
 use std::ops::Range;
-use trisplat_scene::{image::RgbImage, math::color::linear_from_srgb, math::real::Real};
+use trisplat_scene::{image::RgbImage, math::color::linear_from_srgb};
 
 /// The order of blending the layers of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,17 +25,6 @@ pub enum Window {
         /// Width of the ramp across an edge, px; 1 is a pixel's own filter.
         width_px: f32,
     },
-}
-
-impl Window {
-    /// Converts an inradius, px, to this window's unit of distance from edges.
-    #[inline(always)]
-    pub(super) fn scale<R: Real>(self, inradius: R) -> R {
-        match self {
-            Window::Soft => R::of(1.0),
-            Window::Coverage { width_px } => inradius / R::of(width_px.into()),
-        }
-    }
 }
 
 /// How to draw.
@@ -177,11 +166,6 @@ impl<'a> SoupRef<'a> {
     /// Number of triangles.
     pub fn len(&self) -> usize {
         self.vertices.len()
-    }
-
-    /// True when there is nothing to draw.
-    pub fn is_empty(&self) -> bool {
-        self.vertices.is_empty()
     }
 
     /// Coefficients per triangle: K = (degree + 1)².

@@ -2,97 +2,64 @@
 
 use super::frame::{SoftOptions, SoupGrad, SoupRef, Window};
 use super::slots::{ERROR, GEOMETRY_SUMS, GradSlots, OPACITY, RATIO, RGB, SIGMA, SplatSums};
-use super::splats::{CHUNK, KernelCamera, ProjectedSplat, SplatChunk, UnclippedTriangle, direction, vec3};
+use super::splats::{
+    CHUNK, Columns, KernelCamera, ProjectedSplat, SplatChunk, UnclippedTriangle, broadcast, columns,
+    direction, flat, load2, load3, put, triangles, vec3,
+};
 use super::tiles::Tiles;
 use crate::kernel::splat::{CameraTriangle, DepthPlaneGrad, SplatGrad};
-use crate::kernel::{clip, sh, splat};
+use crate::kernel::{sh, splat};
 use glam::Vec3;
-use trisplat_scene::{
-    camera::Camera, math::color::decode, math::color::srgb_from_linear, math::lanes::LANES,
-    math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::V2, math::real::V3, parallel,
-};
+use trisplat_scene::math::color::{decode, srgb_from_linear};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::math::real::{V2, V3};
+use trisplat_scene::{camera::Camera, parallel};
 
 /// Gradient of the corners of every splat; arbitrary for one that was not drawn.
-pub(super) fn corner_grads(
-    corners: &[CameraTriangle<f32>],
-    sums: &[SplatSums],
-    focal: V2<f32>,
-    options: &SoftOptions,
-) -> Vec<CameraTriangle<f32>> {
-    let mut out = Vec::with_capacity(corners.len());
-    dispatch(CornerGrads { corners, sums, focal, options, out: &mut out });
-    out
-}
-
 struct CornerGrads<'a> {
     corners: &'a [CameraTriangle<f32>],
     sums: &'a [SplatSums],
     focal: V2<f32>,
     options: &'a SoftOptions,
-    out: &'a mut Vec<CameraTriangle<f32>>,
 }
 
-/// Number of values of a splat's corners, and of its sums from [`OPACITY`] on.
-const CORNER_NUMBERS: usize = 9;
+/// Number of a splat's sums from [`OPACITY`] on.
 const SUM_NUMBERS: usize = RATIO + 9 - OPACITY;
 
-type LaneColumns<const N: usize> = [[f32; LANES]; N];
-
 impl Work for CornerGrads<'_> {
-    type Output = ();
+    type Output = Vec<CameraTriangle<f32>>;
     #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let mut corners: LaneColumns<CORNER_NUMBERS> = [[0.0; LANES]; CORNER_NUMBERS];
-        let mut base: LaneColumns<SUM_NUMBERS> = [[0.0; LANES]; SUM_NUMBERS];
-        let mut geometry: LaneColumns<GEOMETRY_SUMS> = [[0.0; LANES]; GEOMETRY_SUMS];
+    fn run<L: Lanes>(self) -> Vec<CameraTriangle<f32>> {
+        let mut out = Vec::with_capacity(self.corners.len());
+        let mut corners: Columns<9> = [[0.0; LANES]; 9];
+        let mut base: Columns<SUM_NUMBERS> = [[0.0; LANES]; SUM_NUMBERS];
+        let mut geometry: Columns<GEOMETRY_SUMS> = [[0.0; LANES]; GEOMETRY_SUMS];
         for (some, sums) in self.corners.chunks(LANES).zip(self.sums.chunks(LANES)) {
             for (lane, (c, s)) in some.iter().zip(sums).enumerate() {
                 put(&mut corners, lane, &flat(c));
-                put(&mut base, lane, &s.base[OPACITY..OPACITY + SUM_NUMBERS]);
+                put(&mut base, lane, s.base[OPACITY..].first_chunk().expect("as many sums"));
                 put(&mut geometry, lane, &s.geometry);
             }
-            grads::<L>(&mut corners, &base, &geometry, self.focal, self.options);
+            corners = columns(flat(&grads::<L>(&corners, &base, &geometry, self.focal, self.options)));
             for (lane, _) in some.iter().enumerate() {
                 let at = |i: usize| V3::new(corners[i][lane], corners[i + 1][lane], corners[i + 2][lane]);
-                self.out.push(CameraTriangle { first: at(0), edges: [at(3), at(6)] });
+                out.push(CameraTriangle { first: at(0), edges: [at(3), at(6)] });
             }
         }
+        out
     }
 }
 
-fn flat(c: &CameraTriangle<f32>) -> [f32; CORNER_NUMBERS] {
-    let [a, b, d] = [c.first, c.edges[0], c.edges[1]];
-    [a.x, a.y, a.z, b.x, b.y, b.z, d.x, d.y, d.z]
-}
-
-#[inline(always)]
-fn put<const N: usize>(columns: &mut LaneColumns<N>, lane: usize, values: &[f32]) {
-    for (column, value) in columns.iter_mut().zip(values) {
-        column[lane] = *value;
-    }
-}
-
-#[inline(always)]
-fn v2<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V2<L> {
-    V2::new(L::load(&columns[i]), L::load(&columns[i + 1]))
-}
-
-#[inline(always)]
-fn v3<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V3<L> {
-    V3::new(L::load(&columns[i]), L::load(&columns[i + 1]), L::load(&columns[i + 2]))
-}
-
-/// Replaces the corners by their gradients.
+/// The gradients of corners.
 #[inline(always)]
 fn grads<L: Lanes>(
-    columns: &mut LaneColumns<CORNER_NUMBERS>,
-    base: &LaneColumns<SUM_NUMBERS>,
-    geometry: &LaneColumns<GEOMETRY_SUMS>,
+    corners: &Columns<9>,
+    base: &Columns<SUM_NUMBERS>,
+    geometry: &Columns<GEOMETRY_SUMS>,
     focal: V2<f32>,
     options: &SoftOptions,
-) {
-    let focal = V2::new(L::splat(focal.x), L::splat(focal.y));
-    let corners = CameraTriangle { first: v3(columns, 0), edges: [v3(columns, 3), v3(columns, 6)] };
+) -> CameraTriangle<L> {
+    let (corners, focal) = (triangles(corners), broadcast(focal));
     let splat = splat::splat(&corners, focal, V2::zero());
     let full_px = L::splat(options.fade_px);
     let by_fade = splat::fade_grad(splat.inradius, full_px) / splat::fade(splat.inradius, full_px);
@@ -103,7 +70,7 @@ fn grads<L: Lanes>(
     };
     let first = RATIO - OPACITY;
     let ratio = |i: usize| L::load(&base[first + 3 * i]) * scale;
-    let moment = |i: usize| v2::<L>(base, first + 3 * i + 1).scale(scale);
+    let moment = |i: usize| load2::<L>(base, first + 3 * i + 1).scale(scale);
     let d = SplatGrad {
         ratio: [ratio(0), ratio(1), ratio(2)],
         moment: [moment(0), moment(1), moment(2)],
@@ -114,19 +81,14 @@ fn grads<L: Lanes>(
     if options.geometry {
         let d = DepthPlaneGrad {
             inv_depth: L::load(&geometry[0]),
-            slope: v2(geometry, 1),
-            normal: v3(geometry, 3),
+            slope: load2(geometry, 1),
+            normal: load3(geometry, 3),
         };
         let more = splat::depth_plane_grad(&corners, focal, &splat, &splat::depth_plane(&corners, focal), &d);
         out.first = out.first + more.first;
         out.edges = [out.edges[0] + more.edges[0], out.edges[1] + more.edges[1]];
     }
-    let parts = [out.first, out.edges[0], out.edges[1]];
-    for (i, v) in parts.into_iter().enumerate() {
-        v.x.store(&mut columns[3 * i]);
-        v.y.store(&mut columns[3 * i + 1]);
-        v.z.store(&mut columns[3 * i + 2]);
-    }
+    out
 }
 
 /// The rows of one chunk of triangles.
@@ -213,8 +175,11 @@ impl GradRows<'_> {
         let mut visible = Vec::with_capacity(projected.len());
         let mut dropped = 0;
         let sums = SplatSums::of_chunk(pairs.tiles, pairs.slots, projected, options.geometry);
-        let corners: Vec<_> = projected.iter().map(|s| corners(s, soup, camera, options.near)).collect();
-        let d_corners = corner_grads(&corners, &sums, camera.focal, options);
+        let unclipped =
+            |s: &ProjectedSplat| UnclippedTriangle::new(camera, &soup.vertices[s.record.triangle as usize]);
+        let corners: Vec<_> = projected.iter().map(|s| unclipped(s).piece(&s.piece, options.near)).collect();
+        let d_corners =
+            dispatch(CornerGrads { corners: &corners, sums: &sums, focal: camera.focal, options });
         let mut at = 0;
         for pieces in projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
             let triangle = pieces[0].record.triangle as usize;
@@ -301,17 +266,6 @@ fn color_grad(
     vec3(sh::normalize_grad(unit, length, d_unit))
 }
 
-/// The corners of a piece in camera space.
-fn corners(
-    projected: &ProjectedSplat,
-    soup: &SoupRef,
-    camera: &KernelCamera,
-    near: f32,
-) -> CameraTriangle<f32> {
-    UnclippedTriangle::new(camera, &soup.vertices[projected.record.triangle as usize])
-        .piece(&projected.piece, near)
-}
-
 /// Gradient of one triangle without the SH.
 #[derive(Default)]
 struct GradRow {
@@ -345,7 +299,7 @@ impl GradRow {
     ) {
         let back = camera.rotation.transpose();
         let each = [d.first - d.edges[0] - d.edges[1], d.edges[0], d.edges[1]];
-        if projected.piece == clip::WHOLE {
+        if projected.piece == splat::WHOLE {
             for (vertex, d) in self.vertices.iter_mut().zip(each) {
                 *vertex += back * vec3(d);
             }
@@ -358,7 +312,7 @@ impl GradRow {
                 self.vertices[from] += back * vec3(d);
             } else {
                 let (d_from, d_to) =
-                    clip::near_point_grad(unclipped.corners[from], unclipped.corners[to], near, d);
+                    splat::near_point_grad(unclipped.corners[from], unclipped.corners[to], near, d);
                 self.vertices[from] += back * vec3(d_from);
                 self.vertices[to] += back * vec3(d_to);
             }

@@ -6,14 +6,11 @@
 
 use super::frame::{SoftOptions, Window};
 use super::splats::{SplatRecord, Splats};
-use super::tiles;
-use super::tiles::{LANE_X, LANE_Y, TileEntry};
-use crate::kernel::splat::DepthPlane;
-use crate::kernel::{composite, window};
+use super::tiles::{LANE_X, LANE_Y, TileEntry, block_corner};
+use crate::kernel::{splat::DepthPlane, window};
 use glam::UVec2;
-use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::real::Mask, math::real::V2, math::real::V3,
-};
+use trisplat_scene::math::lanes::{LANES, Lanes};
+use trisplat_scene::math::real::{Mask, V2, V3};
 
 /// A splat's record in every lane.
 pub(super) struct BroadcastSplat<L> {
@@ -44,9 +41,7 @@ impl<L: Lanes> PixelLimits<L> {
             window: options.window,
         }
     }
-}
 
-impl<L: Lanes> PixelLimits<L> {
     #[inline(always)]
     fn ratio(&self, ratios: &[L; 3]) -> L {
         match self.window {
@@ -187,7 +182,7 @@ impl DepthMap {
 }
 
 /// A layer on the pixels of a block.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct BlockLayer {
     /// Its entry in the tile.
     pub(super) entry: usize,
@@ -274,7 +269,7 @@ impl BlockLayers {
         options: &SoftOptions,
     ) {
         self.layers.clear();
-        self.corner = tiles::block_corner(corner, b);
+        self.corner = block_corner(corner, b);
         self.cap = options.alpha_cap;
         self.window = options.window;
         let limits = self.limits();
@@ -294,16 +289,7 @@ impl BlockLayers {
                 continue;
             }
             occluder.add(inv_depth, shade.alpha);
-            let zero = [0.0; LANES];
-            let mut layer = BlockLayer {
-                entry,
-                drawn: L::bits(shade.drawn),
-                inv_depth: zero,
-                alpha: zero,
-                value: zero,
-                before: zero,
-                behind: zero,
-            };
+            let mut layer = BlockLayer { entry, drawn: L::bits(shade.drawn), ..BlockLayer::default() };
             inv_depth.store(&mut layer.inv_depth);
             shade.alpha.store(&mut layer.alpha);
             self.layers.push(layer);
@@ -334,7 +320,7 @@ impl BlockLayers {
             let before = L::load(transmittance);
             let alive = L::bits(least.le(before));
             let Some(front) = self.front::<L>(alive) else { break };
-            let (weight, after) = composite::blend(before, front.alpha);
+            let (weight, after) = window::blend(before, front.alpha);
             after.store(transmittance);
             let rest = L::load(behind) - weight * front.value;
             rest.store(behind);

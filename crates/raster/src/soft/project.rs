@@ -1,19 +1,18 @@
 //! Projects triangles to splats, sixteen at once, and orders them front to back.
 
 use super::frame::{SoftOptions, Sort, SoupRef, Window};
-use super::splats;
 use super::splats::{
-    CHUNK, DepthKey, KernelCamera, ProjectedSplat, Projection, ScreenBox, SplatChunk, SplatRecord,
-    UnclippedTriangle, direction,
+    self, CHUNK, Columns, DepthKey, KernelCamera, ProjectedSplat, Projection, ScreenBox, SplatChunk,
+    SplatRecord, UnclippedTriangle, broadcast, columns, direction, flat, numbers, put, triangles,
 };
-use crate::kernel::clip::Piece;
-use crate::kernel::splat::{CameraTriangle, DepthPlane, Splat};
-use crate::kernel::{clip, sh, splat, window};
+use crate::kernel::splat::{self, CameraTriangle, DepthPlane, Piece, Splat};
+use crate::kernel::{sh, window};
 use std::ops::Range;
-use trisplat_scene::{
-    camera::Camera, math::color::linear_from_srgb, math::lanes::LANES, math::lanes::Lanes, math::lanes::Work,
-    math::lanes::dispatch, math::real::Mask, math::real::V2, math::real::V3, parallel, parallel::GRAIN,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::math::real::{Mask, V2, V3};
+use trisplat_scene::parallel::{self, GRAIN};
 
 impl Projection {
     /// Projects the triangles of a soup, chunk by chunk.
@@ -77,10 +76,10 @@ impl Work for ProjectChunk<'_> {
                 continue;
             }
             let unclipped = UnclippedTriangle::new(self.camera, &soup.vertices[i]);
-            let (pieces, count) = clip::pieces(unclipped.corners.map(|v| v.z >= near));
+            let (pieces, count) = splat::pieces(unclipped.corners.map(|v| v.z >= near));
             for piece in &pieces[..count] {
                 group.push(&unclipped.piece(piece, near), piece, i as u32, soup.opacity[i], soup.sigma[i]);
-                if group.is_full() {
+                if group.len == LANES {
                     self.finish::<L>(&mut group);
                 }
             }
@@ -130,53 +129,21 @@ fn raw_color(basis: &[f32; sh::MAX_COEFFICIENTS], coefficients: &[[f32; 3]]) -> 
     rgb
 }
 
-/// One number of each piece.
-type Column = [f32; LANES];
-
 /// Up to sixteen pieces in front of the near plane, in camera space.
 #[derive(Default)]
-pub(super) struct PieceGroup {
-    first: [Column; 3],
-    edges: [[Column; 3]; 2],
-    opacity: Column,
-    sigma: Column,
+struct PieceGroup {
+    corners: Columns<9>,
+    opacity: [f32; LANES],
+    sigma: [f32; LANES],
     triangle: [u32; LANES],
     piece: [Piece; LANES],
     len: usize,
 }
 
-/// The splats of a group, number by number; arbitrary where not drawn.
-#[derive(Default)]
-struct SplatColumns {
-    origin: [Column; 2],
-    edge: [[Column; 2]; 3],
-    shift: Column,
-    floor: Column,
-    log2_opacity: Column,
-    bounds: [Column; 4],
-    radius_px: Column,
-    depth: Column,
-    /// Those that are drawn, one bit each.
-    drawn: u16,
-}
-
-/// The depth planes of a group.
-#[derive(Default)]
-struct PlaneColumns {
-    inv_depth: Column,
-    slope: [Column; 2],
-    normal: [Column; 3],
-}
-
 impl PieceGroup {
-    #[inline(always)]
-    pub(super) fn is_full(&self) -> bool {
-        self.len == LANES
-    }
-
     /// Adds a piece; the group must not be full.
     #[inline(always)]
-    pub(super) fn push(
+    fn push(
         &mut self,
         corners: &CameraTriangle<f32>,
         piece: &Piece,
@@ -185,9 +152,7 @@ impl PieceGroup {
         sigma: f32,
     ) {
         let at = self.len;
-        put(&mut self.first, at, corners.first);
-        put(&mut self.edges[0], at, corners.edges[0]);
-        put(&mut self.edges[1], at, corners.edges[1]);
+        put(&mut self.corners, at, &flat(corners));
         (self.opacity[at], self.sigma[at]) = (opacity, sigma);
         (self.triangle[at], self.piece[at]) = (triangle, *piece);
         self.len += 1;
@@ -195,47 +160,55 @@ impl PieceGroup {
 
     /// Adds the splats that are drawn, without their colours, and the bits of their depths; empties the group.
     #[inline(always)]
-    pub(super) fn project<L: Lanes>(
+    fn project<L: Lanes>(
         &mut self,
         camera: &KernelCamera,
         options: &SoftOptions,
         projected: &mut Vec<ProjectedSplat>,
         depths: &mut Vec<u32>,
     ) {
-        let corners = CameraTriangle {
-            first: load3::<L>(&self.first),
-            edges: [load3(&self.edges[0]), load3(&self.edges[1])],
-        };
-        let splats = self.splats::<L>(&corners, camera, options);
+        let corners = triangles::<L>(&self.corners);
+        let (splats, drawn) = self.splats::<L>(&corners, camera, options);
         let needs_plane = options.geometry || options.sort == Sort::Pixel;
-        let planes = if needs_plane { Some(planes::<L>(&corners, camera)) } else { None };
-        let mut left = splats.drawn & ((1u32 << self.len) - 1) as u16;
+        let planes = if needs_plane { planes::<L>(&corners, camera) } else { [[0.0; LANES]; 6] };
+        let mut left = drawn & ((1u32 << self.len) - 1) as u16;
         while left != 0 {
             let lane = left.trailing_zeros() as usize & (LANES - 1);
             left &= left - 1;
-            depths.push(splats.depth[lane].to_bits());
+            let [x, y, ax, ay, bx, by, cx, cy, shift, floor, log2_opacity, x0, y0, x1, y1, radius_px, depth] =
+                numbers(&splats, lane);
+            let [inv_depth, slope_x, slope_y, nx, ny, nz] = numbers(&planes, lane);
+            let (slope, normal) = (V2::new(slope_x, slope_y), V3::new(nx, ny, nz));
+            depths.push(depth.to_bits());
             projected.push(ProjectedSplat {
-                record: splats.record(lane, self.sigma[lane], self.triangle[lane]),
-                bounds: splats.bounds(lane),
-                plane: match &planes {
-                    Some(planes) => planes.plane(lane),
-                    None => NO_PLANE,
+                record: SplatRecord {
+                    origin: [x, y],
+                    edge: [[ax, ay], [bx, by], [cx, cy]],
+                    shift,
+                    floor,
+                    sigma: self.sigma[lane],
+                    log2_opacity,
+                    rgb: [0.0; 3],
+                    triangle: self.triangle[lane],
                 },
+                bounds: ScreenBox { lo: [x0, y0], hi: [x1, y1] },
+                plane: DepthPlane { inv_depth, slope, normal },
                 piece: self.piece[lane],
-                radius_px: splats.radius_px[lane],
+                radius_px,
                 rank: 0,
             });
         }
         self.len = 0;
     }
 
+    /// The numbers of each splat's record and box, its radius and depth; and those that are drawn, one bit each.
     #[inline(always)]
     fn splats<L: Lanes>(
         &self,
         corners: &CameraTriangle<L>,
         camera: &KernelCamera,
         options: &SoftOptions,
-    ) -> SplatColumns {
+    ) -> (Columns<17>, u16) {
         let splat = splat::splat(corners, broadcast(camera.focal), broadcast(camera.center));
         let mut opacity = L::load(&self.opacity);
         if options.window == Window::Soft {
@@ -243,14 +216,17 @@ impl PieceGroup {
         }
         let (log2_opacity, sigma) = (opacity.log2(), L::load(&self.sigma));
         let log2_cutoff = L::splat(options.cutoff.log2());
-        let scale = options.window.scale(splat.inradius);
-        // The smallest drawn ratio or coverage, its inset from the edges, and by how much the bounds grow.
-        let (floor, inset, grown) = match options.window {
+        // The smallest drawn ratio or coverage, its inset from the edges, by how much the bounds grow, and the
+        // unit of distances from edges.
+        let (floor, inset, grown, scale) = match options.window {
             Window::Soft => {
                 let floor = window::ratio_floor(log2_opacity, sigma, log2_cutoff);
-                (floor, floor, 0.0)
+                (floor, floor, 0.0, L::splat(1.0))
             }
-            Window::Coverage { width_px } => (L::splat(options.cutoff) / opacity, L::splat(0.0), width_px),
+            Window::Coverage { width_px } => {
+                let floor = L::splat(options.cutoff) / opacity;
+                (floor, L::splat(0.0), width_px, splat.inradius / L::splat(width_px))
+            }
         };
         let bounds = bounds(&splat, inset, L::splat(grown));
         let depth = (corners.edges[0].z + corners.edges[1].z).mul_add(L::splat(1.0 / 3.0), corners.first.z);
@@ -260,97 +236,38 @@ impl PieceGroup {
             .and(L::splat(options.cutoff).lt(opacity))
             .and(floor.lt(L::splat(1.0)))
             .and(is_inside(&bounds, camera.size));
-        let mut out = SplatColumns::store(&splat, &bounds, scale);
-        floor.store(&mut out.floor);
-        log2_opacity.store(&mut out.log2_opacity);
-        depth.store(&mut out.depth);
-        out.drawn = L::bits(drawn);
-        out
+        let Splat { origin, shift, .. } = splat;
+        let [a, b, c] = [splat.edge[0].scale(scale), splat.edge[1].scale(scale), splat.edge[2].scale(scale)];
+        let (shift, [x0, y0, x1, y1]) = (shift * scale, bounds);
+        let radius = radius(&splat);
+        let all = [
+            origin.x,
+            origin.y,
+            a.x,
+            a.y,
+            b.x,
+            b.y,
+            c.x,
+            c.y,
+            shift,
+            floor,
+            log2_opacity,
+            x0,
+            y0,
+            x1,
+            y1,
+            radius,
+            depth,
+        ];
+        (columns(all), L::bits(drawn))
     }
 }
 
-impl SplatColumns {
-    /// Values of the splat alone; `scale` is that of its distances from edges.
-    #[inline(always)]
-    fn store<L: Lanes>(splat: &Splat<L>, bounds: &[L; 4], scale: L) -> Self {
-        let mut out = Self::default();
-        splat.origin.x.store(&mut out.origin[0]);
-        splat.origin.y.store(&mut out.origin[1]);
-        for (edge, to) in splat.edge.iter().zip(&mut out.edge) {
-            (edge.x * scale).store(&mut to[0]);
-            (edge.y * scale).store(&mut to[1]);
-        }
-        (splat.shift * scale).store(&mut out.shift);
-        for (bound, to) in bounds.iter().zip(&mut out.bounds) {
-            bound.store(to);
-        }
-        radius(splat).store(&mut out.radius_px);
-        out
-    }
-
-    #[inline(always)]
-    fn record(&self, lane: usize, sigma: f32, triangle: u32) -> SplatRecord {
-        let [a, b, c] = &self.edge;
-        SplatRecord {
-            origin: [self.origin[0][lane], self.origin[1][lane]],
-            edge: [[a[0][lane], a[1][lane]], [b[0][lane], b[1][lane]], [c[0][lane], c[1][lane]]],
-            shift: self.shift[lane],
-            floor: self.floor[lane],
-            sigma,
-            log2_opacity: self.log2_opacity[lane],
-            rgb: [0.0; 3],
-            triangle,
-        }
-    }
-
-    #[inline(always)]
-    fn bounds(&self, lane: usize) -> ScreenBox {
-        let [x0, y0, x1, y1] = &self.bounds;
-        ScreenBox { lo: [x0[lane], y0[lane]], hi: [x1[lane], y1[lane]] }
-    }
-}
-
-impl PlaneColumns {
-    #[inline(always)]
-    fn plane(&self, lane: usize) -> DepthPlane<f32> {
-        let Self { inv_depth, slope, normal } = self;
-        DepthPlane {
-            inv_depth: inv_depth[lane],
-            slope: V2::new(slope[0][lane], slope[1][lane]),
-            normal: V3::new(normal[0][lane], normal[1][lane], normal[2][lane]),
-        }
-    }
-}
-
-const NO_PLANE: DepthPlane<f32> =
-    DepthPlane { inv_depth: 0.0, slope: V2 { x: 0.0, y: 0.0 }, normal: V3 { x: 0.0, y: 0.0, z: 0.0 } };
-
+/// Each splat's depth plane: 1 / z, its slope, and the normal.
 #[inline(always)]
-fn planes<L: Lanes>(corners: &CameraTriangle<L>, camera: &KernelCamera) -> PlaneColumns {
-    let plane = splat::depth_plane(corners, broadcast(camera.focal));
-    let mut out = PlaneColumns::default();
-    plane.inv_depth.store(&mut out.inv_depth);
-    plane.slope.x.store(&mut out.slope[0]);
-    plane.slope.y.store(&mut out.slope[1]);
-    plane.normal.x.store(&mut out.normal[0]);
-    plane.normal.y.store(&mut out.normal[1]);
-    plane.normal.z.store(&mut out.normal[2]);
-    out
-}
-
-#[inline(always)]
-fn put(columns: &mut [Column; 3], lane: usize, v: V3<f32>) {
-    (columns[0][lane], columns[1][lane], columns[2][lane]) = (v.x, v.y, v.z);
-}
-
-#[inline(always)]
-fn load3<L: Lanes>([x, y, z]: &[Column; 3]) -> V3<L> {
-    V3::new(L::load(x), L::load(y), L::load(z))
-}
-
-#[inline(always)]
-fn broadcast<L: Lanes>(v: V2<f32>) -> V2<L> {
-    V2::new(L::splat(v.x), L::splat(v.y))
+fn planes<L: Lanes>(corners: &CameraTriangle<L>, camera: &KernelCamera) -> Columns<6> {
+    let DepthPlane { inv_depth, slope, normal } = splat::depth_plane(corners, broadcast(camera.focal));
+    columns([inv_depth, slope.x, slope.y, normal.x, normal.y, normal.z])
 }
 
 #[inline(always)]

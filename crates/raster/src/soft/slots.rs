@@ -1,8 +1,7 @@
 //! Results of the passes per (splat, tile) pair, and their sums over tiles and views in a fixed order: gradients, and the importance of triangles.
 
 use super::splats::{CHUNK, ProjectedSplat, Projection};
-use super::tiles;
-use super::tiles::Tiles;
+use super::tiles::{self, Tiles};
 use glam::UVec2;
 use trisplat_scene::{math::lanes::LANES, math::lanes::prefetch, parallel};
 
@@ -139,7 +138,7 @@ impl CountedPixels<'_> {
     }
 }
 
-/// Statistics of every triangle since the last reset, over the pixels that count. // each `[N]`
+/// Statistics of every triangle over all views so far, over the pixels that count. // each `[N]`
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Importance {
     /// Largest weight alpha · T on any pixel.
@@ -152,40 +151,28 @@ pub struct Importance {
     pub pixels: Vec<u32>,
     /// Largest distance of a corner from the centroid on the screen, px.
     pub max_radius_px: Vec<f32>,
-    /// Views accumulated.
-    pub frames: u32,
 }
 
 impl Importance {
     /// Zeros for `count` triangles.
     pub fn new(count: usize) -> Self {
-        let mut out = Self::default();
-        out.reset(count);
-        out
-    }
-
-    /// Sets everything to zero, for `count` triangles.
-    pub fn reset(&mut self, count: usize) {
-        for values in [&mut self.max_weight, &mut self.sum_weight, &mut self.max_radius_px] {
-            values.clear();
-            values.resize(count, 0.0);
+        Self {
+            max_weight: vec![0.0; count],
+            sum_weight: vec![0.0; count],
+            views: vec![0; count],
+            pixels: vec![0; count],
+            max_radius_px: vec![0.0; count],
         }
-        for values in [&mut self.views, &mut self.pixels] {
-            values.clear();
-            values.resize(count, 0);
-        }
-        self.frames = 0;
     }
 
     pub(super) fn accumulate(&mut self, projection: &Projection, tiles: &Tiles, weights: &[WeightSlot]) {
         if self.max_weight.len() != projection.triangles {
-            self.reset(projection.triangles);
+            *self = Self::new(projection.triangles);
         }
-        self.frames += 1;
         if weights.len() < tiles.entries.len() {
             return;
         }
-        let Self { max_weight, sum_weight, views, pixels, max_radius_px, .. } = self;
+        let Self { max_weight, sum_weight, views, pixels, max_radius_px } = self;
         let rows = max_weight
             .chunks_mut(CHUNK)
             .zip(sum_weight.chunks_mut(CHUNK))

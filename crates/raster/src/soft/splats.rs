@@ -1,9 +1,8 @@
 //! The splats of a frame: their triangles in camera space, clipped at the near plane; first in the order of the triangles, then by depth.
 
-use crate::kernel::clip;
-use crate::kernel::clip::{Piece, PieceCorner};
-use crate::kernel::splat::{CameraTriangle, DepthPlane};
+use crate::kernel::splat::{self, CameraTriangle, DepthPlane, Piece, PieceCorner};
 use glam::{Mat3, Vec3};
+use trisplat_scene::math::lanes::{LANES, Lanes};
 use trisplat_scene::{camera::Camera, math::real::V2, math::real::V3};
 
 /// Triangles that one task projects; also the unit of the gradient gather.
@@ -61,12 +60,6 @@ pub(super) struct Splats {
     pub(super) records: Vec<SplatRecord>,
     pub(super) bounds: Vec<ScreenBox>,
     pub(super) planes: Vec<DepthPlane<f32>>,
-}
-
-impl Splats {
-    pub(super) fn len(&self) -> usize {
-        self.records.len()
-    }
 }
 
 /// All splats of a frame.
@@ -131,18 +124,77 @@ impl UnclippedTriangle {
     #[inline]
     fn corner(&self, corner: PieceCorner, near: f32) -> V3<f32> {
         let (from, to) = (self.corners[corner.from as usize], self.corners[corner.to as usize]);
-        if corner.from == corner.to { from } else { clip::near_point(from, to, near) }
+        if corner.from == corner.to { from } else { splat::near_point(from, to, near) }
     }
 
     /// One of its pieces in front of the near plane.
     #[inline]
     pub(super) fn piece(&self, piece: &Piece, near: f32) -> CameraTriangle<f32> {
-        if *piece == clip::WHOLE {
+        if *piece == splat::WHOLE {
             return self.whole;
         }
         let [a, b, c] = piece.map(|corner| self.corner(corner, near));
         CameraTriangle { first: a, edges: [b - a, c - a] }
     }
+}
+
+/// `N` numbers of each of sixteen splats, number by number.
+pub(super) type Columns<const N: usize> = [[f32; LANES]; N];
+
+/// The columns of `values`.
+#[inline(always)]
+pub(super) fn columns<L: Lanes, const N: usize>(values: [L; N]) -> Columns<N> {
+    let mut out = [[0.0; LANES]; N];
+    for (value, column) in values.iter().zip(&mut out) {
+        value.store(column);
+    }
+    out
+}
+
+/// The numbers of one splat.
+#[inline(always)]
+pub(super) fn numbers<const N: usize>(columns: &Columns<N>, lane: usize) -> [f32; N] {
+    let mut out = [0.0; N];
+    for (number, column) in out.iter_mut().zip(columns) {
+        *number = column[lane];
+    }
+    out
+}
+
+/// Sets the numbers of one splat.
+#[inline(always)]
+pub(super) fn put<const N: usize>(columns: &mut Columns<N>, lane: usize, numbers: &[f32; N]) {
+    for (column, number) in columns.iter_mut().zip(numbers) {
+        column[lane] = *number;
+    }
+}
+
+#[inline(always)]
+pub(super) fn load2<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V2<L> {
+    V2::new(L::load(&columns[i]), L::load(&columns[i + 1]))
+}
+
+#[inline(always)]
+pub(super) fn load3<L: Lanes>(columns: &[[f32; LANES]], i: usize) -> V3<L> {
+    V3::new(L::load(&columns[i]), L::load(&columns[i + 1]), L::load(&columns[i + 2]))
+}
+
+/// The triangles in nine columns.
+#[inline(always)]
+pub(super) fn triangles<L: Lanes>(columns: &Columns<9>) -> CameraTriangle<L> {
+    CameraTriangle { first: load3(columns, 0), edges: [load3(columns, 3), load3(columns, 6)] }
+}
+
+/// The nine numbers of a triangle.
+#[inline(always)]
+pub(super) fn flat<R: Copy>(triangle: &CameraTriangle<R>) -> [R; 9] {
+    let CameraTriangle { first: a, edges: [b, c] } = triangle;
+    [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]
+}
+
+#[inline(always)]
+pub(super) fn broadcast<L: Lanes>(v: V2<f32>) -> V2<L> {
+    V2::new(L::splat(v.x), L::splat(v.y))
 }
 
 /// Unit direction from the camera to a triangle's centroid, and the distance.

@@ -4,10 +4,8 @@ use super::frame::Window;
 use super::splats::{ScreenBox, SplatRecord, Splats};
 use glam::UVec2;
 use std::ops::Range;
-use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::Mask,
-    parallel,
-};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::{math::real::Mask, parallel};
 
 /// Tile width and height, px.
 pub const TILE: u32 = 16;
@@ -24,7 +22,8 @@ pub(super) const LANE_Y: [f32; LANES] = grid(0.0, 1.0, 0.0);
 pub(super) const BLOCK_X: [f32; BLOCKS] = grid(4.0, 0.0, 2.0);
 pub(super) const BLOCK_Y: [f32; BLOCKS] = grid(0.0, 4.0, 2.0);
 
-const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
+/// `x` and `y` times the column and row of each lane in a block of 4x4, plus `offset`.
+pub(crate) const fn grid(x: f32, y: f32, offset: f32) -> [f32; LANES] {
     let mut out = [0.0; LANES];
     let mut i = 0;
     while i < LANES {
@@ -56,18 +55,15 @@ pub(super) fn block_corner(corner: UVec2, block: usize) -> [f32; 2] {
 /// One bit for each pixel of the block that lies in the image.
 #[inline(always)]
 pub(super) fn inside(size: UVec2, corner: UVec2, block: usize) -> u16 {
+    if corner.x + TILE <= size.x && corner.y + TILE <= size.y {
+        return u16::MAX;
+    }
     let mut bits = 0;
     for lane in 0..LANES {
         let (x, y) = pixel(corner, block, lane);
         bits |= u16::from(x < size.x && y < size.y) << lane;
     }
     bits
-}
-
-/// Whether the whole tile lies in the image.
-#[inline(always)]
-pub(super) fn is_whole(size: UVec2, corner: UVec2) -> bool {
-    corner.x + TILE <= size.x && corner.y + TILE <= size.y
 }
 
 /// Column and row of a lane.
@@ -163,11 +159,6 @@ impl OpenTiles {
         if x0 > x1 || y0 > y1 { 0 } else { self.count_within([x0, y0], [x1 + 1, y1 + 1]) }
     }
 
-    /// Whether the tile is open.
-    pub(super) fn is_open(&self, x: u32, y: u32) -> bool {
-        self.count_within([x, y], [x + 1, y + 1]) > 0
-    }
-
     fn count_within(&self, from: [u32; 2], to: [u32; 2]) -> u32 {
         let at = |x: u32, y: u32| self.sums[(y * (self.count.x + 1) + x) as usize];
         at(to[0], to[1]) + at(from[0], from[1]) - at(to[0], from[1]) - at(from[0], to[1])
@@ -234,13 +225,8 @@ impl Tiles {
         UVec2::new(tile as u32 % self.count.x, tile as u32 / self.count.x) * TILE
     }
 
-    /// Fills the lists with the pairs of all splats.
-    pub(super) fn bin(&mut self, splats: &Splats, size: UVec2, window: Window) {
-        self.bin_some(splats, 0..splats.len(), size, window, None);
-    }
-
     /// Fills the lists with the pairs of some splats and open, or all, tiles.
-    pub(super) fn bin_some(
+    pub(super) fn bin(
         &mut self,
         splats: &Splats,
         some: Range<usize>,
@@ -344,14 +330,13 @@ impl KeptPairs {
     }
 }
 
-/// Splits `values`, one per pair, by tile; `starts` as in [`Tiles::starts`].
+/// Splits `values`, one per pair or none, by tile; `starts` as in [`Tiles::starts`].
 pub(super) fn split_by_tile<'a, T>(mut values: &'a mut [T], starts: &[u32]) -> Vec<&'a mut [T]> {
     starts
         .windows(2)
         .map(|w| {
-            let (head, tail) = std::mem::take(&mut values).split_at_mut((w[1] - w[0]) as usize);
-            values = tail;
-            head
+            let count = values.len().min((w[1] - w[0]) as usize);
+            values.split_off_mut(..count).expect("as many are left")
         })
         .collect()
 }
@@ -370,51 +355,47 @@ struct Emit<'a> {
 impl Work for Emit<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let Self { size, across, slack, .. } = self;
-        for (record, bounds) in self.records.iter().zip(self.bounds) {
+    fn run<L: Lanes>(mut self) {
+        let (records, bounds) = (self.records, self.bounds);
+        for (record, bounds) in records.iter().zip(bounds) {
             if self.open.is_none_or(|open| open.count(bounds) > 0) {
-                emit::<L>(record, bounds, (size, across, slack), self.open, &mut self.range.pairs);
+                self.emit::<L>(record, bounds);
             }
             self.range.ends.push(self.range.pairs.len() as u32);
         }
     }
 }
 
-/// Emits the tiles a splat touches. A block is omitted if one of five separating axes (three edges, two of
-/// the box) shows a gap between the shrunk triangle and the box of the block's pixel centres: an exact test.
-#[inline(always)]
-fn emit<L: Lanes>(
-    record: &SplatRecord,
-    bounds: &ScreenBox,
-    (size, across, slack): ([f32; 2], u32, f32),
-    open: Option<&OpenTiles>,
-    out: &mut Vec<(u32, u32)>,
-) {
-    let floor = record.floor - slack;
-    let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], size[0]);
-    let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], size[1]);
-    let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
-    let reaches = [
-        reach(record.edge[0], -floor, block_x, block_y),
-        reach(record.edge[1], -floor - record.shift, block_x, block_y),
-        reach(record.edge[2], -floor, block_x, block_y),
-    ];
-    for ty in y0..=y1 {
-        for tx in x0..=x1 {
-            if open.is_some_and(|open| !open.is_open(tx, ty)) {
-                continue;
-            }
-            let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
-            let offset = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
-            let all = touches(reaches[0], record.edge[0], offset)
-                .and(touches(reaches[1], record.edge[1], offset))
-                .and(touches(reaches[2], record.edge[2], offset))
-                .and(overlaps(block_x, bounds.lo[0] - corner[0], bounds.hi[0] - corner[0]))
-                .and(overlaps(block_y, bounds.lo[1] - corner[1], bounds.hi[1] - corner[1]));
-            let blocks = L::bits(all);
-            if blocks != 0 {
-                out.push((ty * across + tx, u32::from(blocks)));
+impl Emit<'_> {
+    /// Emits the tiles a splat touches. A block is omitted if one of five separating axes (three edges, two of
+    /// the box) shows a gap between the shrunk triangle and the box of the block's pixel centres: an exact test.
+    #[inline(always)]
+    fn emit<L: Lanes>(&mut self, record: &SplatRecord, bounds: &ScreenBox) {
+        let floor = record.floor - self.slack;
+        let (x0, x1) = tiles_between(bounds.lo[0], bounds.hi[0], self.size[0]);
+        let (y0, y1) = tiles_between(bounds.lo[1], bounds.hi[1], self.size[1]);
+        let (block_x, block_y) = (L::load(&BLOCK_X), L::load(&BLOCK_Y));
+        let reaches = [
+            reach(record.edge[0], -floor, block_x, block_y),
+            reach(record.edge[1], -floor - record.shift, block_x, block_y),
+            reach(record.edge[2], -floor, block_x, block_y),
+        ];
+        for ty in y0..=y1 {
+            for tx in x0..=x1 {
+                if self.open.is_some_and(|open| open.count_within([tx, ty], [tx + 1, ty + 1]) == 0) {
+                    continue;
+                }
+                let corner = [(tx * TILE) as f32, (ty * TILE) as f32];
+                let offset = [corner[0] - record.origin[0], corner[1] - record.origin[1]];
+                let all = touches(reaches[0], record.edge[0], offset)
+                    .and(touches(reaches[1], record.edge[1], offset))
+                    .and(touches(reaches[2], record.edge[2], offset))
+                    .and(overlaps(block_x, bounds.lo[0] - corner[0], bounds.hi[0] - corner[0]))
+                    .and(overlaps(block_y, bounds.lo[1] - corner[1], bounds.hi[1] - corner[1]));
+                let blocks = L::bits(all);
+                if blocks != 0 {
+                    self.range.pairs.push((ty * self.across + tx, u32::from(blocks)));
+                }
             }
         }
     }

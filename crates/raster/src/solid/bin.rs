@@ -5,15 +5,11 @@
 //! omitted from the bins of the next round. The samples do not change, because the nearest face wins in any
 //! order.
 
-use super::bins::{
-    Batch, EMPTY, LargeTriangle, SampleKeys, SnappedTriangle, TILE_HEIGHT, TILE_WIDTH, TINY, TileDepths,
-    TinyTriangle, extent, samples_between, tile_count,
-};
-use super::projector::{GRID, GUARD, Projector, snap, snap_group};
-use glam::{DVec3, Vec3};
-use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, mesh::Mesh, parallel,
-};
+use super::projector::{GRID, GUARD, Projector, SnappedTriangle, clip, snap_group};
+use glam::{UVec2, Vec3};
+use std::ops::{Range, RangeInclusive};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
+use trisplat_scene::{mesh::Mesh, parallel};
 
 /// Faces that are projected together.
 const GROUP: usize = LANES;
@@ -64,23 +60,21 @@ pub(super) struct BinFaces<'a> {
 impl Work for BinFaces<'_> {
     type Output = ();
     #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let Self { mesh, projector, batch, across, hidden, pairs } = self;
-        let mut out = BinWriter { batch, across, size: projector.size.as_ivec2().to_array(), hidden };
+    fn run<L: Lanes>(mut self) {
         let mut group = FaceGroup::default();
-        while !out.batch.left.is_empty() && out.batch.pairs <= pairs {
-            let start = out.batch.left.start;
-            let count = GROUP.min(out.batch.left.len());
-            out.batch.left.start += count;
-            group.load(mesh, start, count);
-            group.project::<L>(projector);
+        while !self.batch.left.is_empty() && self.batch.pairs <= self.pairs {
+            let start = self.batch.left.start;
+            let count = GROUP.min(self.batch.left.len());
+            self.batch.left.start += count;
+            group.load(self.mesh, start, count);
+            group.project::<L>(self.projector);
             for lane in 0..count {
                 let face = start + lane;
                 match group.action[lane] {
-                    Action::DRAW => out.insert(&group.snapped(lane), face as u32),
-                    Action::CLIP => {
-                        clip(projector, mesh.corners(face), |piece| out.insert(&piece, face as u32))
-                    }
+                    Action::DRAW => self.insert(&group.snapped(lane), face as u32),
+                    Action::CLIP => clip(self.projector, self.mesh.corners(face), |piece| {
+                        self.insert(&piece, face as u32);
+                    }),
                     _ => {}
                 }
             }
@@ -188,22 +182,15 @@ impl FaceGroup {
     }
 }
 
-/// Puts triangles into bins.
-struct BinWriter<'a> {
-    batch: &'a mut Batch,
-    across: i32,
-    size: [i32; 2],
-    hidden: Option<&'a TileDepths>,
-}
-
-impl BinWriter<'_> {
+impl BinFaces<'_> {
     #[inline(always)]
     fn insert(&mut self, at: &SnappedTriangle, face: u32) {
         let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
         let (x0, x1) = samples_between(left, right);
         let (y0, y1) = samples_between(top, bottom);
-        let (x0, x1) = (x0.max(0), x1.min(self.size[0] - 1));
-        let (y0, y1) = (y0.max(0), y1.min(self.size[1] - 1));
+        let size = self.projector.size.as_ivec2();
+        let (x0, x1) = (x0.max(0), x1.min(size.x - 1));
+        let (y0, y1) = (y0.max(0), y1.min(size.y - 1));
         if x0 > x1 || y0 > y1 {
             return;
         }
@@ -238,152 +225,187 @@ impl BinWriter<'_> {
     }
 }
 
-/// Planes of the guard band.
-const SIDES: usize = 4;
-/// Corners of a triangle clipped by five planes.
-const MAX_CORNERS: usize = 3 + SIDES + 1;
+// ---- Tiles, the bins of faces in them, and the nearest face of every sample as one number ------------
 
-#[derive(Debug, Clone, Copy, Default)]
-struct ClipPoint {
-    camera_space: DVec3,
-    /// The projection of a corner, as in unclipped triangles.
-    corner: Option<[f32; 3]>,
+/// Width of a tile, samples.
+pub(super) const TILE_WIDTH: usize = 64;
+/// Height of a tile, samples.
+pub(super) const TILE_HEIGHT: usize = 32;
+/// Half a sample on the grid: the offset of its centre.
+pub(super) const CENTER: i32 = GRID / 2;
+/// Largest extent of a tiny triangle, units of the grid: single precision holds its edge functions exactly.
+pub(super) const TINY: i32 = 8 * GRID;
+
+/// A tiny triangle; its corners are relative to the corner of its tile.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TinyTriangle {
+    pub(super) x: [i16; 3],
+    pub(super) y: [i16; 3],
+    pub(super) w: [f32; 3],
+    pub(super) face: u32,
 }
 
-/// Passes the pieces of a triangle in front of the near plane and within the guard band to `emit`.
-pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
-    let mut polygon = Polygon::default();
-    for corner in corners {
-        let camera_space = projector.to_camera(corner.to_array());
-        // The same test as for unclipped triangles must decide here.
-        let front = camera_space[2] > projector.near;
-        let point = ClipPoint {
-            camera_space: projector.to_camera_f64(corner),
-            corner: front.then(|| projector.project(camera_space)),
+impl TinyTriangle {
+    /// For the tile at `column` and `row`.
+    #[inline(always)]
+    pub(super) fn new(at: &SnappedTriangle, face: u32, column: i32, row: i32) -> Self {
+        let (left, top) = (column * TILE_WIDTH as i32 * GRID, row * TILE_HEIGHT as i32 * GRID);
+        let x = [(at.x[0] - left) as i16, (at.x[1] - left) as i16, (at.x[2] - left) as i16];
+        let y = [(at.y[0] - top) as i16, (at.y[1] - top) as i16, (at.y[2] - top) as i16];
+        Self { x, y, w: at.w, face }
+    }
+}
+
+/// A triangle that is not tiny.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LargeTriangle {
+    pub(super) at: SnappedTriangle,
+    pub(super) face: u32,
+}
+
+/// The triangles of a batch that touch a tile.
+#[derive(Debug, Default)]
+pub(super) struct TileBin {
+    pub(super) tiny: Vec<TinyTriangle>,
+    /// Indices into the batch's list.
+    pub(super) large: Vec<u32>,
+}
+
+/// The triangles of a range of faces, up to the limit.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    /// One per tile, row by row.
+    pub(super) bins: Vec<TileBin>,
+    pub(super) large: Vec<LargeTriangle>,
+    /// Pairs of triangles and tiles in the bins.
+    pub(super) pairs: usize,
+    /// Faces that are not in the bins yet.
+    pub(super) left: Range<usize>,
+}
+
+impl Batch {
+    /// Empties the batch, with a bin for each of `tiles` tiles.
+    pub(super) fn empty(&mut self, tiles: usize) {
+        self.large.clear();
+        self.pairs = 0;
+        self.bins.resize_with(tiles, TileBin::default);
+        for bin in &mut self.bins {
+            bin.tiny.clear();
+            bin.large.clear();
+        }
+    }
+}
+
+/// Tiles across and down.
+pub(super) fn tile_count(size: UVec2) -> UVec2 {
+    UVec2::new(size.x.div_ceil(TILE_WIDTH as u32), size.y.div_ceil(TILE_HEIGHT as u32))
+}
+
+/// Samples `first..=last` whose centres lie in [low, high] on the grid.
+#[inline(always)]
+pub(super) fn samples_between(low: i32, high: i32) -> (i32, i32) {
+    ((low + GRID / 2 - 1) >> 8, (high - GRID / 2) >> 8)
+}
+
+/// Smallest and largest of three.
+#[inline(always)]
+pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
+    (values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2]))
+}
+
+/// The smallest value of an edge function that counts as inside (the top-left rule): 0 for a top or left edge, 1
+/// for the others, whose samples belong to the neighbour.
+#[inline(always)]
+pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
+    i32::from(!(dy < 0 || (dy == 0 && dx > 0)))
+}
+
+/// Samples by which a block may extend beyond its tile on the right and below; enough to keep runs of `spans`
+/// within the keys.
+const RIM: usize = 3;
+/// Keys from one row of a tile to the next.
+pub(super) const STRIDE: usize = TILE_WIDTH + RIM;
+
+/// The key of a sample: 1/z in the upper half, the complement of the face in the lower. The larger key is
+/// nearer or, at the same depth, has the lower face index. Zero means empty; negative keys lose to it.
+pub(super) type SampleKey = i64;
+
+/// The samples of a tile and a rim that is never read.
+pub(super) type SampleKeys = [SampleKey; STRIDE * (TILE_HEIGHT + RIM)];
+
+/// A tile that sees nothing.
+pub(super) static EMPTY: SampleKeys = [0; STRIDE * (TILE_HEIGHT + RIM)];
+
+/// The face of a key; `NO_FACE` for none.
+#[inline(always)]
+pub(super) fn face_of(key: SampleKey) -> u32 {
+    !(key as u32)
+}
+
+/// The 1/z of a key.
+#[inline(always)]
+pub(super) fn inverse_depth_of(key: SampleKey) -> f32 {
+    f32::from_bits((key >> 32) as u32)
+}
+
+/// The key of a face at a 1/z.
+#[inline(always)]
+pub(super) fn key(w: f32, face: u32) -> SampleKey {
+    (i64::from(w.to_bits().cast_signed()) << 32) | i64::from(!face)
+}
+
+/// The least 1/z of a tile's samples: 0 if one is empty. `size` are the samples of the tile within the
+/// picture.
+pub(super) fn farthest(keys: &SampleKeys, size: UVec2) -> f32 {
+    let rows = keys.chunks(STRIDE).take(size.y as usize);
+    let least = rows.map(|row| row[..size.x as usize].iter().copied().min().unwrap_or(0));
+    inverse_depth_of(least.min().unwrap_or(0))
+}
+
+/// Column and row of a tile.
+pub(super) fn tile_place(size: UVec2, tile: usize) -> UVec2 {
+    let across = tile_count(size).x;
+    UVec2::new(tile as u32 % across, tile as u32 / across)
+}
+
+/// Samples of the tile at `place` that lie in a picture of `size` samples.
+pub(super) fn tile_size(size: UVec2, place: UVec2) -> UVec2 {
+    let tile = UVec2::new(TILE_WIDTH as u32, TILE_HEIGHT as u32);
+    tile.min(size - place * tile)
+}
+
+/// The farthest depth of each tile's samples, as 1/z.
+#[derive(Debug)]
+pub(super) struct TileDepths {
+    tiles: Vec<f32>,
+    /// The least of each row of tiles.
+    rows: Vec<f32>,
+}
+
+impl TileDepths {
+    /// From the keys of all tiles, with `planes` for each; hidden means hidden in all planes. `[tiles *
+    /// planes]`
+    pub(super) fn new(keys: &[SampleKeys], planes: usize, size: UVec2) -> Self {
+        let of_tile = |tile: usize, planes: &[SampleKeys]| {
+            let size = tile_size(size, tile_place(size, tile));
+            planes.iter().map(|keys| farthest(keys, size)).fold(f32::INFINITY, f32::min)
         };
-        polygon.push(point);
-    }
-    let near = f64::from(projector.near);
-    polygon = polygon.clip(|p| p.camera_space.z - near, |p| p.corner.is_some());
-    for side in 0..SIDES {
-        let inside = |p: &ClipPoint| projector.inside_guard(p.camera_space, side);
-        polygon = polygon.clip(inside, |p| inside(p) >= 0.0);
-    }
-    let snapped: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| snap_point(projector, p)).collect();
-    for i in 2..snapped.len() {
-        let fan = [snapped[0], snapped[i - 1], snapped[i]];
-        emit(SnappedTriangle { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
-    }
-}
-
-/// A point on the grid, and its 1/z.
-fn snap_point(projector: &Projector, point: &ClipPoint) -> ([i32; 2], f32) {
-    match point.corner {
-        Some([x, y, w]) => ([snap(x), snap(y)], w),
-        None => {
-            let at = projector.project_f64(point.camera_space) * f64::from(GRID);
-            let round = |x: f64| x.round_ties_even() as i32;
-            ([round(at.x), round(at.y)], (1.0 / point.camera_space.z) as f32)
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Polygon {
-    points: [ClipPoint; MAX_CORNERS],
-    count: usize,
-}
-
-impl Polygon {
-    fn points(&self) -> &[ClipPoint] {
-        &self.points[..self.count]
+        let tiles: Vec<f32> = parallel::map(keys.chunks(planes), of_tile);
+        let least = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
+        let rows = tiles.chunks(tile_count(size).x as usize).map(least).collect();
+        Self { tiles, rows }
     }
 
-    fn push(&mut self, point: ClipPoint) {
-        self.points[self.count] = point;
-        self.count += 1;
+    /// Whether a tile hides a triangle whose nearest corner has the 1/z `nearest`. An equal depth is not
+    /// hidden, because the lower face index wins.
+    #[inline(always)]
+    pub(super) fn hides(&self, tile: usize, nearest: f32) -> bool {
+        nearest < self.tiles[tile]
     }
 
-    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
-    /// of a point.
-    fn clip(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
-        let mut out = Self::default();
-        for (i, from) in self.points().iter().enumerate() {
-            let to = &self.points[(i + 1) % self.count];
-            if keep(from) {
-                out.push(*from);
-            }
-            match (keep(from), keep(to)) {
-                (true, false) => out.push(between(from, to, &distance)),
-                (false, true) => out.push(between(to, from, &distance)),
-                _ => {}
-            }
-        }
-        out
-    }
-}
-
-/// The point of zero distance between `inside` and `outside`.
-fn between(inside: &ClipPoint, outside: &ClipPoint, distance: impl Fn(&ClipPoint) -> f64) -> ClipPoint {
-    let (d_in, d_out) = (distance(inside), distance(outside));
-    let t = (d_in / (d_in - d_out)).clamp(0.0, 1.0);
-    ClipPoint {
-        camera_space: inside.camera_space + (outside.camera_space - inside.camera_space) * t,
-        corner: None,
-    }
-}
-
-/// Most pairs of triangles and tiles in the bins at once; 4 to 28 bytes each.
-pub(super) const PAIRS_PER_ROUND: usize = 1 << 24;
-
-/// The faces of a mesh, ready for the tiles.
-pub(super) enum Faces<'a> {
-    /// All are in the bins.
-    Binned(&'a [Batch]),
-    /// Tiles are filled already. `[tiles * planes]`
-    Filled(Vec<SampleKeys>),
-}
-
-/// Bins the faces of a mesh; if these are too many for one round, `fill` draws those in the bins into the keys of a tile.
-pub(super) fn rounds<'a>(
-    batches: &'a mut Vec<Batch>,
-    mesh: &Mesh,
-    projector: &Projector,
-    (pairs, planes): (usize, usize),
-    fill: impl Fn(&mut [SampleKeys], &[Batch], usize) + Sync,
-) -> Faces<'a> {
-    start(batches, mesh);
-    let mut all = bin(batches, mesh, projector, None, pairs);
-    if all {
-        return Faces::Binned(batches);
-    }
-    let tiles = tile_count(projector.size);
-    let mut keys = vec![EMPTY; (tiles.x * tiles.y) as usize * planes];
-    loop {
-        parallel::for_each(keys.chunks_mut(planes), |tile, keys| fill(keys, batches, tile));
-        if all {
-            return Faces::Filled(keys);
-        }
-        let hidden = TileDepths::new(&keys, planes, projector.size);
-        all = bin(batches, mesh, projector, Some(&hidden), pairs);
-    }
-}
-
-impl Faces<'_> {
-    /// The keys of tile `tile`: drawn into `keys` by `fill`, unless they exist. `[planes]`
-    pub(super) fn keys<'a>(
-        &'a self,
-        keys: &'a mut [SampleKeys],
-        tile: usize,
-        fill: impl FnOnce(&mut [SampleKeys], &[Batch], usize),
-    ) -> &'a [SampleKeys] {
-        match self {
-            Faces::Filled(filled) => &filled[tile * keys.len()..][..keys.len()],
-            Faces::Binned(batches) => {
-                keys.iter_mut().for_each(|keys| keys.fill(0));
-                fill(keys, batches, tile);
-                keys
-            }
-        }
+    /// Whether whole rows of tiles hide it.
+    #[inline(always)]
+    pub(super) fn hides_all(&self, rows: &RangeInclusive<i32>, nearest: f32) -> bool {
+        self.rows[*rows.start() as usize..=*rows.end() as usize].iter().all(|least| nearest < *least)
     }
 }

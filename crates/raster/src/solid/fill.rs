@@ -4,29 +4,25 @@
 //! that a tile is deep, the nearest triangles of a batch are drawn first, and triangles behind all samples
 //! are dropped. So time grows with the visible layers.
 
-use super::bins::{
+use super::bin::{
     Batch, CENTER, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent,
-    farthest, key, least_inside, samples_between, tile_count, tile_size,
+    farthest, key, least_inside, samples_between, tile_place, tile_size,
 };
 use super::projector::GRID;
+use crate::soft::grid;
 use glam::UVec2;
-use trisplat_scene::{
-    math::lanes::LANES, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, math::real::Mask,
-};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work};
+use trisplat_scene::math::real::Mask;
 
-/// Draws the bins of tile `tile`, of a picture of `size` samples, into its keys.
-pub(super) fn fill(keys: &mut SampleKeys, batches: &[Batch], tile: usize, size: UVec2) {
-    let across = tile_count(size).x;
-    dispatch(FillTile { keys, batches, tile, column: tile as u32 % across, row: tile as u32 / across, size });
-}
-
-/// Draws into the keys of a tile.
+/// Draws the bins of a tile into its keys.
 pub(super) struct FillTile<'a> {
-    pub(super) keys: &'a mut SampleKeys,
+    /// One, or one per plane.
+    pub(super) keys: &'a mut [SampleKeys],
     pub(super) batches: &'a [Batch],
+    /// The plane of each face, if there are planes.
+    pub(super) plane_of: Option<&'a [u8]>,
     pub(super) tile: usize,
-    pub(super) column: u32,
-    pub(super) row: u32,
+    /// Samples across and down the picture.
     pub(super) size: UVec2,
 }
 
@@ -34,35 +30,38 @@ impl Work for FillTile<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let corner = [(self.column as usize * TILE_WIDTH) as i32, (self.row as usize * TILE_HEIGHT) as i32];
-        let mut layers = TileLayers::new(tile_size(self.size, self.column, self.row));
+        let place = tile_place(self.size, self.tile);
+        let corner = [place.x as i32 * TILE_WIDTH as i32, place.y as i32 * TILE_HEIGHT as i32];
+        let mut layers = TileLayers { size: tile_size(self.size, place), area: 0 };
         for batch in self.batches {
             let bin = &batch.bins[self.tile];
+            let Some(plane_of) = self.plane_of else {
+                let keys = &mut self.keys[0];
+                for tiny in &bin.tiny {
+                    draw_tiny::<L>(keys, tiny);
+                }
+                layers.draw::<L>(keys, batch, &bin.large, corner);
+                continue;
+            };
             for tiny in &bin.tiny {
-                draw_tiny::<L>(self.keys, tiny);
+                draw_tiny::<L>(&mut self.keys[usize::from(plane_of[tiny.face as usize])], tiny);
             }
-            layers.draw::<L>(self.keys, batch, &bin.large, corner);
+            for place in &bin.large {
+                let large = &batch.large[*place as usize];
+                let plane = usize::from(plane_of[large.face as usize]);
+                draw_large::<L>(&mut self.keys[plane], large, corner);
+            }
         }
     }
 }
 
 /// x and y of the samples of a block, units of the grid.
-const LANE_X: [f32; LANES] = grid(1.0, 0.0);
-const LANE_Y: [f32; LANES] = grid(0.0, 1.0);
-
-const fn grid(x: f32, y: f32) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    let mut i = 0;
-    while i < LANES {
-        out[i] = ((i % 4) as f32 * x + (i / 4) as f32 * y) * GRID as f32;
-        i += 1;
-    }
-    out
-}
+const LANE_X: [f32; LANES] = grid(GRID as f32, 0.0, 0.0);
+const LANE_Y: [f32; LANES] = grid(0.0, GRID as f32, 0.0);
 
 /// Draws a tiny triangle in blocks of 4 x 4 samples. All numbers except the depth are integers below 2^24.
 #[inline(always)]
-pub(super) fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
+fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     let [x0, mut x1, mut x2] = [i32::from(tiny.x[0]), i32::from(tiny.x[1]), i32::from(tiny.x[2])];
     let [y0, mut y1, mut y2] = [i32::from(tiny.y[0]), i32::from(tiny.y[1]), i32::from(tiny.y[2])];
     let [w0, mut w1, mut w2] = tiny.w;
@@ -128,7 +127,7 @@ const DEEP: i64 = 24;
 const NEAREST: usize = 16;
 
 /// The drawing of a tile so far.
-pub(super) struct TileLayers {
+struct TileLayers {
     /// Samples of the tile that lie in the picture.
     size: UVec2,
     /// Area of the boxes of the triangles that were drawn, cut to the tile, in units of the grid.
@@ -136,20 +135,9 @@ pub(super) struct TileLayers {
 }
 
 impl TileLayers {
-    /// Nothing was drawn.
-    pub(super) fn new(size: UVec2) -> Self {
-        Self { size, area: 0 }
-    }
-
     /// Draws triangles of a batch; `corner` is the first sample of the tile.
     #[inline(always)]
-    pub(super) fn draw<L: Lanes>(
-        &mut self,
-        keys: &mut SampleKeys,
-        batch: &Batch,
-        large: &[u32],
-        corner: [i32; 2],
-    ) {
+    fn draw<L: Lanes>(&mut self, keys: &mut SampleKeys, batch: &Batch, large: &[u32], corner: [i32; 2]) {
         const TILE_AREA: i64 = (TILE_WIDTH as i64 * GRID as i64) * (TILE_HEIGHT as i64 * GRID as i64);
         for (i, place) in large.iter().enumerate() {
             if self.area > DEEP * TILE_AREA && large.len() - i > NEAREST {
@@ -277,7 +265,7 @@ struct TileTriangle {
 
 /// Draws a triangle where it covers the tile whose first sample is `corner`.
 #[inline(always)]
-pub(super) fn draw_large<L: Lanes>(keys: &mut SampleKeys, large: &LargeTriangle, corner: [i32; 2]) {
+fn draw_large<L: Lanes>(keys: &mut SampleKeys, large: &LargeTriangle, corner: [i32; 2]) {
     let at = &large.at;
     let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
     let (first_x, last_x) = samples_between(left, right);

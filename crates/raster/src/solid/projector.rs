@@ -1,4 +1,4 @@
-//! Projects world points to samples.
+//! Projects world points to samples on a grid, and clips triangles at the near plane and the guard band.
 
 use glam::{DMat3, DVec2, DVec3, UVec2, Vec3};
 use trisplat_scene::camera::Camera;
@@ -103,12 +103,6 @@ impl Projector {
         ((at - self.center) / self.focal).extend(1.0)
     }
 
-    /// The ray through the centre of a pixel.
-    pub(super) fn ray_in_pixel(&self, x: u32, y: u32) -> DVec3 {
-        let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * f64::from(self.samples);
-        ((at - self.center) / self.focal).extend(1.0)
-    }
-
     /// A ray in world axes, and its change from one sample to the next on the right.
     pub(super) fn ray_to_world(&self, ray: DVec3) -> ([f32; 3], [f32; 3]) {
         let back = self.rotation.transpose();
@@ -128,4 +122,115 @@ pub(super) fn snap(at: f32) -> i32 {
 #[inline(always)]
 pub(super) fn snap_group<L: Lanes>(at: &[f32; LANES], to: &mut [i32; LANES]) {
     (L::load(at) * L::splat(GRID as f32)).store_rounded(to);
+}
+
+/// A triangle on the grid: corners and their 1/z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SnappedTriangle {
+    pub(super) x: [i32; 3],
+    pub(super) y: [i32; 3],
+    pub(super) w: [f32; 3],
+}
+
+impl SnappedTriangle {
+    /// 1/z of the nearest corner, which bounds the triangle.
+    #[inline(always)]
+    pub(super) fn nearest(&self) -> f32 {
+        self.w[0].max(self.w[1]).max(self.w[2])
+    }
+}
+
+/// Planes of the guard band.
+const SIDES: usize = 4;
+/// Corners of a triangle clipped by five planes.
+const MAX_CORNERS: usize = 3 + SIDES + 1;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct ClipPoint {
+    camera_space: DVec3,
+    /// The projection of a corner, as in unclipped triangles.
+    corner: Option<[f32; 3]>,
+}
+
+/// Passes the pieces of a triangle in front of the near plane and within the guard band to `emit`.
+pub(super) fn clip(projector: &Projector, corners: [Vec3; 3], mut emit: impl FnMut(SnappedTriangle)) {
+    let mut polygon = Polygon::default();
+    for corner in corners {
+        let camera_space = projector.to_camera(corner.to_array());
+        // The same test as for unclipped triangles must decide here.
+        let front = camera_space[2] > projector.near;
+        let point = ClipPoint {
+            camera_space: projector.to_camera_f64(corner),
+            corner: front.then(|| projector.project(camera_space)),
+        };
+        polygon.push(point);
+    }
+    let near = f64::from(projector.near);
+    polygon = polygon.clip(|p| p.camera_space.z - near, |p| p.corner.is_some());
+    for side in 0..SIDES {
+        let inside = |p: &ClipPoint| projector.inside_guard(p.camera_space, side);
+        polygon = polygon.clip(inside, |p| inside(p) >= 0.0);
+    }
+    let snapped: Vec<([i32; 2], f32)> = polygon.points().iter().map(|p| snap_point(projector, p)).collect();
+    for i in 2..snapped.len() {
+        let fan = [snapped[0], snapped[i - 1], snapped[i]];
+        emit(SnappedTriangle { x: fan.map(|p| p.0[0]), y: fan.map(|p| p.0[1]), w: fan.map(|p| p.1) });
+    }
+}
+
+/// A point on the grid, and its 1/z.
+fn snap_point(projector: &Projector, point: &ClipPoint) -> ([i32; 2], f32) {
+    match point.corner {
+        Some([x, y, w]) => ([snap(x), snap(y)], w),
+        None => {
+            let at = projector.project_f64(point.camera_space) * f64::from(GRID);
+            let round = |x: f64| x.round_ties_even() as i32;
+            ([round(at.x), round(at.y)], (1.0 / point.camera_space.z) as f32)
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Polygon {
+    points: [ClipPoint; MAX_CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    fn points(&self) -> &[ClipPoint] {
+        &self.points[..self.count]
+    }
+
+    fn push(&mut self, point: ClipPoint) {
+        self.points[self.count] = point;
+        self.count += 1;
+    }
+
+    /// The part for which `distance` is not negative (Sutherland and Hodgman 1974); `keep` decides the side
+    /// of a point.
+    fn clip(&self, distance: impl Fn(&ClipPoint) -> f64, keep: impl Fn(&ClipPoint) -> bool) -> Self {
+        let mut out = Self::default();
+        for (i, from) in self.points().iter().enumerate() {
+            let to = &self.points[(i + 1) % self.count];
+            if keep(from) {
+                out.push(*from);
+            }
+            match (keep(from), keep(to)) {
+                (true, false) => out.push(between(from, to, &distance)),
+                (false, true) => out.push(between(to, from, &distance)),
+                _ => {}
+            }
+        }
+        out
+    }
+}
+
+/// The point of zero distance between `inside` and `outside`.
+fn between(inside: &ClipPoint, outside: &ClipPoint, distance: impl Fn(&ClipPoint) -> f64) -> ClipPoint {
+    let (d_in, d_out) = (distance(inside), distance(outside));
+    let t = (d_in / (d_in - d_out)).clamp(0.0, 1.0);
+    ClipPoint {
+        camera_space: inside.camera_space + (outside.camera_space - inside.camera_space) * t,
+        corner: None,
+    }
 }

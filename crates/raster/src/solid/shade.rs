@@ -1,19 +1,17 @@
 //! Colours of samples, and their mean in each pixel.
 
-use super::bins::{STRIDE, SampleKeys, face_of};
-use super::bins::{TILE_HEIGHT, TILE_WIDTH};
+use super::bin::{STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, face_of};
 use super::projector::Projector;
-use super::visibility::FaceBarycentrics;
-use super::visibility::NO_FACE;
+use super::visibility::{FaceBarycentrics, NO_FACE};
+use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::{
     FaceTexture,
-    math::color::srgb8_from_linear,
-    math::lanes::{LANES, Lanes, Work, dispatch, prefetch},
+    math::lanes::{LANES, Lanes, Work, prefetch},
     math::real::{Mask, Real},
     mesh::{Colors, Mesh},
 };
 
-/// A tile to be shaded.
+/// Writes the pixels of a tile.
 pub(super) struct ShadeTile<'a, 'b> {
     pub(super) mesh: &'a Mesh,
     pub(super) projector: &'a Projector,
@@ -23,11 +21,6 @@ pub(super) struct ShadeTile<'a, 'b> {
     pub(super) corner: [u32; 2],
     pub(super) keys: &'a SampleKeys,
     pub(super) rows: &'a mut [&'b mut [[u8; 3]]],
-}
-
-/// Writes the pixels of a tile.
-pub(super) fn shade(tile: ShadeTile) {
-    dispatch(tile);
 }
 
 /// Linear colours of a row of samples, channel by channel.
@@ -271,10 +264,10 @@ fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
 #[cfg(test)]
 mod tests {
     use super::super::bin;
-    use super::super::bins::Batch;
-    use super::super::bins::EMPTY;
     use super::super::fill;
     use super::*;
+    use crate::solid::bin::Batch;
+    use crate::solid::bin::EMPTY;
     use glam::{Mat3, UVec2, Vec2, Vec3};
     use trisplat_scene::Rng;
     use trisplat_scene::camera::Camera;
@@ -294,11 +287,10 @@ mod tests {
         dispatch_at(
             level,
             fill::FillTile {
-                keys: &mut keys,
+                keys: std::slice::from_mut(&mut *keys),
                 batches: &batches,
+                plane_of: None,
                 tile: 0,
-                column: 0,
-                row: 0,
                 size: projector.size,
             },
         );

@@ -1,15 +1,9 @@
 //! The face and depth that every sample sees, of all faces or of each of some planes, and the barycentric coordinates there.
 
-use super::bin::rounds;
-use super::bins::{
-    Batch, EMPTY, STRIDE, SampleKey, SampleKeys, TILE_HEIGHT, TILE_WIDTH, face_of, tile_count, tile_size,
-};
-use super::fill::{draw_large, draw_tiny};
+use super::bin::{STRIDE, SampleKey, SampleKeys, face_of};
 use super::projector::Projector;
 use glam::{DVec3, UVec2, Vec2, Vec3};
-use trisplat_scene::{
-    camera::Camera, math::lanes::Lanes, math::lanes::Work, math::lanes::dispatch, mesh::Mesh, parallel,
-};
+use trisplat_scene::{camera::Camera, mesh::Mesh};
 
 /// The face number of an empty sample.
 pub const NO_FACE: u32 = u32::MAX;
@@ -23,19 +17,6 @@ pub struct Visibility {
     pub face: Vec<u32>,
     /// Depth z in the camera's frame, units of the mesh; infinite for empty samples.
     pub depth: Vec<f32>,
-}
-
-impl Visibility {
-    /// Perspective-correct barycentric coordinates of the face at a sample, for interpolating colours. In [0,
-    /// 1], sum 1; zeros for empty samples. Mesh and camera must be those of the drawing.
-    pub fn barycentrics(&self, mesh: &Mesh, camera: &Camera, x: u32, y: u32) -> [f32; 3] {
-        let face = self.face[(y * self.size.x + x) as usize];
-        if face == NO_FACE {
-            return [0.0; 3];
-        }
-        let barycentrics = Barycentrics::new(mesh, camera, self.size.x / camera.size.x);
-        barycentrics.weights(&barycentrics.face(face), x, y)
-    }
 }
 
 /// Perspective-correct barycentric coordinates of many samples of few faces.
@@ -54,12 +35,6 @@ impl<'a> Barycentrics<'a> {
     /// What [`Barycentrics::weights`] needs of a face.
     pub fn face(&self, face: u32) -> FaceBarycentrics {
         FaceBarycentrics::new(&self.projector, self.mesh.corners(face as usize))
-    }
-
-    /// [`Self::weights`] in the middle of a pixel.
-    #[inline(always)]
-    pub fn weights_in_pixel(&self, face: &FaceBarycentrics, x: u32, y: u32) -> [f32; 3] {
-        face.weights(self.projector.ray_in_pixel(x, y))
     }
 
     /// Perspective-correct weights of a face's corners at a sample; in [0, 1], sum 1.
@@ -137,7 +112,7 @@ impl Nearest {
 /// The samples of one tile, plane by plane.
 #[derive(Debug)]
 pub struct PlaneTile<'a> {
-    keys: &'a [SampleKeys],
+    pub(super) keys: &'a [SampleKeys],
     /// Its first sample in the picture.
     pub corner: UVec2,
     /// Its samples across and down.
@@ -152,65 +127,6 @@ impl PlaneTile<'_> {
     }
 }
 
-/// Draws all tiles and gives them to `on_tile`, several at a time and in any order.
-pub(super) fn planes(
-    batches: &mut Vec<Batch>,
-    mesh: &Mesh,
-    projector: &Projector,
-    pairs: usize,
-    (planes, plane_of): (usize, &[u8]),
-    on_tile: impl Fn(&PlaneTile<'_>) + Sync,
-) {
-    let tiles = tile_count(projector.size);
-    let fill = |keys: &mut [SampleKeys], batches: &[Batch], tile: usize| {
-        let (column, row) = (tile as u32 % tiles.x, tile as u32 / tiles.x);
-        dispatch(FillPlanes { keys, batches, plane_of, tile, column, row });
-    };
-    let faces = rounds(batches, mesh, projector, (pairs, planes), fill);
-    parallel::for_each_with(
-        0..tiles.x * tiles.y,
-        || vec![EMPTY; planes],
-        |keys, _, tile| {
-            let (column, row) = (tile % tiles.x, tile / tiles.x);
-            let keys = faces.keys(keys, tile as usize, fill);
-            let corner = UVec2::new(column * TILE_WIDTH as u32, row * TILE_HEIGHT as u32);
-            on_tile(&PlaneTile { keys, corner, size: tile_size(projector.size, column, row) });
-        },
-    );
-}
-
-/// Draws into the keys of a tile in all planes.
-struct FillPlanes<'a> {
-    keys: &'a mut [SampleKeys],
-    batches: &'a [Batch],
-    plane_of: &'a [u8],
-    tile: usize,
-    column: u32,
-    row: u32,
-}
-
-impl Work for FillPlanes<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let corner = [(self.column as usize * TILE_WIDTH) as i32, (self.row as usize * TILE_HEIGHT) as i32];
-        for batch in self.batches {
-            let bin = &batch.bins[self.tile];
-            for tiny in &bin.tiny {
-                draw_tiny::<L>(&mut self.keys[usize::from(self.plane_of[tiny.face as usize])], tiny);
-            }
-            for place in &bin.large {
-                let large = &batch.large[*place as usize];
-                draw_large::<L>(
-                    &mut self.keys[usize::from(self.plane_of[large.face as usize])],
-                    large,
-                    corner,
-                );
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::{SolidRasterOptions, SolidRasterizer};
@@ -218,8 +134,6 @@ mod tests {
     use glam::{Mat3, Vec2, Vec3};
     use std::sync::Mutex;
     use trisplat_scene::Rng;
-    use trisplat_scene::camera::Camera;
-    use trisplat_scene::mesh::Mesh;
 
     /// Triangles of all sizes that hide each other.
     fn mesh(faces: u64) -> Mesh {

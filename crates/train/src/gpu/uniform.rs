@@ -10,8 +10,7 @@ use crate::schedule::StepParams;
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
 use trisplat_gpu::readback::Readback;
-use trisplat_raster::kernel::adam::Rate;
-use trisplat_raster::kernel::loss::Photometric;
+use trisplat_raster::kernel::{Rate, loss::Photometric};
 use trisplat_raster::soft::{SoftOptions, Sort, Window, tile_count};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -148,8 +147,8 @@ impl StepUniform {
         let flag = |is: bool| f32::from(u8::from(is));
         let drawn = Self::of_picture(plan, &Look::of(rates), scene);
         Self {
-            rates: [rates.corners, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step()),
-            update: [rate(rates.sh_rest).step(), rate(1.0).second(), flag(rates.sparse), flag(photo.first)],
+            rates: [rates.corners, rates.opacity, rates.sigma, rates.sh].map(|r| rate(r).step),
+            update: [rate(rates.sh_rest).step, rate(1.0).second, flag(rates.sparse), flag(photo.first)],
             regularisers: regularisers(rates, scene),
             loss: loss(rates, plan),
             ..drawn
