@@ -62,7 +62,7 @@ fn a_page_is_described_and_checked_like_any_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.html");
     bake(&path, &[]);
-    let (info, _) = info::info(&path, &trisplat::ReadOptions::default()).unwrap();
+    let (info, _) = info::info_of_content(&path, &trisplat::ReadOptions::default()).unwrap();
     assert_eq!((info.format, info.triangles), (Format::Html, 9_628));
     assert_eq!(info.bytes, std::fs::metadata(&path).unwrap().len());
     assert_eq!(info.gltf.unwrap().extensions_required, ["EXT_meshopt_compression"]);

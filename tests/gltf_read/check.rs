@@ -11,7 +11,7 @@ use trisplat_formats::{
     Format,
     check::{Checked, Severity, check},
     gltf::{GltfOptions, PositionEncoding, write_glb},
-    info::{Info, SceneKind, info},
+    info::{Info, SceneKind, info_of_content},
     ply,
 };
 use trisplat_scene::{
@@ -170,8 +170,9 @@ fn sample(folder: &Folder) -> PathBuf {
 #[test]
 fn info_counts_what_is_there() {
     let folder = Folder::new();
-    let (found, loaded) = info(&sample(&folder), &trisplat::ReadOptions::default()).expect("valid");
-    let triangles = loaded.scene.triangle_count() as u64;
+    let (found, loaded) =
+        info_of_content(&sample(&folder), &trisplat::ReadOptions::default()).expect("valid");
+    let triangles = loaded.stand_in().0.scene.triangle_count() as u64;
     assert_eq!((found.kind, found.format, found.triangles), (SceneKind::Soup, Format::Ply, triangles));
     for spread in [found.sigma.as_ref(), found.opacity.as_ref()] {
         let spread = spread.expect("a soup has it");
@@ -181,7 +182,7 @@ fn info_counts_what_is_there() {
     assert!(found.bounds.min.iter().zip(found.bounds.max).all(|(a, b)| *a < b));
 
     let path = folder.write("scene.glb", &written(&asset(50), &GltfOptions::default()));
-    let (found, _) = info(&path, &trisplat::ReadOptions::default()).expect("valid");
+    let (found, _) = info_of_content(&path, &trisplat::ReadOptions::default()).expect("valid");
     assert_eq!(
         (found.kind, found.triangles, found.vertices, found.indexed),
         (SceneKind::Mesh, 50, 150, false)
@@ -228,7 +229,7 @@ fn a_texture_is_described_and_one_that_is_missing_is_named() {
     let bytes = written(&textured, &GltfOptions::default());
     let path = folder.write("scene.glb", &bytes);
     let options = trisplat::ReadOptions::default();
-    let texture = info(&path, &options).expect("readable").0.texture.expect("a texture");
+    let texture = info_of_content(&path, &options).expect("readable").0.texture.expect("a texture");
     let stored = texture.stored.expect("an encoded picture");
     assert_eq!((texture.size, stored.format.as_str()), ([48, 32], "JPEG"));
     assert!((200..bytes.len() as u64).contains(&stored.bytes), "{}", stored.bytes);

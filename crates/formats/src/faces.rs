@@ -14,7 +14,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, FaceTexture, Result, Texture};
 
 /// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
-pub const MAX_CORNERS: usize = 1 << 12;
+const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a polygon where only triangles are permitted.
 pub(super) fn not_a_triangle(corners: i64) -> String {

@@ -39,7 +39,7 @@ impl Format {
     ///
     /// Bytes win over the name, because people rename files; the name decides between text formats
     /// that begin alike. `None` when neither decides.
-    pub fn detect(head: &[u8], path: &Path) -> Option<Format> {
+    pub(crate) fn detect(head: &[u8], path: &Path) -> Option<Format> {
         let by_name = Self::by_extension(path);
         let text = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
         match text {
@@ -72,7 +72,7 @@ impl Format {
     }
 
     /// The format of the extension of `path`, independent of the content.
-    pub fn by_extension(path: &Path) -> Option<Format> {
+    pub(crate) fn by_extension(path: &Path) -> Option<Format> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
             "ply" => Format::Ply,

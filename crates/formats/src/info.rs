@@ -1,8 +1,7 @@
 //! The content of a file: counts, bounds, distributions, origin.
 
-use crate::content::{Content, format_of_splats, read_splats};
 use crate::gltf::{GltfInfo, gltf_info};
-use crate::read::{detect, read_as};
+use crate::read::{Content, detect, format_of_splats, read_as, read_splats};
 use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -191,16 +190,8 @@ pub struct BakeInfo {
     pub dropped: serde_json::Map<String, serde_json::Value>,
 }
 
-/// The content of the file at `path`, and the parts of the scene that `options` select. The caller fills in
-/// `bake`.
-///
-/// # Errors
-/// Errors of reading; Gaussians, which [`info_of_content`] describes.
-pub fn info(path: &Path, options: &ReadOptions) -> Result<(Info, ImportedScene)> {
-    info_of_scene(path, Source::open(path, &options.limits)?, options)
-}
-
-/// The same for a file of triangles or Gaussians.
+/// The content of a file of triangles or Gaussians at `path`, and the parts of the scene that `options`
+/// select. The caller fills in `bake`.
 ///
 /// # Errors
 /// Errors of reading.

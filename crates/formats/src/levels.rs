@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// The kind of file an engine reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EngineLevels {
+pub(crate) enum EngineLevels {
     /// Godot 4: a scene with visibility ranges, OUT.lod.tscn.
     GodotScene,
     /// Unity: an editor script that makes an LOD group, OUT.lod.cs.
@@ -21,10 +21,10 @@ pub enum EngineLevels {
 
 impl EngineLevels {
     /// All kinds.
-    pub const ALL: [Self; 3] = [Self::GodotScene, Self::UnityScript, Self::UnrealScript];
+    pub(crate) const ALL: [Self; 3] = [Self::GodotScene, Self::UnityScript, Self::UnrealScript];
 
     /// The ending of the file's name, which replaces the scene's.
-    pub fn ending(self) -> &'static str {
+    pub(crate) fn ending(self) -> &'static str {
         match self {
             Self::GodotScene => "lod.tscn",
             Self::UnityScript => "lod.cs",

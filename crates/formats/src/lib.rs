@@ -3,7 +3,6 @@
 //! In: bytes of scene files. Out: scenes and splats. In: assets. Out: bytes.
 
 pub mod check;
-mod content;
 mod faces;
 mod finish;
 mod format;
@@ -12,6 +11,7 @@ mod html;
 pub mod info;
 mod levels;
 mod lines;
+mod mtl;
 pub mod obj;
 pub mod off;
 pub mod output;
@@ -24,13 +24,11 @@ mod target;
 mod tiles;
 mod usdz;
 
-pub use content::{Content, WrittenFiles, holds_splats, named_files, read_content, write};
-pub use faces::MAX_CORNERS;
 pub use finish::{far_origin, is_far};
 pub use format::{Format, foreign_json};
 pub use output::OutputOptions;
-pub use read::{read, read_bytes};
+pub use read::{Content, WrittenFiles, holds_splats, named_files, read, read_bytes, read_content, write};
 pub use source::{ReadOptions, Source};
 pub use splats::read_cameras;
-pub use target::{OutputTarget, TargetEncoding};
+pub use target::OutputTarget;
 pub use tiles::{TilesetTile, TilesetWriter, bounds};

@@ -5,21 +5,19 @@
 //! it were convex, and does not name the faulty line. Our tests compare with it, and one of them fails when
 //! its colours are fixed.
 
-mod materials;
-
 use crate::faces::{Clamped, Faces};
 use crate::finish::{FarPositions, finish};
 use crate::lines::{self, Lines, clip, number, push_float, push_integer, write_blocks};
+use crate::mtl::Materials;
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
-use materials::Materials;
 use std::io::{self, Write};
 use std::sync::LazyLock;
 use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene};
 
-pub use materials::named_files;
+pub use crate::mtl::named_files;
 
 /// The mesh in an OBJ file: all objects and groups as one, vertex colours made linear, white where a vertex
 /// has none, polygons as triangles. Without vertex colours it has those of its materials, or their picture if

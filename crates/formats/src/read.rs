@@ -1,10 +1,14 @@
-//! Reads a file of any format.
+//! Reads a file of any format, triangles or Gaussians; the plain case of writing.
 
-use crate::{Format, ReadOptions, Source, format, gltf, html, obj, off, ply, pt};
+use crate::output::{self, Beside, Output, OutputOptions};
+use crate::source::is_packed;
+use crate::{Format, ReadOptions, Source, format, gltf, html, obj, off, ply, pt, splats};
+use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::input::{self, guarded};
-use trisplat_scene::{Error, ImportedScene, Result};
+use trisplat_scene::report::{OutputReport, Report};
+use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats};
 
 /// The accepted formats, for messages.
 const ACCEPTED: &str =
@@ -110,6 +114,163 @@ fn preview(head: &[u8]) -> String {
     }
 }
 
+// ---- Triangles or Gaussians ---------------------------------------------------------------------------
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Content {
+    /// Triangles.
+    Scene(ImportedScene),
+    /// Gaussians.
+    Splats(ImportedSplats),
+}
+
+impl Content {
+    /// The triangles to display, and the Gaussians that they stand for: see [`ImportedSplats::stand_in`].
+    pub fn stand_in(self) -> (ImportedScene, Option<Splats>) {
+        match self {
+            Self::Scene(loaded) => (loaded, None),
+            Self::Splats(loaded) => (loaded.stand_in(), Some(loaded.splats)),
+        }
+    }
+}
+
+/// The triangles or Gaussians in the file at `path`; "-" is standard input. [`read`](crate::read()) refuses Gaussians. These come with
+/// all their spherical harmonics, because they are drawn.
+///
+/// # Errors
+/// Errors of the format's reader, or an unknown format.
+pub fn read_content(path: &Path, options: &ReadOptions) -> Result<Content> {
+    let mut source = Source::open(path, &options.limits)?;
+    match format_of_splats(&mut source, &options.limits)? {
+        Some(format) => {
+            read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }).map(Content::Splats)
+        }
+        None => read_as(detect(&mut source)?, source, options).map(Content::Scene),
+    }
+}
+
+/// Whether the file at `path` holds Gaussians that are read, by its first bytes. A file that cannot be read holds none, nor does standard input,
+/// which is read once.
+pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
+    if path.as_os_str() == "-" {
+        return false;
+    }
+    let format = Source::open(path, limits).and_then(|mut source| format_of_splats(&mut source, limits));
+    format.is_ok_and(|format| format.is_some())
+}
+
+/// The format of an open file when it holds Gaussians that are read.
+pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<Option<Format>> {
+    let head = source.head()?;
+    match format::recognise(&head, &source.path) {
+        Some(format::SPZ) => return Ok(Some(Format::Spz)),
+        Some(format::SPLAT) => return Ok(Some(Format::Splat)),
+        _ => {}
+    }
+    let format = Format::detect(&head, &source.named());
+    Ok(match format {
+        Some(Format::Ply) if ply::holds_splats(source)? => format,
+        Some(Format::Pt) if splats::sog::is_sog(source)? => Some(Format::Sog),
+        Some(Format::Glb | Format::Gltf) if gltf::holds_splats(source, limits)? => format,
+        _ => None,
+    })
+}
+
+/// The Gaussians in an open file of that format, with the cameras in a list beside it.
+pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
+    let path = source.path.clone();
+    guarded(&path, || {
+        let mut loaded = match format {
+            Format::Splat => splats::read(source, options)?,
+            Format::Spz => splats::spz::read(source, options)?,
+            Format::Sog => splats::sog::read(source, options)?,
+            Format::Glb | Format::Gltf => gltf::read_splats(source, options)?,
+            _ => ply::read_splats(source, options)?,
+        };
+        splats::add_beside(&path, &mut loaded, &options.limits);
+        Ok(loaded)
+    })
+}
+
+// ---- The plain case of writing: an asset and a file name ---------------------------------------------
+
+/// What [`write()`] wrote.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WrittenFiles {
+    /// Every file and its size: the requested one first, then those beside it.
+    pub files: Vec<OutputReport>,
+    /// Notes for the user, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Writes an asset in the format of the ending of `path`: .glb, .gltf, .obj, .ply, .usdz, .html or .tileset.json.
+///
+/// Files that belong to it go beside it: the .bin of a glTF, the .mtl of an OBJ and the picture of its
+/// texture, a separate backdrop or panorama, a collider, levels of detail and their tileset. They get their names
+/// when all of them are complete. Existing files are replaced.
+///
+/// ```
+/// use trisplat_scene::Asset;
+/// use trisplat_formats::{self as formats, OutputOptions, ReadOptions};
+/// use trisplat_scene::mesh::{Colors, Mesh};
+///
+/// let mesh = Mesh {
+///     positions: vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y],
+///     colors: Colors::Face(vec![[1.0, 0.5, 0.0]]), // linear RGB
+///     ..Mesh::default()
+/// };
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let path = folder.path().join("triangle.glb");
+/// let written = formats::write(&Asset::from(mesh), &path, &OutputOptions::default())?;
+/// assert_eq!(written.files.len(), 1);
+/// let back = formats::read(&path, &ReadOptions::default())?;
+/// assert_eq!(back.scene.triangle_count(), 1);
+/// # Ok::<(), trisplat_scene::Error>(())
+/// ```
+///
+/// # Errors
+/// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge` for a scene
+/// that exceeds the format; `Io`.
+pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
+    let beside = Beside {
+        levels: asset.levels.len(),
+        backdrop: asset.backdrop_apart,
+        sky: asset.sky.is_some(),
+        collision: asset.collision.is_some(),
+        texture: asset.mesh.texture.is_some(),
+    };
+    let output = Output::of_scene(path, None, options, &beside)?;
+    let mut report = Report::new("write");
+    output::write(asset, &output, output.start()?, options, &mut report, &mut |_| Continue(()))?;
+    Ok(WrittenFiles { files: report.outputs, warnings: report.warnings })
+}
+
+// ---- The files that the file of a scene names: buffers, pictures, materials, cameras ------------------
+
+/// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
+/// reader reports the fault.
+pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
+    let mut files = Vec::from_iter(splats::beside(path).filter(|_| holds_splats(path, limits)));
+    // These hold everything themselves; a compressed one would be unpacked to be recognised.
+    let alone = |path: &Path| {
+        matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))
+    };
+    if path.as_os_str() == "-" || is_packed(path) && alone(&path.with_extension("")) {
+        return files;
+    }
+    let named = Source::open(path, limits).and_then(|mut source| {
+        let head = source.head()?;
+        match Format::detect(&head, &source.named()) {
+            Some(Format::Glb | Format::Gltf) => gltf::named_files(&mut source, limits),
+            Some(Format::Obj) => obj::named_files(&source, limits),
+            _ => Ok(Vec::new()),
+        }
+    });
+    files.extend(named.unwrap_or_default());
+    files
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,5 +304,48 @@ mod tests {
             let message = read(&path, &ReadOptions::with_degree(0)).expect_err("unknown").to_string();
             assert!(message.contains(seen) && message.contains(".gltf"), "{message}");
         }
+    }
+}
+
+#[cfg(test)]
+mod content_tests {
+    use super::*;
+
+    /// Writes `text` as the file `name` and returns the names of the files that it names.
+    fn named(name: &str, text: &[u8], beside: &[(&str, &str)]) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        beside.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let files = named_files(&path, &Limits::DEFAULT);
+        files.iter().map(|file| file.strip_prefix(&folder).unwrap().display().to_string()).collect()
+    }
+
+    #[test]
+    fn gaussians_name_the_cameras_beside_them() {
+        let splat = [[0u8; 12], [1; 12], [200; 12]].concat()[..32].to_vec();
+        let cameras = ("cameras.json", "[]");
+        assert_eq!(named("a.splat", &splat, &[cameras]), ["cameras.json"]);
+        assert_eq!(named("a.splat", &splat, &[]), [""; 0]);
+        assert_eq!(named("a.off", b"OFF", &[cameras]), [""; 0]);
+    }
+
+    #[test]
+    fn a_gltf_names_its_buffers_and_pictures() {
+        let json = br#"{"asset": {"version": "2.0"},
+            "buffers": [{"byteLength": 4, "uri": "my%20data.bin"}, {"byteLength": 1, "uri": "data:;base64,AA=="}, {}],
+            "images": [{"uri": "a/wall.png"}, {"bufferView": 0}, {"uri": "https://example.org/b.png"}]}"#;
+        assert_eq!(named("a.gltf", json, &[]), ["my data.bin", "a/wall.png"]);
+        assert_eq!(named("a.txt", &[b"\xef\xbb\xbf", &json[..]].concat(), &[]).len(), 2);
+        assert_eq!(named("a.gltf", &json[..90], &[]), [""; 0]);
+    }
+
+    #[test]
+    fn an_obj_names_its_materials_and_their_pictures() {
+        let mtl = "newmtl a\nmap_Kd -clamp on a wall.jpg\nmap_Bump -bm 0.5 bump.png\nnewmtl b\nbump b.png\nKd 1 0 0\n";
+        let obj = b"v 0 0 0\nf 1 1 1\nmtllib my scene.mtl\n  mtllib missing.mtl\n";
+        let wants = ["my scene.mtl", "a wall.jpg", "bump.png", "b.png", "missing.mtl"];
+        assert_eq!(named("a.obj", obj, &[("my scene.mtl", mtl)]), wants);
+        assert_eq!(named("a.ply", b"ply\nformat ascii 1.0\n", &[]), [""; 0]);
     }
 }

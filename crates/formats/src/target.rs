@@ -34,11 +34,11 @@ pub enum OutputTarget {
 
 /// How to write the file for a target, and notes for the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct TargetEncoding {
+pub(crate) struct TargetEncoding {
     /// For [`crate::gltf`].
-    pub options: GltfOptions,
+    pub(crate) options: GltfOptions,
     /// One sentence each, starting with the target's name.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// A target's support for small files.
@@ -142,7 +142,7 @@ impl OutputTarget {
     }
 
     /// How to write a GLB for this target; `small` asks for the fewest bytes it can read.
-    pub fn encoding(self, small: bool) -> TargetEncoding {
+    pub(crate) fn encoding(self, small: bool) -> TargetEncoding {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();
         let kept = match row.small {
@@ -174,7 +174,7 @@ impl OutputTarget {
     }
 
     /// The file that switches levels of detail in the engine, if any.
-    pub fn levels(self) -> Option<EngineLevels> {
+    pub(crate) fn levels(self) -> Option<EngineLevels> {
         self.row().levels
     }
 
@@ -183,7 +183,7 @@ impl OutputTarget {
     /// Godot 4 honours and completes an import file that exists before it first sees the GLB. Ours turns off
     /// features that harm triangle soups: level-of-detail meshes (they delete triangles), tangents, shadow
     /// meshes, lightmap coordinates and vertex compression.
-    pub fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
+    pub(crate) fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
         (self == OutputTarget::Godot).then(|| {
             let source = glb_file_name.replace('\\', "\\\\").replace('"', "\\\"");
             (format!("{glb_file_name}.import"), GODOT_IMPORT.replace("{source}", &source))

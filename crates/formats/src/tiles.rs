@@ -244,7 +244,7 @@ pub struct TilesetTile {
 
 impl TilesetTile {
     /// Levels of a whole scene, the finest first: the coarsest is the root, every finer one the only child of the next.
-    pub fn chain(levels: impl IntoIterator<Item = TilesetTile>) -> Option<Self> {
+    pub(crate) fn chain(levels: impl IntoIterator<Item = TilesetTile>) -> Option<Self> {
         levels.into_iter().reduce(|finer, coarser| {
             // A coarser level has at least the error of the finer ones.
             let error = coarser.error.max(finer.error);
@@ -256,7 +256,7 @@ impl TilesetTile {
     /// tile has more children. `save` writes a tileset for a place in the tree, and returns its address.
     ///
     /// Errors: as `save`.
-    pub fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
+    fn split(self, most: usize, save: &mut dyn FnMut(&str, Self) -> Result<String>) -> Result<Self> {
         Ok(self.part("", most, save)?.0)
     }
 
@@ -295,7 +295,7 @@ impl TilesetTile {
 
     /// The same with addresses relative to a file in the folder of this address, which contains all its
     /// files.
-    pub fn beside(mut self, folder: &str) -> Self {
+    fn beside(mut self, folder: &str) -> Self {
         self.uri = self.uri.map(|uri| uri.strip_prefix(folder).map(str::to_owned).unwrap_or(uri));
         self.children = self.children.into_iter().map(|child| child.beside(folder)).collect();
         self

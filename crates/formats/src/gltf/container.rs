@@ -220,9 +220,3 @@ fn words<const N: usize, const W: usize>(bytes: &[u8; N]) -> [u32; W] {
     let (words, _) = bytes.as_chunks::<4>();
     std::array::from_fn(|i| words.get(i).map_or(0, |w| u32::from_le_bytes(*w)))
 }
-/// The JSON document of an open file, be it a GLB or a document by itself.
-///
-/// Errors: a broken container, or a document above the limit; those of the operating system.
-pub fn document_json(source: &mut Source, limits: &Limits) -> Result<Vec<u8>> {
-    ContainerFile::read(source, limits).map(|container| container.json)
-}

@@ -81,13 +81,17 @@ impl<'a> MergedMesh<'a> {
     /// Reserves memory for all vertices, after checking that they exist and do not exceed the limit. Returns the
     /// origin to subtract from every position: zero, unless a node moves its mesh too far for f32.
     pub(crate) fn reserve(&mut self, instances: &[MeshInstance]) -> Result<DVec3> {
+        let is_far = |transform: DMat4| is_far(transform.w_axis.truncate());
+        let far = instances.iter().any(|instance| instance.transform.is_some_and(is_far));
         let (mut meshes, mut vertices) = (Vec::new(), 0u64);
         for instance in instances {
             for primitive in self.primitives(instance)? {
                 if let Some(position) = self.position(primitive)? {
                     let count = self.accessors.layout(position)?.count;
                     vertices = vertices.saturating_add(count);
-                    meshes.push((instance.transform, position, count as usize));
+                    if far {
+                        meshes.push((instance.transform, position, count as usize));
+                    }
                 }
             }
         }
@@ -96,8 +100,7 @@ impl<'a> MergedMesh<'a> {
         limits.vertices(path.display(), vertices)?;
         self.accessors.buffers.spend(vertices.saturating_mul(24))?;
         limits.reserve(path.display(), &mut self.positions, vertices as usize)?;
-        let is_far = |transform: DMat4| is_far(transform.w_axis.truncate());
-        if !instances.iter().any(|instance| instance.transform.is_some_and(is_far)) {
+        if !far {
             return Ok(DVec3::ZERO);
         }
         let (mut wanted, mut sample) = (sampled(vertices as usize).peekable(), Vec::new());

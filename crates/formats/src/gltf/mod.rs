@@ -8,7 +8,6 @@
 //! read:    container ──► document (and which mesh is where)
 //!              │                        │
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
-//!                          └──► textures ──┘
 //! ```
 //!
 //! The writer writes unlit, double-sided, opaque triangles with a colour per vertex or one texture. The
@@ -35,10 +34,10 @@ pub(crate) use buffers::from_file_name;
 pub use buffers::named_files;
 pub use check::{Finding, Severity};
 pub(crate) use check::{Findings, check};
-pub use container::{Container, check_size, document_json, glb_size, stream_offsets};
+pub use container::{Container, check_size, glb_size, stream_offsets};
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 pub(crate) use part::node_names;
-pub use read::read;
-pub use read::{GltfInfo, gltf_info};
+pub(crate) use read::gltf_info;
+pub use read::{GltfInfo, read};
 pub use splats::{holds_splats, read_splats};
 pub use write::{Written, to_glb_bytes, write_glb, write_gltf};

@@ -108,7 +108,7 @@ pub struct GltfInfo {
 /// What the document of an open file counts and asks for.
 ///
 /// Errors: a broken container or document; those of the operating system.
-pub fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
+pub(crate) fn gltf_info(mut source: Source, limits: &Limits) -> Result<GltfInfo> {
     let container = ContainerFile::read(&mut source, limits)?;
     let document: Document = document::parse(&source.path, &container.json, limits)?;
     Ok(GltfInfo {

@@ -27,14 +27,14 @@ struct Material {
 
 /// Materials, and the faces that have them.
 #[derive(Debug, Default)]
-pub(super) struct Materials {
+pub(crate) struct Materials {
     libraries: Vec<String>,
     names: Vec<String>,
     numbers: BTreeMap<String, usize>,
     /// That of the next face.
     current: u32,
     /// Numbers of the faces' materials; empty without materials. `[F]`
-    pub(super) of_face: Vec<u32>,
+    pub(crate) of_face: Vec<u32>,
 }
 
 /// Of faces before the first material.
@@ -42,7 +42,7 @@ const NONE: u32 = u32::MAX;
 
 impl Materials {
     /// `mtllib NAME`.
-    pub(super) fn library(&mut self, name: &str) {
+    pub(crate) fn library(&mut self, name: &str) {
         if !name.is_empty()
             && self.libraries.len() < MOST_LIBRARIES
             && !self.libraries.iter().any(|n| n == name)
@@ -52,7 +52,7 @@ impl Materials {
     }
 
     /// `usemtl NAME`, behind `faces` faces.
-    pub(super) fn begin(&mut self, name: &str, faces: usize) {
+    pub(crate) fn begin(&mut self, name: &str, faces: usize) {
         if self.names.is_empty() {
             self.of_face.resize(faces, NONE);
         }
@@ -65,7 +65,7 @@ impl Materials {
     }
 
     /// One more face.
-    pub(super) fn add_face(&mut self) {
+    pub(crate) fn add_face(&mut self) {
         if !self.names.is_empty() {
             self.of_face.push(self.current);
         }
@@ -73,7 +73,7 @@ impl Materials {
 
     /// Gives `mesh`, which has no colours, those of its materials, with the given texture coordinates.
     /// Returns whether any material had a colour or picture. Materials are per triangle. `[F]`
-    pub(super) fn apply(
+    pub(crate) fn apply(
         &self,
         mesh: &mut Mesh,
         uvs: &[[Vec2; 3]],
