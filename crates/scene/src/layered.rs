@@ -267,7 +267,9 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
 /// their place in the text.
 fn without_schema(text: &str) -> String {
     let found = text.find(SCHEMA_KEY).and_then(|key| Some((key, key + text[key..].find(':')? + 1)));
-    let Some((key, value)) = found else { return text.to_owned() };
+    // That of a group is refused like any other key.
+    let is_own = |key: usize| text[..key].matches('{').count() == 1 + text[..key].matches('}').count();
+    let Some((key, value)) = found.filter(|(key, _)| is_own(*key)) else { return text.to_owned() };
     let mut values = serde_json::Deserializer::from_str(&text[value..]).into_iter::<IgnoredAny>();
     if !matches!(values.next(), Some(Ok(_))) {
         return text.to_owned();
