@@ -10,8 +10,8 @@
 
 use crate::views::Views;
 use glam::Vec3;
-use limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 pub(super) use sky::{Sky, closed, is_scattered, take_sky};
+use surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
@@ -20,7 +20,6 @@ use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::{Outcome, StageDetails};
 
 mod known;
-mod limits;
 mod sky;
 mod surface;
 

@@ -20,7 +20,6 @@
 mod backdrop;
 mod background;
 mod chunk;
-mod counts;
 mod crop;
 mod decimate;
 mod exposure;
@@ -51,7 +50,6 @@ mod weld;
 pub use backdrop::{BackdropDetails, BackdropOptions, BackdropWhen, backdrop};
 pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, background};
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
-pub use counts::count;
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
 pub use exposure::ExposureDetails;

@@ -8,7 +8,6 @@ use super::shell::take_shell;
 use super::texture::{TextureDetails, TextureOptions, texture};
 use super::viewpoint::viewpoint;
 use super::views::Views;
-use crate::counts::{count, count_mesh};
 use crate::place::placement_of;
 use crate::solid::{ColorDetails, color};
 use glam::DVec3;
@@ -112,7 +111,7 @@ pub fn mesh(
         observer,
         Mesh::default(),
         // First the scene for the surface.
-        |mesh| if mesh.face_count() == 0 { count(&scene.scene) } else { count_mesh(mesh) },
+        |mesh| if mesh.face_count() == 0 { scene.scene.counts() } else { Mesh::counts(mesh) },
         |mesh, details: &mut SurfaceDetails, progress| {
             let part = part.as_ref();
             let found = surface_of_part(&scene, cameras, part, &surface_options, limits, details, progress)?;
@@ -123,7 +122,7 @@ pub fn mesh(
 
     let (mut found, backdrop) = (found, behind.face_count());
     found.append(behind)?;
-    let found = report.long_stage(observer, found, count_mesh, |mesh, details, progress| {
+    let found = report.long_stage(observer, found, Mesh::counts, |mesh, details, progress| {
         texture(mesh, views.as_deref_mut(), None, &options.texture, details, progress)
     })?;
 
@@ -132,7 +131,7 @@ pub fn mesh(
     let mut provenance = Provenance { backdrop: backdrop as u32, ..scene.provenance };
     let points = views.as_deref().map_or(&[][..], Views::points);
     let mut how = Placement::IDENTITY;
-    let found = report.stage(observer, found, count_mesh, |mesh, details: &mut PlaceDetails| {
+    let found = report.stage(observer, found, Mesh::counts, |mesh, details: &mut PlaceDetails| {
         let evidence = Evidence { cameras: &known, points };
         let subject = options.crop.is_subject();
         how = placement_of(subject, mesh, &provenance, evidence, &options.place, details);
@@ -164,7 +163,7 @@ fn cropped(
 ) -> Result<(ImportedScene, Option<SubjectVolume>)> {
     let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
     let mut volume = None;
-    let scene = report.stage(observer, scene, count, |scene, details| {
+    let scene = report.stage(observer, scene, Scene::counts, |scene, details| {
         let (outcome, found) = crop_and_volume(scene, cameras, provenance.up, &options.crop, details)?;
         volume = found;
         Ok(outcome)

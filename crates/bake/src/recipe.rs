@@ -3,7 +3,6 @@
 mod behind;
 mod package;
 mod pictures;
-mod shared;
 
 use super::backdrop::BackdropWhen;
 use super::background::{BackgroundDetails, BackgroundFrom, background};
@@ -25,11 +24,10 @@ use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
-use crate::counts::{count, count_mesh};
 use crate::order::arrange;
 use crate::solid::color;
 use pictures::{Cameras, Pictures};
-use shared::{Seen, Shared};
+use pictures::{Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
@@ -183,7 +181,7 @@ impl<'a> Recipe<'a> {
         let (options, photos) = (&self.options.background, pictures.photos.is_some());
         let draws_none =
             self.options.teacher.teacher == TeacherWhen::Off && options.background == BackgroundFrom::Auto;
-        let measure = |loaded: &ImportedScene| count(&loaded.scene);
+        let measure = |loaded: &ImportedScene| loaded.scene.counts();
         self.report.stage(self.observer, loaded, measure, |loaded, details| {
             Ok(match draws_none {
                 true => Outcome::Skipped("`teacher` off: no pictures are drawn"),
@@ -197,7 +195,7 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
         let seen_by = pictures.photos.as_deref().map_or(&cameras[..], Views::cameras);
-        let mut scene = self.report.stage(self.observer, scene, count, |scene, details| {
+        let mut scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
             crop(scene, seen_by, provenance.up, options, details)
         })?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
@@ -214,7 +212,7 @@ impl<'a> Recipe<'a> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let is_drawn = pictures.photos.is_some() || pictures.drawn.is_some() || !cameras.is_empty();
         let order = self.options.order.order;
-        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+        let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
             Ok(arrange(scene, is_drawn, order, details))
         })?;
         Ok(ImportedScene { scene, provenance, warnings, cameras })
@@ -223,7 +221,7 @@ impl<'a> Recipe<'a> {
     /// On the scene as it was trained: all other stages try to keep this look.
     fn teacher(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Views>> {
         let (options, photos) = (self.options, pictures.photos.is_some());
-        let measure = |_: &Option<Views>| count(&loaded.scene);
+        let measure = |_: &Option<Views>| loaded.scene.counts();
         let behind = self.report.details::<BackgroundDetails>().and_then(|found| found.behind());
         self.report.stage(self.observer, None, measure, |views, details| {
             teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details)
@@ -234,7 +232,7 @@ impl<'a> Recipe<'a> {
     fn collision(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Mesh>> {
         let (options, observer) = (&self.options.collision, &mut *self.observer);
         let cameras = pictures.of_photos();
-        let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
+        let measure = |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
         self.report.long_stage(observer, None, measure, |found, details, progress| {
             collision(found, loaded, cameras, options, details, progress)
         })
@@ -246,7 +244,7 @@ impl<'a> Recipe<'a> {
             return Ok(None);
         }
         let cameras = pictures.of_photos();
-        let measure = |found: &Option<Mesh>| found.as_ref().map_or(count(&loaded.scene), count_mesh);
+        let measure = |found: &Option<Mesh>| found.as_ref().map_or(loaded.scene.counts(), Mesh::counts);
         self.report.long_stage(
             self.observer,
             None,
@@ -272,18 +270,19 @@ impl<'a> Recipe<'a> {
         };
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
-        let scene = self.report.stage(self.observer, scene, count, |scene, d| prune(scene, &pruning, d))?;
+        let scene =
+            self.report.stage(self.observer, scene, Scene::counts, |scene, d| prune(scene, &pruning, d))?;
         let warning = self.report.details::<PruneDetails>().and_then(|details| details.warning());
         self.report.warnings.extend(warning);
 
         // On the soup, because it needs opacity and σ, which `color` drops.
-        let scene = self.report.stage(self.observer, scene, count, |scene, details| match scene {
+        let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| match scene {
             Scene::Soup(soup) => solid(soup, &options.solid, details),
             Scene::Mesh(_) => Ok(Outcome::Skipped("the input is a mesh: its triangles are solid")),
         })?;
 
         // From here on an ordinary mesh in linear light.
-        let scene = self.report.stage(self.observer, scene, count, |scene, details| {
+        let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
             let Scene::Soup(soup) = scene else {
                 return Ok(Outcome::Skipped("the input is a mesh: it has colours"));
             };
@@ -317,7 +316,7 @@ impl<'a> Recipe<'a> {
         self.report.long_stage(
             self.observer,
             mesh,
-            count_mesh,
+            Mesh::counts,
             |mesh, details: &mut UnseenDetails, progress| {
                 // In a soft scene, `reshape` will still move the triangles that hide others.
                 if !is_soft {
@@ -357,8 +356,9 @@ impl<'a> Recipe<'a> {
     /// As soon as drawings resemble the photos, and before anything is fitted to them.
     fn exposure(&mut self, mesh: Mesh, photos: Option<&mut Views>) -> Result<Mesh> {
         let options = &self.options.exposure;
-        self.report
-            .stage(self.observer, mesh, count_mesh, |mesh, details| exposure(mesh, photos, options, details))
+        self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
+            exposure(mesh, photos, options, details)
+        })
     }
 
     /// Inputs of the fitting; not computed when it is off.
@@ -376,7 +376,7 @@ impl<'a> Recipe<'a> {
     /// fitted exactly.
     fn reshape(&mut self, mesh: Mesh, views: Option<&mut Views>, traits: SceneTraits) -> Result<Mesh> {
         let options = &self.options.reshape;
-        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+        self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
             reshape(mesh, views, traits, options, details, progress)
         })
     }
@@ -391,7 +391,7 @@ impl<'a> Recipe<'a> {
     ) -> Result<(Mesh, Option<UnseenColors>)> {
         let options = &self.options.refit;
         let mut unseen = None;
-        let mesh = self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+        let mesh = self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
             let found = refit(mesh, behind, views, options, details, progress)?;
             unseen = found.unseen;
             Ok(found.outcome)
@@ -407,7 +407,7 @@ impl<'a> Recipe<'a> {
         views: Option<&mut Views>,
     ) -> Result<Mesh> {
         let options = &self.options.texture;
-        self.report.long_stage(self.observer, mesh, count_mesh, |mesh, details, progress| {
+        self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
             texture(mesh, views, unseen, options, details, progress)
         })
     }

@@ -6,7 +6,7 @@ use super::gaussians::{self, Effort};
 use super::harden::{self, Hardened};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, count, merge};
+use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::{
@@ -187,7 +187,7 @@ impl BakeJob {
                 let soft = report.stage(
                     &mut stages(observer),
                     soft,
-                    |soft| count(&soft.scene),
+                    |soft| soft.scene.counts(),
                     |soft, details| Ok(background(soft, has_photos, options, details)),
                 )?;
                 let behind = report.details::<BackgroundDetails>().and_then(|found| found.behind());

@@ -3,7 +3,7 @@
 use super::event::{Observer, TrainBegins, begin, drew};
 use std::path::Path;
 use std::time::Instant;
-use trisplat_bake::{Views, count, is_solid, pictures};
+use trisplat_bake::{Views, is_solid, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::{
     Error, ImportedScene, Result, Scene,
@@ -43,7 +43,7 @@ pub(super) struct Hardened {
 impl Hardened {
     /// `scene` unchanged, and the reason.
     pub(super) fn needless(scene: ImportedScene, why: &str) -> Self {
-        let counts = count(&scene.scene);
+        let counts = scene.scene.counts();
         let stage = StageReport {
             before: counts,
             after: counts,

@@ -128,7 +128,7 @@ impl Asset {
 
     /// Triangles and vertices, for the report.
     pub fn counts(&self) -> Counts {
-        Counts { triangles: self.mesh.face_count() as u64, vertices: self.mesh.vertex_count() as u64 }
+        self.mesh.counts()
     }
 }
 

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::math::median::median;
 use crate::math::median::{all_finite, all_in_unit};
 use crate::parallel::{self, GRAIN};
+use crate::report::Counts;
 use crate::texture::FaceTexture;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -64,6 +65,11 @@ impl Mesh {
     /// Number of triangles.
     pub fn face_count(&self) -> usize {
         if self.indices.is_empty() { self.positions.len() / 3 } else { self.indices.len() / 3 }
+    }
+
+    /// Triangles and vertices, for reports.
+    pub fn counts(&self) -> Counts {
+        Counts { triangles: self.face_count() as u64, vertices: self.vertex_count() as u64 }
     }
 
     /// Number of vertices.

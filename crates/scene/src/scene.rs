@@ -5,6 +5,7 @@ use crate::camera::Camera;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
 use crate::mesh::Mesh;
+use crate::report::Counts;
 use crate::soup::{Soup, sh0_from_rgb};
 use glam::Vec3;
 
@@ -28,6 +29,14 @@ impl Scene {
         match self {
             Scene::Soup(soup) => soup.len(),
             Scene::Mesh(mesh) => mesh.face_count(),
+        }
+    }
+
+    /// Triangles and vertices, for reports.
+    pub fn counts(&self) -> Counts {
+        match self {
+            Scene::Soup(soup) => Counts { triangles: soup.len() as u64, vertices: 3 * soup.len() as u64 },
+            Scene::Mesh(mesh) => mesh.counts(),
         }
     }
 

@@ -5,7 +5,7 @@
 
 use super::known::Known;
 use super::known::fill;
-use super::limits::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
+use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
 use super::surface::{direction, place, surface};
 use crate::views::Views;
 use crate::weld::place_bits;

@@ -5,11 +5,9 @@
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 use trisplat_raster::framing::hit;
-use trisplat_scene::{
-    math::geometry::octasphere,
-    math::median::median,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::geometry::octasphere;
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Rounds in which each distance is drawn towards its neighbours'.
 const ROUNDS: usize = 200;
@@ -88,6 +86,16 @@ fn distances(corners: &[Vec3], faces: &[[u32; 3]], known: &dyn Fn(Vec3) -> Optio
     }
     logs.into_iter().map(f32::exp).collect()
 }
+
+// ---- What a backdrop and a sky have in common --------------------------------------------------------
+
+/// Below this covered share of a picture, or unmasked share of a photo, the scene is an object without
+/// background.
+pub(super) const LEAST_COVERED: f64 = 0.8;
+/// Radius of the sphere as a multiple of the distance of the farthest vertex or camera.
+pub(super) const RADIUS_FACTOR: f32 = 1.2;
+/// Most subdivisions of the octahedron: 8 · 4⁴ triangles.
+pub(super) const MOST_SUBDIVISIONS: u32 = 4;
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,6 @@
 
 use super::Recipe;
 use crate::backdrop::{BackdropWhen, Sky, backdrop, closed, is_scattered, keep_backdrop, take_sky};
-use crate::counts::count_mesh;
 use crate::refit::{RefitColors, smooth_shell};
 use crate::shell::{cut, is_cut, middle, take_shell};
 use crate::views::Views;
@@ -83,7 +82,7 @@ impl Recipe<'_> {
         views: Option<&mut Views>,
     ) -> Result<Mesh> {
         let (options, cropped) = (&self.options.backdrop, self.is_cropped());
-        self.report.stage(self.observer, mesh, count_mesh, |mesh, details| match behind {
+        self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| match behind {
             _ if cropped => Ok(Outcome::Skipped("the scene is cropped: its surroundings were removed")),
             Some(behind) => keep_backdrop(mesh, behind, options, details),
             None => backdrop(mesh, views, options, details),

@@ -1,9 +1,8 @@
 //! The end of the recipe: a painted mesh made ready for a file.
 
 use super::Recipe;
-use super::shared::{Frame, Seen, Shared};
+use super::pictures::{Frame, Seen, Shared};
 use crate::chunk::{ChunkDetails, ChunkOptions, chunk};
-use crate::counts::{count_levels, count_mesh};
 use crate::lit::lit;
 use crate::lod::{FinishedLevel, LevelSource, LodOptions, lod};
 use crate::options::BakeOptions;
@@ -17,7 +16,7 @@ use crate::weld::weld;
 use glam::DVec3;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, Report, StageProgress, generator};
+use trisplat_scene::report::{Counts, Outcome, Report, StageProgress, generator};
 use trisplat_scene::{Asset, Placement, Provenance, Result, placed};
 
 impl Recipe<'_> {
@@ -32,19 +31,19 @@ impl Recipe<'_> {
     ) -> Result<(Asset, Frame)> {
         let options = self.options;
         // In the frame of the cameras, and before stages that order faces.
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+        let mesh = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
             lit(mesh, seen.watching, seen.facing, &options.lit, details)
         })?;
 
         // Before placing, while equal corners are still bitwise equal.
         let mesh = self
             .report
-            .stage(self.observer, mesh, count_mesh, |mesh, details| weld(mesh, &options.weld, details))?;
+            .stage(self.observer, mesh, Mesh::counts, |mesh, details| weld(mesh, &options.weld, details))?;
 
         // Before stages with boxes, which must use the coordinates of the file.
         let mut how = of_scene.map(|frame| frame.placement);
         let subject = options.crop.is_subject();
-        let mesh = self.report.stage(self.observer, mesh, count_mesh, |mesh, details| {
+        let mesh = self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
             let estimated = || placement_of(subject, mesh, &provenance, evidence, &options.place, details);
             let how = *how.get_or_insert_with(estimated);
             place(mesh, &mut provenance, how, details)
@@ -135,7 +134,11 @@ impl Recipe<'_> {
             let excerpt = source.mesh.texture.as_ref().map(|_| halvings(share));
             of_level.level(level, shared, excerpt, views.as_deref_mut())
         };
-        self.report.long_stage(self.observer, Vec::new(), count_levels, |levels, details, progress| {
+        let measure = |levels: &Vec<Asset>| {
+            let all = |of: fn(Counts) -> u64| levels.iter().map(|level| of(level.counts())).sum();
+            Counts { triangles: all(|counts| counts.triangles), vertices: all(|counts| counts.vertices) }
+        };
+        self.report.long_stage(self.observer, Vec::new(), measure, |levels, details, progress| {
             lod(levels, source, options, finish, details, progress)
         })
     }

@@ -2,7 +2,9 @@
 
 use crate::views::Views;
 use glam::Vec3;
-use trisplat_scene::camera::Camera;
+use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Placement, Provenance};
 
 /// The photos, and the pictures of a soft scene that replace them where none were given.
 pub(super) struct Pictures<'a> {
@@ -48,4 +50,31 @@ impl Cameras {
         };
         Self { of_photos, watching }
     }
+}
+
+// ---- What a scene and its levels of detail have in common --------------------------------------------
+
+/// What is known of a scene besides its triangles, in the frame of the input.
+#[derive(Clone, Copy)]
+pub(super) struct Seen<'a> {
+    /// Cameras that see it.
+    pub watching: &'a [Camera],
+    /// The surface for smooth normals.
+    pub facing: Option<&'a Mesh>,
+}
+
+/// The frame of a file, and its first viewpoint.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    pub placement: Placement,
+    pub viewpoint: Option<Viewpoint>,
+}
+
+/// What levels have in common with their scene.
+pub(super) struct Shared<'a> {
+    pub provenance: Provenance,
+    pub seen: Seen<'a>,
+    pub frame: Frame,
+    /// Before placement.
+    pub backdrop: Option<Mesh>,
 }
