@@ -266,10 +266,16 @@ fn difference(base: &Value, top: &Value) -> Option<Value> {
 /// `text` of a JSON object with spaces in place of its key `$schema`: types of options refuse unknown keys, and errors must keep
 /// their place in the text.
 fn without_schema(text: &str) -> String {
-    let found = text.find(SCHEMA_KEY).and_then(|key| Some((key, key + text[key..].find(':')? + 1)));
     // That of a group is refused like any other key.
-    let is_own = |key: usize| text[..key].matches('{').count() == 1 + text[..key].matches('}').count();
-    let Some((key, value)) = found.filter(|(key, _)| is_own(*key)) else { return text.to_owned() };
+    let is_own = |key: &usize| {
+        let [opened, closed] = ['{', '}'].map(|brace| text[..*key].matches(brace).count());
+        opened == closed + 1 && text[key + SCHEMA_KEY.len()..].trim_start().starts_with(':')
+    };
+    let is_json = serde_json::from_str::<IgnoredAny>(text).is_ok();
+    let found = text.find(SCHEMA_KEY).filter(|key| is_json && is_own(key));
+    let Some((key, value)) = found.and_then(|key| Some((key, key + text[key..].find(':')? + 1))) else {
+        return text.to_owned();
+    };
     let mut values = serde_json::Deserializer::from_str(&text[value..]).into_iter::<IgnoredAny>();
     if !matches!(values.next(), Some(Ok(_))) {
         return text.to_owned();

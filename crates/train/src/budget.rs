@@ -45,6 +45,8 @@ const SMALLEST_PHOTO: u32 = 320;
 const FEWEST_STEPS: u64 = 60;
 /// Least triangles, unless the scene begins with more, and most.
 const TRIANGLES: [f64; 2] = [1e3, 1e6];
+/// Share of the first part after which its steps are measured: before, the scene grows.
+const GROWN: f64 = 0.9;
 /// Most remaining steps, as a multiple of the planned ones.
 const MOST_STRETCH: f64 = 10.0;
 
@@ -353,9 +355,17 @@ impl Pace {
         triangles: u64,
         options: &TrainOptions,
     ) -> Option<TrainOptions> {
+        if step == (GROWN * options.milestones[0] as f64) as u64 {
+            self.began_secs = spent_secs;
+        }
         let part = options.milestones.iter().position(|milestone| *milestone == step)?;
         let secs = part_secs(options, self.photo, triangles);
-        let speed = ((spent_secs - self.began_secs) / secs[part].max(1e-9)).max(1e-9);
+        let expected = match part {
+            // Those of a scene that is all there.
+            0 => (1.0 - GROWN) * part_secs(options, self.photo, 2 * triangles)[0],
+            part => secs[part],
+        };
+        let speed = ((spent_secs - self.began_secs) / expected.max(1e-9)).max(1e-9);
         let reserve = self.reserve_secs.unwrap_or(speed * self.plan.reserve_secs);
         let left = self.budget.seconds.0 - spent_secs - reserve;
         let rest = speed * secs[part + 1..].iter().sum::<f64>();
@@ -476,7 +486,14 @@ mod tests {
                 // The scene and the photos are read again.
                 (spent, pace.began_secs) = (spent + 3.0, pace.began_secs + 3.0);
             }
-            spent += part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };
+            let secs = part_secs(&options, PHOTO, triangles)[part] * if part < 2 { soft } else { engine };
+            if part == 0 {
+                // Grown in the last tenth.
+                let last = 0.1 * part_secs(&options, PHOTO, 2 * triangles)[0] * soft;
+                let grown = (GROWN * options.milestones[0] as f64) as u64;
+                assert_eq!(pace.corrected(grown, spent + secs - last, triangles, &options), None);
+            }
+            spent += secs;
             if part < 4 {
                 let step = options.milestones[part];
                 options = pace.corrected(step, spent, triangles, &options).unwrap();
