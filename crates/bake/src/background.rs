@@ -48,19 +48,7 @@ impl fmt::Display for BackgroundFrom {
     }
 }
 
-impl TryFrom<String> for BackgroundFrom {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<BackgroundFrom> for String {
-    fn from(background: BackgroundFrom) -> String {
-        background.to_string()
-    }
-}
+trisplat_scene::as_text!(BackgroundFrom);
 
 impl schemars::JsonSchema for BackgroundFrom {
     fn schema_name() -> std::borrow::Cow<'static, str> {

@@ -58,7 +58,7 @@ pub(crate) fn exposure(
     let Some(views) = views.filter(|views| !views.is_drawn()) else {
         return Ok(Outcome::Skipped("no photos were given"));
     };
-    views.take_as_they_are();
+    views.correct_by(Exposures::default());
     if options.exposure == ExposureUse::Off {
         return Ok(Outcome::Skipped("`exposure` off"));
     }

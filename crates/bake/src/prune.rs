@@ -11,7 +11,7 @@ use trisplat_scene::{
     math::median::median,
     mesh::Mesh,
     ranges::{self, Called},
-    report::{Outcome, StageDetails, counted},
+    report::{Outcome, StageDetails, counted, to_json},
 };
 
 /// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
@@ -111,18 +111,17 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
         Scene::Soup(soup) => classify(soup.len(), |i| soup_face(soup, i), options),
         Scene::Mesh(mesh) => classify(mesh.face_count(), |i| mesh_face(mesh, i), options),
     };
-    let counts = count(&verdicts);
-    match &*scene {
-        Scene::Soup(soup) => check_scale(&verdicts, &counts, |i| soup.vertices[i])?,
-        Scene::Mesh(mesh) => check_scale(&verdicts, &counts, |i| mesh.corners(i))?,
+    let counts = PruneDetails::of(&verdicts);
+    if counts.out_of_reach > 0 {
+        check_scale(&verdicts, counts.out_of_reach, |i| scene.corners(i))?;
     }
-    if counts[Verdict::Keep as usize] == 0 {
+    if verdicts.iter().all(|verdict| *verdict != Verdict::Keep) {
         return Err(nothing_left(options, &counts, verdicts.len()));
     }
-    if counts[Verdict::Keep as usize] == verdicts.len() {
+    if counts == PruneDetails::default() {
         return Ok(Outcome::Skipped("every triangle can be seen"));
     }
-    *details = PruneDetails::new(&counts);
+    *details = counts;
     let keep = |i: usize| verdicts[i] == Verdict::Keep;
     match scene {
         Scene::Soup(soup) => soup.retain(keep),
@@ -132,15 +131,7 @@ pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetai
 }
 
 /// Refuses a scene that is too large to be drawn; strays far from a scene of ordinary size are dropped.
-fn check_scale(
-    verdicts: &[Verdict],
-    counts: &[usize; 8],
-    corners: impl Fn(usize) -> [Vec3; 3],
-) -> Result<()> {
-    let far = counts[Verdict::OutOfReach as usize];
-    if far == 0 {
-        return Ok(());
-    }
+fn check_scale(verdicts: &[Verdict], far: u64, corners: impl Fn(usize) -> [Vec3; 3]) -> Result<()> {
     let finite = (0..verdicts.len()).filter(|i| verdicts[*i] != Verdict::NonFinite);
     let reaches: Vec<f32> = finite.map(|i| reach(&corners(i))).collect();
     let most = reaches.iter().copied().fold(0.0, f32::max);
@@ -166,24 +157,27 @@ impl PruneDetails {
         })
     }
 
-    /// From the number of triangles of each [`Verdict`].
-    fn new(counts: &[usize; 8]) -> Self {
-        let of = |verdict: Verdict| counts[verdict as usize] as u64;
-        Self {
-            non_finite: of(Verdict::NonFinite),
-            out_of_reach: of(Verdict::OutOfReach),
-            degenerate: of(Verdict::Degenerate),
-            faint: of(Verdict::Faint),
-            soft: of(Verdict::Soft),
-            huge: of(Verdict::Huge),
-            over_budget: of(Verdict::OverBudget),
+    /// The number of triangles of each [`Verdict`].
+    fn of(verdicts: &[Verdict]) -> Self {
+        let mut counts = Self::default();
+        for verdict in verdicts {
+            *match verdict {
+                Verdict::Keep => continue,
+                Verdict::NonFinite => &mut counts.non_finite,
+                Verdict::OutOfReach => &mut counts.out_of_reach,
+                Verdict::Degenerate => &mut counts.degenerate,
+                Verdict::Faint => &mut counts.faint,
+                Verdict::Soft => &mut counts.soft,
+                Verdict::Huge => &mut counts.huge,
+                Verdict::OverBudget => &mut counts.over_budget,
+            } += 1;
         }
+        counts
     }
 }
 
 /// Why a triangle is kept or dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
 enum Verdict {
     Keep,
     NonFinite,
@@ -193,32 +187,6 @@ enum Verdict {
     Soft,
     Huge,
     OverBudget,
-}
-
-impl Verdict {
-    const CAUSES: [Self; 7] = [
-        Self::NonFinite,
-        Self::OutOfReach,
-        Self::Degenerate,
-        Self::Faint,
-        Self::Soft,
-        Self::Huge,
-        Self::OverBudget,
-    ];
-
-    /// The field of [`PruneDetails`] that counts it.
-    fn key(self) -> &'static str {
-        match self {
-            Self::Keep => "kept",
-            Self::NonFinite => "non_finite",
-            Self::OutOfReach => "out_of_reach",
-            Self::Degenerate => "degenerate",
-            Self::Faint => "faint",
-            Self::Soft => "soft",
-            Self::Huge => "huge",
-            Self::OverBudget => "over_budget",
-        }
-    }
 }
 
 /// What the rules depend on.
@@ -380,35 +348,22 @@ fn centroid(corners: &[Vec3; 3]) -> DVec3 {
     (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
 }
 
-fn count(verdicts: &[Verdict]) -> [usize; 8] {
-    // One pass per cause: a comparison of bytes, many at a time.
-    let mut counts = [0; 8];
-    for cause in Verdict::CAUSES.into_iter().chain([Verdict::Keep]) {
-        counts[cause as usize] = verdicts.iter().filter(|&&verdict| verdict == cause).count();
-    }
-    counts
-}
-
 /// Names the rule that dropped most and what to do about it.
-fn nothing_left(options: &PruneOptions, counts: &[usize; 8], total: usize) -> Error {
+fn nothing_left(options: &PruneOptions, counts: &PruneDetails, total: usize) -> Error {
     if total == 0 {
         return Error::invalid("the scene", "empty", "at least one triangle");
     }
-    let worst = Verdict::CAUSES.into_iter().max_by_key(|&cause| counts[cause as usize]);
-    let worst = worst.unwrap_or(Verdict::NonFinite);
-    let dropped = format!("it drops {} of {total} triangles and nothing is left", counts[worst as usize]);
-    match worst {
-        Verdict::Faint => {
-            Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}"))
-        }
-        Verdict::Soft => {
-            Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}"))
-        }
-        Verdict::Huge => {
-            Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}"))
-        }
+    let by_cause = to_json(counts);
+    let worst = by_cause.iter().max_by_key(|(_, count)| count.as_u64());
+    let (cause, count) =
+        worst.map_or(("non_finite", 0), |(cause, count)| (cause.as_str(), count.as_u64().unwrap_or(0)));
+    let dropped = format!("it drops {count} of {total} triangles and nothing is left");
+    match cause {
+        "faint" => Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}")),
+        "soft" => Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}")),
+        "huge" => Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}")),
         cause => {
-            let what = format!("{} of {total} triangles {}", counts[cause as usize], cause.key());
+            let what = format!("{count} of {total} triangles {cause}");
             Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")
         }
     }

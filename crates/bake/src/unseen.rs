@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
 use trisplat_scene::{Error, Result, parallel};
 
@@ -119,7 +120,8 @@ pub fn unseen(
     details: &mut UnseenDetails,
     progress: &mut StageProgress<'_>,
 ) -> Result<Outcome<()>> {
-    check(options)?;
+    ranges::check(options, Called::ByFlag)?;
+    ranges::check_finite("max_error", options.max_error)?;
     if let (None, Some(db)) = (&views, options.max_error) {
         return Err(Error::invalid("max_error", db, "`dataset`: error is measured on photos"));
     }
@@ -259,15 +261,6 @@ fn rank_by_visibility(mesh: &Mesh, visible_area: &[f32]) -> Vec<u32> {
         visible_area[b as usize].total_cmp(&visible_area[a as usize]).then_with(by_area).then(a.cmp(&b))
     });
     ranked
-}
-
-fn check(options: &UnseenOptions) -> Result<()> {
-    for (option, value) in [("min_seen_px", Some(options.min_seen_px)), ("max_error", options.max_error)] {
-        if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
-            return Err(Error::invalid(option, value, "0 or more"));
-        }
-    }
-    Ok(())
 }
 
 /// How many of `ranked` must stay for a PSNR on the photos at most `db` below that of all.

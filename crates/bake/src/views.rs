@@ -223,11 +223,6 @@ impl Views {
         self.exposures = exposures;
     }
 
-    /// Stops correcting photos.
-    pub fn take_as_they_are(&mut self) {
-        self.exposures = Exposures::default();
-    }
-
     /// At most `count` photos, evenly spaced in their order.
     pub fn evenly_spaced(&self, count: usize) -> Vec<usize> {
         evenly_spaced(self.len(), count).collect()

@@ -128,7 +128,7 @@ impl FromStr for Background {
             Ok(rgb) if hex.len() == 6 && hex.bytes().all(|b| b.is_ascii_hexdigit()) => {
                 Ok(Self([(rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8]))
             }
-            _ => Err(format!("`{text}` is not a colour: expected black, white or #rrggbb")),
+            _ => Err("is not a colour: expected black, white or #rrggbb".to_owned()),
         }
     }
 }
@@ -143,19 +143,7 @@ impl fmt::Display for Background {
     }
 }
 
-impl TryFrom<String> for Background {
-    type Error = String;
-
-    fn try_from(text: String) -> std::result::Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<Background> for String {
-    fn from(background: Background) -> String {
-        background.to_string()
-    }
-}
+trisplat_scene::as_text!(Background);
 
 impl JsonSchema for Background {
     fn schema_name() -> std::borrow::Cow<'static, str> {

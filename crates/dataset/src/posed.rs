@@ -9,6 +9,7 @@ use std::collections::HashSet;
 use std::fmt;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use trisplat_scene::{Error, Result, UpAxis, camera::Camera, input};
 
 /// Posed photos of one scene.
@@ -172,21 +173,17 @@ impl Display for ShrunkSize {
     }
 }
 
-impl From<ShrunkSize> for String {
-    fn from(size: ShrunkSize) -> Self {
-        size.to_string()
-    }
-}
+impl FromStr for ShrunkSize {
+    type Err = String;
 
-impl TryFrom<String> for ShrunkSize {
-    type Error = Error;
-
-    fn try_from(text: String) -> std::result::Result<Self, Error> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let sides =
             text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-        sides.map(Self).ok_or_else(|| Error::invalid("photo_size", text, "a width and a height, 320x213"))
+        sides.map(Self).ok_or_else(|| "is not a width and a height, as in 320x213".to_owned())
     }
 }
+
+trisplat_scene::as_text!(ShrunkSize);
 
 /// A part of a data set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]

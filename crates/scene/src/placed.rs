@@ -159,19 +159,7 @@ impl fmt::Display for Region {
     }
 }
 
-impl TryFrom<String> for Region {
-    type Error = String;
-
-    fn try_from(text: String) -> std::result::Result<Self, String> {
-        text.parse().map_err(|reason| format!("{text:?} {reason}"))
-    }
-}
-
-impl From<Region> for String {
-    fn from(region: Region) -> Self {
-        region.to_string()
-    }
-}
+crate::as_text!(Region);
 
 impl Region {
     /// Whether a point is in it; `cameras` look at the scene. A subject needs the whole scene to be found: every point may be in it.

@@ -102,3 +102,22 @@ fn words(low: f64, high: f64) -> String {
         _ => format!("{} to {}", short(low), short(high)),
     }
 }
+/// Values that configs and reports hold as the text of their `FromStr` and `Display`.
+#[macro_export]
+macro_rules! as_text {
+    ($($type:ty),*) => {$(
+        impl TryFrom<String> for $type {
+            type Error = String;
+
+            fn try_from(text: String) -> std::result::Result<Self, String> {
+                text.parse().map_err(|reason| format!("{text:?} {reason}"))
+            }
+        }
+
+        impl From<$type> for String {
+            fn from(value: $type) -> Self {
+                value.to_string()
+            }
+        }
+    )*};
+}

@@ -101,25 +101,7 @@ pub(crate) fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|word| word.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect()
 }
 
-macro_rules! as_text {
-    ($($type:ty),*) => {$(
-        impl TryFrom<String> for $type {
-            type Error = String;
-
-            fn try_from(text: String) -> Result<Self, String> {
-                text.parse().map_err(|reason| format!("{text:?} {reason}"))
-            }
-        }
-
-        impl From<$type> for String {
-            fn from(value: $type) -> Self {
-                value.to_string()
-            }
-        }
-    )*};
-}
-
-as_text!(UpChoice, KnownLength);
+trisplat_scene::as_text!(UpChoice, KnownLength);
 
 #[cfg(test)]
 mod tests {
