@@ -17,7 +17,7 @@ use trisplat_scale::{
     Blocks, Expected, Manifest, NAME, PlanOptions, Planner, check, find_coarse, keep_coarse, status, unnamed,
 };
 use trisplat_scene::{Error, ImportedScene, Result};
-use trisplat_train::{BackendOptions, OpenRun, RunOptions, TrainOptions, TrainRun, checkpoint};
+use trisplat_train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
 #[derive(Debug, clap::Args)]
@@ -172,11 +172,11 @@ fn train_coarse(
     let resume = point.is_file().then(|| checkpoint::read(&point)).transpose()?;
     let run = TrainRun::new(dataset, options).with_dataset_options(&args.dataset_options);
     let run = TrainRun { outputs, resume, until_step: Some(*until), ..run };
-    let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
+    let run = run.start_at(&args.backend_options)?;
     let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
     bar.line("training the coarse scene");
-    card.iter().for_each(|card| bar.line(&format!("training on {card}")));
-    warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
+    run.card.iter().for_each(|card| bar.line(&format!("training on {card}")));
+    run.warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
     let trained = unnamed(run.finish(&mut |event| bar.tell(event))?);
     let lost = bar.done();
     match (trained.stopped, &trained.checkpoint) {

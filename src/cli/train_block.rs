@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
 use trisplat_scene::{Error, Result, atomic::AtomicFile, report::counted};
-use trisplat_train::{OpenRun, PREVIEW, Preview, Trained};
+use trisplat_train::{PREVIEW, Preview, Trained};
 
 /// Trains the block, unless its result exists.
 pub(super) fn run(
@@ -48,10 +48,10 @@ pub(super) fn run(
         .map(|folder| Preview { folder, pause: Duration::from_secs_f64(args.preview_every) });
     let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
     let (run, broken) = task.run(&dataset, outputs)?;
-    let OpenRun { run, card, warnings } = run.start_at(&args.backend_options)?;
+    let run = run.start_at(&args.backend_options)?;
     let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
-    card.iter().for_each(|card| bar.line(&format!("training on {card}")));
-    for warning in broken.iter().chain(&warnings).chain(&dataset.warnings) {
+    run.card.iter().for_each(|card| bar.line(&format!("training on {card}")));
+    for warning in broken.iter().chain(&run.warnings).chain(&dataset.warnings) {
         bar.line(&format!("warning: {warning}"));
     }
     let trained = run.finish(&mut |event| bar.tell(event))?;

@@ -11,6 +11,7 @@ use trisplat_train::{
 };
 
 /// The CPU's backend, which keeps figures of the last steps to itself, and is lost after some of them.
+#[derive(Debug)]
 struct Late {
     cpu: CpuBackend,
     figures: VecDeque<StepStats>,
@@ -99,7 +100,7 @@ fn figures_that_come_late_are_all_in_the_curve() {
     let waiting = run("a.checkpoint").run(&mut |_| Continue(())).unwrap();
     let late = run("b.checkpoint");
     let backend = Late::new(&late, u64::MAX);
-    let late = late.start_on(backend).unwrap().finish(&mut |_| Continue(())).unwrap();
+    let late = late.start_on(Box::new(backend)).unwrap().finish(&mut |_| Continue(())).unwrap();
     assert_eq!(plain(&late.curve), plain(&waiting.curve));
     assert_eq!((late.soup, late.scores), (waiting.soup, waiting.scores));
     let [a, b] =
@@ -117,7 +118,7 @@ fn a_backend_that_is_lost_leaves_the_scene_of_the_last_refinement() {
     let outputs = RunOptions { checkpoint: Some(path.clone()), sample_every: 1, ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
     let (backend, mut seen) = (Late::new(&run, 40), Vec::new());
-    let error = run.start_on(backend).unwrap().finish(&mut |event| {
+    let error = run.start_on(Box::new(backend)).unwrap().finish(&mut |event| {
         if let TrainEvent::Densified(step, _) = event {
             seen.push(step);
         }

@@ -93,7 +93,7 @@ fn limits_change_no_bit() {
         GpuLimits { ahead: 0, photo_bytes: 0, pairs_each: 64, spare_splats: 1000, ..GpuLimits::of(&gpu) };
     let small = GpuLimits { pairs_each: 0, pairs_least: 64, spare_splats: 0, ..plenty };
     let photo_bytes = 4 * u64::from(scene::SIZE.element_product());
-    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), plenty).unwrap();
+    let mut backend = GpuBackend::new(gpu, SoftOptions::default(), plenty).unwrap();
     for way in ways() {
         // Only the layers of pixels have no room at first.
         let before = backend.repeats();
@@ -130,8 +130,9 @@ fn a_card_that_binds_little_gives_the_same_bits() {
     let (Some(gpu), Some(small)) = (card(), small_card(BINDING_BYTES)) else { return };
     let limits = GpuLimits::of(&small);
     assert_eq!(limits.binding_bytes, BINDING_BYTES);
-    let mut whole = GpuBackend::new(gpu, SoftOptions::default()).unwrap();
-    let mut split = GpuBackend::new(small, SoftOptions::default()).unwrap();
+    let all = GpuLimits::of(&gpu);
+    let mut whole = GpuBackend::new(gpu, SoftOptions::default(), all).unwrap();
+    let mut split = GpuBackend::new(small, SoftOptions::default(), limits).unwrap();
     for way in ways().into_iter().filter(|way| way.name != "per pixel") {
         let whole = run(&mut whole, &way, GpuLimits { binding_bytes: u64::MAX, ..limits });
         assert!(run(&mut split, &way, limits) == whole, "{}", way.name);

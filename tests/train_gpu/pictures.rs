@@ -109,7 +109,8 @@ fn a_scene_that_trains_is_drawn_as_it_is_and_trains_on_as_if_nobody_had_looked()
         let rates = rates(preset, progress);
         let drawing = rates.drawing(&SoftOptions::default());
         let run = |gpu: Gpu, looks: bool| -> TrainState {
-            let mut backend = GpuBackend::new(gpu, SoftOptions::default()).unwrap();
+            let limits = GpuLimits::of(&gpu);
+            let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits).unwrap();
             backend.load(scene::state(500, 1)).unwrap();
             assert!(backend.draws());
             for _ in 0..3 {

@@ -2,15 +2,17 @@
 //! other and back.
 
 use super::{card, small_card};
+use std::borrow::Cow;
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{Error, Soup};
+use trisplat_raster::soft::{Frame, SoftOptions};
+use trisplat_scene::{Error, Result, Soup, camera::Camera};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{
-    Checkpoint, CpuBackend, GpuBackend, GpuLimits, RunOptions, SampleWeight, TrainBackend, TrainEvent,
-    TrainObserver, TrainOptions, TrainPreset, TrainRun, Trained, checkpoint,
+    BackendVisibility, Checkpoint, CpuBackend, GpuBackend, GpuLimits, Params, RunOptions, SampleWeight,
+    StepParams, StepPhoto, StepStats, TrainBackend, TrainEvent, TrainObserver, TrainOptions, TrainPreset,
+    TrainRun, TrainState, Trained, checkpoint,
 };
 
 fn dataset(folder: &Path) -> Dataset {
@@ -35,6 +37,56 @@ fn stop_after(steps: u64) -> impl FnMut(TrainEvent<'_>) -> ControlFlow<()> {
     }
 }
 
+/// A card that several runs use, one after another.
+#[derive(Debug)]
+struct Lent<'a>(&'a mut GpuBackend);
+
+impl TrainBackend for Lent<'_> {
+    fn load(&mut self, state: TrainState) -> Result<()> {
+        self.0.load(state)
+    }
+
+    fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
+        self.0.step(photo, rates)
+    }
+
+    fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
+        self.0.figures(all)
+    }
+
+    fn take_visibility(&mut self) -> Result<BackendVisibility> {
+        self.0.take_visibility()
+    }
+
+    fn store(&mut self) -> Result<TrainState> {
+        self.0.store()
+    }
+
+    fn params(&mut self) -> Result<Cow<'_, Params>> {
+        self.0.params()
+    }
+
+    fn can_be_lost(&self) -> bool {
+        self.0.can_be_lost()
+    }
+
+    fn rescued(&mut self) -> Option<TrainState> {
+        self.0.rescued()
+    }
+
+    fn draws(&self) -> bool {
+        self.0.draws()
+    }
+
+    fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
+        self.0.picture(camera, drawing, rates)
+    }
+
+    fn len(&self) -> usize {
+        self.0.len()
+    }
+}
+
 /// Runs `run` on the CPU, or on the card of `backend`.
 fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: TrainObserver<'_>) -> Trained {
     let drawing = run.drawing();
@@ -42,7 +94,7 @@ fn trained(run: TrainRun<'_>, backend: Option<&mut GpuBackend>, observer: TrainO
         Some(backend) => {
             let limits = GpuLimits::of(backend.gpu());
             backend.restart(drawing, limits);
-            Box::new(backend)
+            Box::new(Lent(backend))
         }
         None => Box::new(CpuBackend::new(drawing)),
     };
@@ -55,7 +107,9 @@ fn psnr(trained: &Trained) -> f64 {
 
 /// A card that is ready for runs.
 fn backend() -> Option<GpuBackend> {
-    Some(GpuBackend::new(card()?, SoftOptions::default()).unwrap())
+    let card = card()?;
+    let limits = GpuLimits::of(&card);
+    Some(GpuBackend::new(card, SoftOptions::default(), limits).unwrap())
 }
 
 /// The difference that 99% of the corners' coordinates stay below, in units of the scene's size.
@@ -187,7 +241,7 @@ fn a_card_that_is_lost_costs_the_steps_since_the_last_refinement() {
         Continue(())
     };
     card.restart(run.drawing(), GpuLimits::of(card.gpu()));
-    let error = run.start_on(&mut card).unwrap().finish(&mut observer).unwrap_err();
+    let error = run.start_on(Box::new(Lent(&mut card))).unwrap().finish(&mut observer).unwrap_err();
     eprintln!("{error}");
     assert!(matches!(error, Error::Card { .. }) && error.to_string().contains("card was lost"), "{error}");
     let remedy = format!("to continue from step {densified}: `backend` cpu `resume` {}", path.display());
@@ -210,8 +264,14 @@ fn a_card_that_is_too_small_costs_no_step() {
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
     let run = TrainRun { outputs, ..TrainRun::new(&dataset, &options) };
-    let mut card = GpuBackend::new(small, run.drawing()).unwrap();
-    let error = run.start_on(&mut card).unwrap().finish(&mut |_| Continue(())).unwrap_err().to_string();
+    let limits = GpuLimits::of(&small);
+    let mut card = GpuBackend::new(small, run.drawing(), limits).unwrap();
+    let error = run
+        .start_on(Box::new(Lent(&mut card)))
+        .unwrap()
+        .finish(&mut |_| Continue(()))
+        .unwrap_err()
+        .to_string();
     eprintln!("{error}");
     assert!(error.contains("gpu: layers for ") && error.contains("`backend` cpu `resume` "), "{error}");
     let rest = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path).unwrap());

@@ -155,7 +155,7 @@ const MOST_UNDECIDED: usize = 10;
 fn a_step_is_the_cpus() {
     let Some(gpu) = card() else { return };
     let limits = GpuLimits::of(&gpu);
-    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits).unwrap();
+    let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits).unwrap();
     for case in CASES {
         let (options, rates) = drawing(case);
         let (cpu, cpu_stats, cpu_seen) = step(&mut CpuBackend::new(options), case, &rates);
@@ -191,7 +191,7 @@ fn a_step_is_the_cpus() {
 fn a_colour_below_zero_returns_as_on_the_cpu() {
     let Some(gpu) = card() else { return };
     let limits = GpuLimits::of(&gpu);
-    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits).unwrap();
+    let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits).unwrap();
     for case in CASES.iter().filter(|case| ["L1 alone", "engine"].contains(&case.name)) {
         let (options, rates) = drawing(case);
         let dead = || {
@@ -220,7 +220,7 @@ const BUCKET: u64 = 512;
 fn a_tile_of_several_buckets_is_the_cpus() {
     let Some(gpu) = card() else { return };
     let limits = GpuLimits::of(&gpu);
-    let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits).unwrap();
+    let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits).unwrap();
     let names = [
         "L1 alone",
         "masked",

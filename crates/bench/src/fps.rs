@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
-use trisplat_gpu::{AdapterOptions, Timer};
+use trisplat_gpu::AdapterOptions;
 use trisplat_job::BakedScene;
 use trisplat_raster::framing::orbit;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
@@ -89,8 +89,6 @@ struct FrameCost {
     frame_ms: f64,
     /// The 99th percentile, ms.
     frame_p99_ms: f64,
-    /// Milliseconds by the timestamps of the graphics card, median; null where it has none.
-    gpu_ms: Option<f64>,
     /// CPU milliseconds per frame, all threads: with a software renderer this is the drawing itself.
     cpu_ms: f64,
     /// Triangles of the chunks that were drawn, mean.
@@ -110,7 +108,7 @@ pub(crate) fn run(args: &FpsArgs) -> Result<()> {
     let mut rows = Vec::new();
     eprintln!("{}", card.gpu.describe());
     eprintln!(
-        "scene                 triangles        size      FPS   median ms   p99 ms    gpu ms    cpu ms      drawn  B/tri  dB"
+        "scene                 triangles        size      FPS   median ms   p99 ms    cpu ms      drawn  B/tri  dB"
     );
     let counts = args.triangles.iter().copied().map(Some);
     let counts: Vec<Option<usize>> = if args.file.is_some() { vec![None] } else { counts.collect() };
@@ -119,14 +117,13 @@ pub(crate) fn run(args: &FpsArgs) -> Result<()> {
         let model = card.upload(&flythrough.asset)?;
         for &size in &args.sizes {
             let row = measure(args, &mut card, &flythrough, &model, size)?;
-            let FrameCost { frame_ms, frame_p99_ms, gpu_ms, cpu_ms, drawn } = &row.cost;
+            let FrameCost { frame_ms, frame_p99_ms, cpu_ms, drawn } = &row.cost;
             eprintln!(
-                "{:<20}{:>11}{:>12}{:>9.1}{frame_ms:>12.2}{frame_p99_ms:>9.2}{:>10}{cpu_ms:>10.1}{drawn:>11.0}{:>7.1}{:>4.0}",
+                "{:<20}{:>11}{:>12}{:>9.1}{frame_ms:>12.2}{frame_p99_ms:>9.2}{cpu_ms:>10.1}{drawn:>11.0}{:>7.1}{:>4.0}",
                 row.scene,
                 row.triangles,
                 format!("{}x{}", size.x, size.y),
                 row.fps,
-                gpu_ms.map_or("-".to_owned(), |ms| format!("{ms:.2}")),
                 row.bytes_per_triangle,
                 row.psnr,
             );
@@ -191,34 +188,23 @@ fn measure(
 /// Draws along a path of cameras and times it.
 fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> Result<FrameCost> {
     let canvas = Canvas::new(&card.gpu, path[0].size, if args.msaa == "4" { 4 } else { 1 })?;
-    let mut timer = Timer::new(&card.gpu);
-    let (mut frame_ms, mut gpu_ms, mut drawn) = (Vec::new(), Vec::new(), 0);
+    let (mut frame_ms, mut drawn) = (Vec::new(), 0);
     let (mut last, mut mark, mut cpu) = (None, Instant::now(), process::cpu_secs());
     let warmup = args.warmup as usize;
     for i in 0..warmup + args.frames as usize + 1 {
         let params = params(&path[i % path.len()]);
         let mut encoder = card.gpu.device.create_command_encoder(&Default::default());
-        let slot = timer.as_mut().and_then(Timer::begin);
-        let timestamps = slot.and_then(|slot| timer.as_ref().map(|t| t.writes(slot)));
-        let stats: DrawStats = card.draw(&mut encoder, &canvas, model, &params, timestamps)?;
-        if let (Some(timer), Some(slot)) = (&mut timer, slot) {
-            timer.end(slot, &mut encoder);
-        }
+        let stats: DrawStats = card.draw(&mut encoder, &canvas, model, &params)?;
         let submission = card.gpu.queue.submit([encoder.finish()]);
-        if let Some(timer) = &mut timer {
-            timer.submitted();
-        }
         // Wait for the frame before this one: at most two are in flight.
         if let Some(before) = last.replace(submission) {
             card.gpu.wait(Some(before))?;
         }
         let now = Instant::now();
-        let measured = timer.as_mut().map_or(Vec::new(), Timer::collect);
         if i == warmup {
             cpu = process::cpu_secs();
         } else if i > warmup {
             frame_ms.push((now - mark).as_secs_f64() * 1e3);
-            gpu_ms.extend(measured);
             drawn += stats.triangles;
         }
         mark = now;
@@ -229,7 +215,6 @@ fn time(args: &FpsArgs, card: &mut Headless, model: &Model, path: &[Camera]) -> 
     Ok(FrameCost {
         frame_ms: quantile(&mut frame_ms, 0.5),
         frame_p99_ms: quantile(&mut frame_ms, 0.99),
-        gpu_ms: (!gpu_ms.is_empty()).then(|| quantile(&mut gpu_ms, 0.5)),
         cpu_ms: cpu_ms / count,
         drawn: drawn as f64 / count,
     })

@@ -148,7 +148,7 @@ fn describe(adapter: &Adapter) -> String {
 }
 
 /// Features that are used if the card has them; none is required.
-const OPTIONAL_FEATURES: Features = Features::TIMESTAMP_QUERY.union(Features::POLYGON_MODE_LINE);
+const OPTIONAL_FEATURES: Features = Features::POLYGON_MODE_LINE;
 
 /// An open graphics card. Its first error is kept until [`Gpu::check`] returns it.
 #[derive(Debug)]

@@ -1,16 +1,14 @@
-//! The graphics card: finding one, filling its buffers, compute kernels, reading back, timing. Does not depend on mesh types.
+//! The graphics card: finding one, filling its buffers, compute kernels, reading back. Does not depend on mesh types.
 //!
-//! In: nothing. Out: an open card, its buffers, kernels and timers.
+//! In: nothing. Out: an open card, its buffers and kernels.
 
 pub mod buffer;
 mod compute;
 mod device;
 pub mod readback;
-mod timer;
 
 pub use buffer::{storage, uniform};
 pub use compute::{Kernel, workgroups};
 pub use device::{AdapterOptions, Gpu, GraphicsApi};
-pub use timer::Timer;
 /// The graphics interface, for those who hold a [`Gpu`].
 pub use wgpu;

@@ -14,18 +14,13 @@ pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {
     let Extent3d { width, height, .. } = texture.size();
     let pitch = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let size = u64::from(pitch) * u64::from(height);
-    let buffer = gpu.device.create_buffer(&BufferDescriptor {
-        label: Some("readback"),
-        size,
-        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
+    let mut readback = Readback::new(gpu, size);
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None };
-    let to = TexelCopyBufferInfo { buffer: &buffer, layout };
+    let to = TexelCopyBufferInfo { buffer: &readback.staging, layout };
     encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-    gpu.queue.submit([encoder.finish()]);
-    let bytes = bytes(gpu, &buffer)?;
+    readback.submitted(gpu.queue.submit([encoder.finish()]));
+    let bytes: Vec<u8> = readback.take(gpu, true)?.unwrap_or_default();
     let row = |y: usize| &bytes[y * pitch as usize..][..4 * width as usize];
     Ok((0..height as usize)
         .flat_map(|y| bytemuck::cast_slice::<u8, [u8; 4]>(row(y)).iter().copied())
@@ -46,19 +41,6 @@ pub fn elements<T: AnyBitPattern + NoUninit>(gpu: &Gpu, buffer: &Buffer, count: 
     let mut elements = readback.take(gpu, true)?.unwrap_or_default();
     elements.truncate(count);
     Ok(elements)
-}
-
-/// The contents of a mappable buffer when all work is done.
-fn bytes(gpu: &Gpu, buffer: &Buffer) -> Result<Vec<u8>> {
-    let (sender, receiver) = channel();
-    buffer.slice(..).map_async(MapMode::Read, move |result| {
-        // The receiver no longer exists if the wait below has failed.
-        let _ = sender.send(result);
-    });
-    gpu.wait(None)?;
-    receiver.recv().map_err(|e| unreadable(gpu, &e))?.map_err(|e| unreadable(gpu, &e))?;
-    let view = buffer.slice(..).get_mapped_range().map_err(|e| unreadable(gpu, &e))?;
-    Ok(view.to_vec())
 }
 
 fn unreadable(gpu: &Gpu, why: &dyn std::fmt::Display) -> Error {

@@ -14,7 +14,7 @@ use trisplat_scene::{
     report::{Report, StageDetails, StageReport},
 };
 use trisplat_train::{
-    BackendOptions, Checkpoint, OpenRun, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
+    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
     budget::{self, Pace, Paced, PlanInput, StepLimit},
 };
 
@@ -170,16 +170,15 @@ impl TrainJob {
             force_resume: self.force_resume,
             ..TrainRun::new(dataset, &self.options.options).with_dataset_options(&self.dataset_options)
         };
-        let OpenRun { run, card, warnings: about_start } = run.start_at(&self.backend)?;
-        warnings.extend(about_start);
-        warnings.extend(run.differences().iter().map(|difference| format!("resumed although {difference}")));
+        let mut run = run.start_at(&self.backend)?;
+        warnings.append(&mut run.warnings);
         let triangles = run.triangles();
         let begins = TrainBegins {
             part: TrainPart::Scene,
             steps: run.options().steps,
             done: run.steps(),
             plan: summary,
-            card,
+            card: run.card.clone(),
             photos: Some(&self.dataset),
             curve: run.curve(),
             stages: &stages,
@@ -295,7 +294,7 @@ impl TrainJob {
         let run =
             TrainRun::new(&job.dataset, &job.options.options).with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
-        let OpenRun { run, .. } = TrainRun { paced, ..run }.start_at(&self.backend)?;
+        let run = TrainRun { paced, ..run }.start_at(&self.backend)?;
         let triangles = run.triangles();
         let (part, steps) = (TrainPart::Teacher, run.options().steps);
         let trained =

@@ -6,7 +6,6 @@
 
 use super::cpu::CpuBackend;
 use super::params::{Params, TrainState};
-use super::run::{StartedRun, TrainRun};
 use super::schedule::StepParams;
 use glam::UVec2;
 use std::borrow::Cow;
@@ -68,19 +67,19 @@ pub struct BackendVisibility {
 
 /// The final size of a run, which determines its memory.
 #[derive(Debug, Clone, Copy)]
-pub struct RunSize {
+pub(crate) struct RunSize {
     /// Triangles at most.
-    pub triangles: u64,
+    pub(crate) triangles: u64,
     /// Degree of the view-dependent colour.
-    pub sh_degree: u8,
+    pub(crate) sh_degree: u8,
     /// The largest photo, px.
-    pub photo: UVec2,
+    pub(crate) photo: UVec2,
     /// All training photos together, px.
-    pub photo_pixels: u64,
+    pub(crate) photo_pixels: u64,
 }
 
 /// Stores a training scene and makes its steps.
-pub trait TrainBackend {
+pub trait TrainBackend: std::fmt::Debug {
     /// Moves a state in.
     fn load(&mut self, state: TrainState) -> Result<()>;
     /// Draws, compares, differentiates and updates the parameters once. A backend may run some steps behind;
@@ -120,57 +119,6 @@ pub trait TrainBackend {
     }
 }
 
-macro_rules! forwards {
-    ($($owner:ty),*) => {$(
-        impl<T: TrainBackend + ?Sized> TrainBackend for $owner {
-            fn load(&mut self, state: TrainState) -> Result<()> {
-                (**self).load(state)
-            }
-
-            fn step(&mut self, photo: &StepPhoto<'_>, rates: &StepParams) -> Result<()> {
-                (**self).step(photo, rates)
-            }
-
-            fn figures(&mut self, all: bool) -> Result<Vec<StepStats>> {
-                (**self).figures(all)
-            }
-
-            fn take_visibility(&mut self) -> Result<BackendVisibility> {
-                (**self).take_visibility()
-            }
-
-            fn store(&mut self) -> Result<TrainState> {
-                (**self).store()
-            }
-
-            fn params(&mut self) -> Result<Cow<'_, Params>> {
-                (**self).params()
-            }
-
-            fn can_be_lost(&self) -> bool {
-                (**self).can_be_lost()
-            }
-
-            fn rescued(&mut self) -> Option<TrainState> {
-                (**self).rescued()
-            }
-
-            fn draws(&self) -> bool {
-                (**self).draws()
-            }
-
-            fn picture(&mut self, camera: &Camera, drawing: &SoftOptions, rates: &StepParams) -> Result<Frame> {
-                (**self).picture(camera, drawing, rates)
-            }
-
-            fn len(&self) -> usize {
-                (**self).len()
-            }
-        }
-    )*};
-}
-forwards!(&mut T, Box<T>);
-
 /// Where a run trains.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
@@ -197,43 +145,9 @@ pub struct BackendOptions {
     pub adapter: trisplat_gpu::AdapterOptions,
 }
 
-/// A backend that is ready for a scene.
-pub struct OpenBackend {
-    /// The backend.
-    pub backend: Box<dyn TrainBackend>,
-    /// Card, graphics API, driver and needed memory; `None` on the CPU.
-    pub card: Option<String>,
-    /// A note for the user: why the card is not used, or that it is a software renderer.
-    pub warnings: Vec<String>,
-}
-
-/// A run that is set up on its device.
-pub struct OpenRun<'a> {
-    /// The run.
-    pub run: StartedRun<'a, Box<dyn TrainBackend>>,
-    /// Its card, as in `OpenBackend`.
-    pub card: Option<String>,
-    /// A note for the user.
-    pub warnings: Vec<String>,
-}
-
-impl<'a> TrainRun<'a> {
-    /// Sets the run up on the device of `place`, or on the CPU with a budget.
-    ///
-    /// Errors: those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
-    /// or with a budget.
-    pub fn start_at(self, place: &BackendOptions) -> Result<OpenRun<'a>> {
-        let place = if self.has_budget() { place.of_budget()? } else { place.clone() };
-        let OpenBackend { backend, card, warnings } = place.open(self.drawing(), self.size())?;
-        Ok(OpenRun { run: self.start_on(backend)?, card, warnings })
-    }
-}
-
-impl OpenBackend {
-    fn cpu(drawing: SoftOptions, warnings: Vec<String>) -> Self {
-        Self { backend: Box::new(CpuBackend::new(drawing)), card: None, warnings }
-    }
-}
+/// A backend; its card, graphics API, driver and needed memory, `None` on the CPU; notes for the user: why the card is not used, or that it
+/// is a software renderer.
+type Opened = (Box<dyn TrainBackend>, Option<String>, Vec<String>);
 
 impl BackendOptions {
     /// The device of a run with a budget: the CPU, because its plan comes from steps timed there.
@@ -241,11 +155,7 @@ impl BackendOptions {
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
         match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => {
-                let mut on_cpu = self.clone();
-                on_cpu.backend = BackendKind::Cpu;
-                Ok(on_cpu)
-            }
+            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
             BackendKind::Gpu => {
                 let wants = "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget";
                 Err(Error::invalid("backend", "gpu", wants))
@@ -274,8 +184,9 @@ impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
     ///
     /// Errors: `gpu`, which this build lacks.
-    pub fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<OpenBackend> {
-        self.check().map(|()| OpenBackend::cpu(drawing, Vec::new()))
+    pub(super) fn open(&self, drawing: SoftOptions, _size: RunSize) -> Result<Opened> {
+        self.check()?;
+        Ok((Box::new(CpuBackend::new(drawing)), None, Vec::new()))
     }
 }
 
@@ -284,11 +195,11 @@ impl BackendOptions {
     /// Opens the backend of a run that draws with `drawing`.
     ///
     /// Errors: `gpu` where there is no card as asked for, or where it cannot be opened.
-    pub fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<OpenBackend> {
+    pub(super) fn open(&self, drawing: SoftOptions, size: RunSize) -> Result<Opened> {
         let (made, warnings) = self.with_card(|gpu| self::gpu(gpu, drawing, size))?;
         Ok(match made {
-            Some((backend, card)) => OpenBackend { backend, card: Some(card), warnings },
-            None => OpenBackend::cpu(drawing, warnings),
+            Some((backend, card)) => (backend, Some(card), warnings),
+            None => (Box::new(CpuBackend::new(drawing)), None, warnings),
         })
     }
 
@@ -327,5 +238,5 @@ fn gpu(gpu: Gpu, drawing: SoftOptions, size: RunSize) -> Result<(Box<dyn TrainBa
     let limits = super::gpu::GpuLimits::of(&gpu);
     let megabytes = super::gpu::expected_bytes(&size, &limits) / 1_000_000;
     let card = format!("{}, about {megabytes} MB of its memory", gpu.describe());
-    Ok((Box::new(super::gpu::GpuBackend::with_limits(gpu, drawing, limits)?), card))
+    Ok((Box::new(super::gpu::GpuBackend::new(gpu, drawing, limits)?), card))
 }

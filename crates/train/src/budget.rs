@@ -7,14 +7,11 @@
 //! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. The number of remaining steps
 //! changes only at a milestone (`timeline.rs`), so that options can describe the run.
 
-use crate::cpu::CpuBackend;
-use crate::identity::RunIdentity;
 use crate::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
 use crate::pyramid::{MIN_PX, size_at};
+use crate::run::TrainRun;
 use crate::schedule::Schedule;
-use crate::start::FirstScene;
 use crate::timeline::{MILESTONES, Timeline};
-use crate::trainer::Trainer;
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -120,9 +117,9 @@ pub struct Pace {
     photo: UVec2,
     /// Seconds spent at the start of the present part, and when this was last stored.
     began_secs: f64,
-    stored_secs: f64,
+    pub(crate) stored_secs: f64,
     /// Seconds for the work after the last step, once they were measured.
-    reserve_secs: Option<f64>,
+    pub(crate) reserve_secs: Option<f64>,
     /// More steps than this gain nothing.
     most_steps: Option<u64>,
 }
@@ -251,7 +248,7 @@ impl<'a> PlanInput<'a> {
 
 /// Seconds on the budget's clock per second of [`STEP_SECS`], by soft steps on photos of half size, which are thrown away.
 ///
-/// Errors: those of [`Trainer::start`]; photos that cannot be decoded; a system without CPU time.
+/// Errors: those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
 pub fn speed(
     dataset: &Dataset,
     from: Option<&ImportedScene>,
@@ -267,20 +264,19 @@ pub fn speed(
     let (steps, warmup) =
         (REFERENCE_STEPS as u64, WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS });
     let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
-    let identity = RunIdentity::of(&dataset, background, from);
-    let backend = CpuBackend::new(options.drawing(background));
-    let mut trainer =
-        Trainer::start(&dataset, from.map(FirstScene::whole), &options, identity, u64::MAX, backend)?;
+    let mut run = TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
+    run.from = from.cloned();
+    let mut training = run.start()?;
     // The first step allocates.
-    trainer.step()?;
+    training.step()?;
     let before = spending.seconds();
     let (mut expected, mut taken) = (0.0, 0.0);
     let [constant, per_triangle, per_pixel] = STEP_SECS[0];
-    while taken < MEASURED_SECS && trainer.steps() < MEASURED_STEPS {
+    while taken < MEASURED_SECS && training.steps() < MEASURED_STEPS {
         for view in &dataset.views {
-            trainer.step()?;
+            training.step()?;
             let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
-            expected += constant + per_triangle * trainer.triangles() as f64 + per_pixel * pixels;
+            expected += constant + per_triangle * training.triangles() as f64 + per_pixel * pixels;
         }
         taken = spending.seconds() - before;
     }
@@ -376,21 +372,6 @@ impl Pace {
         self.began_secs = spent_secs;
         self.corrections.push(Correction { step, spent_secs, steps: corrected.steps });
         Some(corrected)
-    }
-
-    /// Takes over what the work after the last step will take.
-    pub(crate) fn reserve(&mut self, secs: f64) {
-        self.reserve_secs = Some(secs);
-    }
-
-    /// The state for a checkpoint after `spent_secs`.
-    pub(crate) fn stored(&self, spent_secs: f64) -> Self {
-        Self { stored_secs: spent_secs, ..self.clone() }
-    }
-
-    /// Seconds that were spent when this was stored.
-    pub(crate) fn stored_secs(&self) -> f64 {
-        self.stored_secs
     }
 
     /// Continues after `spent_secs`: what was spent since this was stored is not counted as steps.

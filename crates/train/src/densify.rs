@@ -96,20 +96,12 @@ pub(crate) fn densify(
     }
     let rng = Rng::new(plan.seed, "clone", plan.step);
     for i in (0..alive.len()).filter(|&i| grown[i]) {
-        let children = match (plan.bisect, is_large(visibility, i, plan)) {
-            (true, _) => {
-                done.split += 1;
-                bisect(&state.params, i)
-            }
-            (false, true) => {
-                done.split += 1;
-                split(&state.params, i)
-            }
-            (false, false) => {
-                done.cloned += 1;
-                clone(&state.params, i, plan, rng)
-            }
+        let (children, count) = match (plan.bisect, is_large(visibility, i, plan)) {
+            (true, _) => (bisect(&state.params, i), &mut done.split),
+            (false, true) => (split(&state.params, i), &mut done.split),
+            (false, false) => (clone(&state.params, i, plan, rng), &mut done.cloned),
         };
+        *count += 1;
         for child in 0..children.len() {
             next.push_fresh(&children, child);
             next_visibility.push_exempt();
@@ -214,18 +206,22 @@ fn is_large(visibility: &VisibilityStats, i: usize, plan: &DensifyPlan<'_>) -> b
     f64::from(visibility.radius_px[i]) > plan.options.split_px
 }
 
-/// The four triangles of the midpoint subdivision, with their parent's opacity, σ and colour.
+/// Triangles with these corners, and the opacity, σ and colour of their parent `i`.
+fn children(params: &Params, i: usize, corners: impl IntoIterator<Item = [Vec3; 3]>) -> Params {
+    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
+    for corners in corners {
+        children.push(params, i);
+        children.vertices.pop();
+        children.vertices.push(corners);
+    }
+    children
+}
+
+/// The four triangles of the midpoint subdivision.
 fn split(params: &Params, i: usize) -> Params {
     let [a, b, c] = params.vertices[i];
     let (ab, bc, ca) = (a.midpoint(b), b.midpoint(c), c.midpoint(a));
-    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
-    for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
-        children.push(params, i);
-        if let Some(last) = children.vertices.last_mut() {
-            *last = corners;
-        }
-    }
-    children
+    children(params, i, [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]])
 }
 
 /// The two halves of a triangle, cut from the middle of its longest side.
@@ -235,14 +231,7 @@ fn bisect(params: &Params, i: usize) -> Params {
     let from = (1..3).fold(0, |best, c| if length(c) > length(best) { c } else { best });
     let [a, b, c] = [0, 1, 2].map(|k| corners[(from + k) % 3]);
     let middle = a.midpoint(b);
-    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
-    for half in [[a, middle, c], [middle, b, c]] {
-        children.push(params, i);
-        if let Some(last) = children.vertices.last_mut() {
-            *last = half;
-        }
-    }
-    children
+    children(params, i, [[a, middle, c], [middle, b, c]])
 }
 
 /// The triangle and a copy shifted within its plane.
@@ -253,14 +242,7 @@ fn clone(params: &Params, i: usize, plan: &DensifyPlan<'_>, rng: Rng) -> Params 
     let noise = Vec3::new(at(0), at(1), at(2)) * size * CLONE_SHIFT;
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
     let shift = noise - normal * normal.dot(noise);
-
-    let mut children = Params { sh_degree: params.sh_degree, ..Params::default() };
-    for offset in [Vec3::ZERO, shift] {
-        children.push(params, i);
-        if let Some(last) = children.vertices.last_mut() {
-            *last = corners.map(|v| v + offset);
-        }
-    }
+    let mut children = children(params, i, [Vec3::ZERO, shift].map(|offset| corners.map(|v| v + offset)));
     let opacity = plan.anneal.opacity(params.opacity[i]).min(1.0);
     let half = 1.0 - (1.0 - opacity).sqrt();
     if let Some(raw) = plan.anneal.opacity_raw(half) {

@@ -90,15 +90,16 @@ impl PhotoScore {
 /// temporary file.
 #[derive(Debug)]
 pub(crate) struct Evaluator {
-    views: Vec<EvalView>,
+    pub(crate) views: Vec<EvalView>,
     photos: Photos,
-    shrunk: Option<ShrunkSize>,
+    /// The size that the photos were shrunk to; `None` where they were not.
+    pub(crate) shrunk: Option<ShrunkSize>,
     soft: SoftRasterizer,
     solid: SolidRasterizer,
 }
 
 #[derive(Debug)]
-struct EvalView {
+pub(crate) struct EvalView {
     name: String,
     camera: Camera,
     cut: bool,
@@ -115,21 +116,6 @@ impl Evaluator {
         let shrunk = ShrunkSize::of(views.iter().copied());
         let views = views.iter().map(view).collect();
         Ok(Self { views, photos, shrunk, soft: SoftRasterizer::new(), solid: SolidRasterizer::new() })
-    }
-
-    /// The size that the photos were shrunk to; `None` where they were not.
-    pub(crate) fn shrunk_size(&self) -> Option<ShrunkSize> {
-        self.shrunk
-    }
-
-    /// Number of held-out photos.
-    pub(crate) fn len(&self) -> usize {
-        self.views.len()
-    }
-
-    /// True when no photo is held out.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.views.is_empty()
     }
 
     /// Draws a soup of the world for the first photo; `None` when none is held out.

@@ -38,14 +38,13 @@ mod shell;
 mod start;
 mod timeline;
 mod trained;
-mod trainer;
+mod training;
 mod update;
 mod visibility;
 
-pub use backend::OpenRun;
-pub use backend::TrainBackend;
-pub use backend::{BackendKind, BackendOptions};
-pub use backend::{BackendVisibility, PhotoId, StepPhoto, StepStats};
+pub use backend::{
+    BackendKind, BackendOptions, BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend,
+};
 pub use checkpoint::Checkpoint;
 pub use cpu::CpuBackend;
 pub use densify::Densified;
@@ -53,17 +52,13 @@ pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES};
 pub use exposure::ExposureDetails;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
-pub use identity::PhotoIdentity;
-pub use identity::RunIdentity;
-pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight};
-pub use options::{TrainOptions, TrainPreset};
-pub use outputs::{PREVIEW, Preview, RunOptions};
-pub use outputs::{TrainEvent, TrainObserver, TrainSample};
+pub use identity::{PhotoIdentity, RunIdentity};
+pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset};
+pub use outputs::{PREVIEW, Preview, RunOptions, TrainEvent, TrainObserver, TrainSample};
 pub use params::{Anneal, Params, TrainState};
 pub use run::TrainRun;
 pub use schedule::{EngineShading, Schedule, StepParams};
 pub use shell::shell_around;
-pub use start::Core;
-pub use start::Part;
+pub use start::{Core, Part};
 pub use trained::{TrainDetails, Trained};
-pub use trainer::Trainer;
+pub use training::Training;

@@ -280,9 +280,7 @@ impl TrainOptions {
         }
         Ok(())
     }
-}
 
-impl TrainOptions {
     /// The options of a preset.
     pub const fn preset(preset: TrainPreset) -> Self {
         match preset {
@@ -291,9 +289,7 @@ impl TrainOptions {
             TrainPreset::Solid => SOLID,
         }
     }
-}
 
-impl TrainOptions {
     /// The options of a preset for a run that starts from a trained scene instead of points: no small photos
     /// first, all degrees of view-dependent colour from the first steps on, corners that move less, and the
     /// anneal from the first step on.

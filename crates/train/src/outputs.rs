@@ -1,18 +1,16 @@
 //! The outputs during a run: the curve, evaluations on the held-out photos, checkpoints and previews.
 
-use super::backend::TrainBackend;
-use super::budget::{Correction, Pace, Spending};
+use super::budget::{Correction, Spending};
 use super::checkpoint;
 use super::densify::Densified;
-use super::eval::{self, Evaluator, PhotoScore, Quality};
-use super::trainer::Trainer;
+use super::eval::{Evaluator, PhotoScore, Quality};
+use super::training::Training;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use trisplat_dataset::{Dataset, ShrunkSize};
-use trisplat_raster::soft::SoftOptions;
+use trisplat_dataset::ShrunkSize;
 use trisplat_scene::process::cpu_secs;
 use trisplat_scene::{Error, ImportedScene, Result};
 
@@ -47,65 +45,36 @@ pub struct Preview {
     pub pause: Duration,
 }
 
-/// Averages since the last sample.
-#[derive(Default)]
-struct Means {
-    loss: f64,
-    mse: f64,
-    steps: u64,
-}
-
-/// The records of a finished run.
-pub(super) struct Recorded {
-    pub(super) curve: Vec<TrainSample>,
-    pub(super) scores: Vec<PhotoScore>,
-    pub(super) samples: Option<u32>,
-    pub(super) photo_size: Option<ShrunkSize>,
-    pub(super) cpu_secs: f64,
-    /// The last checkpoint that was written, and its step.
-    pub(super) checkpoint: Option<(u64, PathBuf)>,
-    pub(super) lost: Vec<String>,
-}
-
-/// Keeps the curve of a run and writes its checkpoints and previews.
+/// Measures a run and writes its checkpoints and previews.
 pub(super) struct Recorder<'a> {
     observer: TrainObserver<'a>,
     /// The observer stops the run.
     pub(super) is_asked: bool,
-    evaluator: Evaluator,
-    drawing: SoftOptions,
-    curve: Vec<TrainSample>,
-    means: Means,
+    pub(super) evaluator: Evaluator,
+    /// Sums of loss and squared error since the last sample, and their number of steps.
+    sums: (f64, f64, u64),
     /// The last known means: loss, PSNR.
     known: Option<(f64, f64)>,
     cpu_start: f64,
     wall: Instant,
     previewed: Instant,
-    checkpoint: Option<(u64, PathBuf)>,
-    lost: Vec<String>,
+    /// The last checkpoint that was written, and its step.
+    pub(super) checkpoint: Option<(u64, PathBuf)>,
+    pub(super) lost: Vec<String>,
 }
 
 impl<'a> Recorder<'a> {
-    /// Continues the `curve` of a run that has taken `cpu_secs_before`. Decodes the held-out photos;
-    /// `photo_bytes` is the memory for them.
-    pub(super) fn new(
-        dataset: &Dataset,
-        drawing: SoftOptions,
-        curve: Vec<TrainSample>,
-        cpu_secs_before: f64,
-        photo_bytes: u64,
-        observer: TrainObserver<'a>,
-    ) -> Result<Self> {
+    /// Continues the records of `training`. Decodes the held-out photos.
+    pub(super) fn new(training: &Training<'_>, observer: TrainObserver<'a>) -> Result<Self> {
+        let held_out: Vec<_> = training.dataset.test().collect();
         Ok(Self {
             observer,
             is_asked: false,
-            evaluator: Evaluator::new(&dataset.test().collect::<Vec<_>>(), photo_bytes)?,
-            drawing,
-            curve,
-            means: Means::default(),
+            evaluator: Evaluator::new(&held_out, training.held_out_bytes)?,
+            sums: Default::default(),
             known: None,
             // Decoding the held-out photos is not training.
-            cpu_start: cpu_secs() - cpu_secs_before,
+            cpu_start: cpu_secs() - training.meta.cpu_secs,
             wall: Instant::now(),
             previewed: Instant::now(),
             checkpoint: None,
@@ -120,35 +89,38 @@ impl<'a> Recorder<'a> {
 
     /// The state after a step on a photo of `width_px`, averaged since the last sample: with `all` over all
     /// steps, else over those with known figures.
-    pub(super) fn sample<B: TrainBackend>(
+    pub(super) fn sample(
         &mut self,
-        trainer: &mut Trainer<B>,
+        training: &mut Training<'_>,
         width_px: u32,
         all: bool,
     ) -> Result<TrainSample> {
-        for stats in trainer.figures(all || self.known.is_none())? {
-            self.means.loss += stats.loss;
-            self.means.mse += stats.mse;
-            self.means.steps += 1;
+        for stats in training.figures(all || self.known.is_none())? {
+            let (loss, mse, steps) = self.sums;
+            self.sums = (loss + stats.loss, mse + stats.mse, steps + 1);
         }
-        if self.means.steps > 0 {
-            let n = self.means.steps as f64;
-            let psnr = -10.0 * (self.means.mse / n).max(1e-12).log10();
-            self.known = Some((self.means.loss / n, psnr));
+        if let (loss, mse, 1..) = self.sums {
+            let n = self.sums.2 as f64;
+            self.known = Some((loss / n, -10.0 * (mse / n).max(1e-12).log10()));
         }
         let (loss, psnr) = self.known.unwrap_or_default();
         Ok(TrainSample {
-            step: trainer.steps(),
-            triangles: trainer.triangles() as u64,
+            step: training.steps(),
+            triangles: training.triangles() as u64,
             loss,
             psnr,
             test_psnr: None,
             test_size: None,
             width_px,
-            cpu_secs: cpu_secs() - self.cpu_start,
+            cpu_secs: self.cpu_secs(),
             wall_secs: self.wall.elapsed().as_secs_f64(),
-            dropped: trainer.dropped(),
+            dropped: training.meta.dropped,
         })
+    }
+
+    /// CPU seconds of the training.
+    pub(super) fn cpu_secs(&self) -> f64 {
+        cpu_secs() - self.cpu_start
     }
 
     /// Runs `work` without counting its CPU time as training.
@@ -159,59 +131,49 @@ impl<'a> Recorder<'a> {
         value
     }
 
-    pub(super) fn keep<B: TrainBackend>(
+    pub(super) fn keep(
         &mut self,
         mut now: TrainSample,
-        trainer: &mut Trainer<B>,
+        training: &mut Training<'_>,
         evaluate: bool,
     ) -> Result<TrainSample> {
         if evaluate {
-            let scores = self.uncounted(|run| run.scores(trainer, usize::MAX))?;
+            let scores = self.uncounted(|run| run.scores(training, usize::MAX))?;
             now.test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
-            now.test_size = now.test_psnr.and(self.evaluator.shrunk_size());
+            now.test_size = now.test_psnr.and(self.evaluator.shrunk);
         }
-        self.means = Means::default();
-        self.curve.push(now);
+        self.sums = Default::default();
+        training.meta.curve.push(now);
         Ok(now)
     }
 
     /// Seconds on the clock of a budget for the evaluation at the end, by that of one photo, which counts too.
-    pub(super) fn evaluation_secs<B: TrainBackend>(
-        &mut self,
-        trainer: &mut Trainer<B>,
-        clock: &Spending,
-    ) -> Result<f64> {
+    pub(super) fn evaluation_secs(&mut self, training: &mut Training<'_>, clock: &Spending) -> Result<f64> {
         let before = clock.seconds();
-        self.uncounted(|run| run.scores(trainer, 1))?;
-        Ok((clock.seconds() - before) * (self.evaluator.len() + 1) as f64)
+        self.uncounted(|run| run.scores(training, 1))?;
+        Ok((clock.seconds() - before) * (self.evaluator.views.len() + 1) as f64)
     }
 
-    fn scores<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>, most: usize) -> Result<Vec<PhotoScore>> {
-        if self.evaluator.is_empty() {
+    fn scores(&mut self, training: &mut Training<'_>, most: usize) -> Result<Vec<PhotoScore>> {
+        if self.evaluator.views.is_empty() {
             return Ok(Vec::new());
         }
-        let drawing = trainer.drawing(&self.drawing);
-        if trainer.draws(&drawing) {
+        let drawing = training.drawing();
+        if training.draws(&drawing) {
             return self
                 .evaluator
-                .scores_of(most, &drawing, |camera, drawing| trainer.picture(camera, drawing));
+                .scores_of(most, &drawing, |camera, drawing| training.picture(camera, drawing));
         }
-        let (soup, space) = (trainer.soup()?, trainer.space());
+        let (soup, space) = (training.soup()?, training.space());
         self.evaluator.scores(most, &soup, &space, &drawing)
     }
 
     /// Writes a checkpoint, if the run has any; returns its step and path.
-    pub(super) fn checkpoint<B: TrainBackend>(
-        &mut self,
-        trainer: &mut Trainer<B>,
-        outputs: &RunOptions,
-        pace: Option<Pace>,
-    ) -> Option<(u64, PathBuf)> {
-        let path = outputs.checkpoint.as_ref()?;
-        let spent = cpu_secs() - self.cpu_start;
-        let written = trainer.checkpoint(&self.curve, spent).and_then(|mut checkpoint| {
-            checkpoint.meta.pace = pace;
-            Ok((checkpoint.meta.step, checkpoint::write_kept(path, &checkpoint, outputs.keep)?))
+    pub(super) fn checkpoint(&mut self, training: &mut Training<'_>) -> Option<(u64, PathBuf)> {
+        let path = training.outputs.checkpoint.clone()?;
+        let (keep, spent) = (training.outputs.keep, self.cpu_secs());
+        let written = training.checkpoint(spent).and_then(|checkpoint| {
+            Ok((checkpoint.meta.step, checkpoint::write_kept(&path, &checkpoint, keep)?))
         });
         match written {
             Ok(written) => self.checkpoint = Some(written),
@@ -224,16 +186,16 @@ impl<'a> Recorder<'a> {
     }
 
     /// Draws a preview, if one is due.
-    pub(super) fn preview<B: TrainBackend>(&mut self, trainer: &mut Trainer<B>, outputs: &RunOptions) {
-        let Some(Preview { folder, pause }) = &outputs.preview else { return };
-        if self.previewed.elapsed() < *pause || self.evaluator.is_empty() {
+    pub(super) fn preview(&mut self, training: &mut Training<'_>) {
+        let Some(Preview { folder, pause }) = training.outputs.preview.clone() else { return };
+        if self.previewed.elapsed() < pause || self.evaluator.views.is_empty() {
             return;
         }
         self.previewed = Instant::now();
-        let step = trainer.steps();
+        let step = training.steps();
         let written = self.uncounted(|run| {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-            let (soup, space, drawing) = (trainer.soup()?, trainer.space(), trainer.drawing(&run.drawing));
+            std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+            let (soup, space, drawing) = (training.soup()?, training.space(), training.drawing());
             match run.evaluator.first_picture(&soup, &space, &drawing) {
                 Some(picture) => picture.save_png(folder.join(format!("{PREVIEW}{step:06}.png"))),
                 None => Ok(()),
@@ -251,32 +213,21 @@ impl<'a> Recorder<'a> {
     }
 
     /// Evaluates the present scene, and ends the curve with the `last` step.
-    pub(super) fn finish<B: TrainBackend>(
-        mut self,
-        trainer: &mut Trainer<B>,
+    pub(super) fn finish(
+        &mut self,
+        training: &mut Training<'_>,
         last: Option<TrainSample>,
-    ) -> Result<Recorded> {
-        let spent = cpu_secs() - self.cpu_start;
-        let scores = self.scores(trainer, usize::MAX)?;
+    ) -> Result<Vec<PhotoScore>> {
+        let scores = self.scores(training, usize::MAX)?;
         if let Some(last) = last {
             let test_psnr = Quality::mean(&scores).map(|quality| quality.psnr);
-            let test_size = test_psnr.and(self.evaluator.shrunk_size());
+            let test_size = test_psnr.and(self.evaluator.shrunk);
             let now = TrainSample { test_psnr, test_size, ..last };
-            let again = self.curve.last().is_some_and(|kept| kept.step == now.step);
-            self.curve.truncate(self.curve.len() - usize::from(again));
-            self.curve.push(now);
+            training.meta.curve.pop_if(|kept| kept.step == now.step);
+            training.meta.curve.push(now);
             self.tell(TrainEvent::Sampled(&now));
         }
-        let samples = eval::solid_samples(&trainer.drawing(&self.drawing));
-        Ok(Recorded {
-            photo_size: self.evaluator.shrunk_size(),
-            curve: self.curve,
-            scores,
-            samples,
-            cpu_secs: spent,
-            checkpoint: self.checkpoint,
-            lost: self.lost,
-        })
+        Ok(scores)
     }
 }
 

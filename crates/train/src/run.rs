@@ -1,20 +1,19 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
-use super::backend::{RunSize, TrainBackend};
-use super::budget::{Pace, Paced, Spending};
-use super::checkpoint::Checkpoint;
+use super::backend::{BackendOptions, RunSize, TrainBackend};
+use super::budget::{Paced, Spending};
+use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::cpu::CpuBackend;
+use super::eval::solid_samples;
 use super::exposure::ExposureDetails;
-use super::identity::RunIdentity;
 use super::options::TrainOptions;
-use super::outputs::{Recorder, RunOptions};
-use super::outputs::{TrainEvent, TrainObserver, TrainSample};
-use super::start::{FirstScene, Part};
+use super::outputs::{Recorder, RunOptions, TrainEvent, TrainObserver, TrainSample};
+use super::start::Part;
 use super::trained::{Trained, provenance};
-use super::trainer::Trainer;
+use super::training::Training;
 use std::path::PathBuf;
 use std::time::Instant;
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, View};
+use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Camera, report::generator};
 
@@ -111,84 +110,64 @@ impl<'a> TrainRun<'a> {
     /// Sets the run up on the CPU, with the first triangles and before the first step.
     ///
     /// Errors: options out of range, no training photos, a checkpoint of another run.
-    pub fn start(self) -> Result<StartedRun<'a, CpuBackend>> {
+    pub fn start(self) -> Result<Training<'a>> {
         let backend = CpuBackend::new(self.drawing());
-        self.start_on(backend)
+        self.start_on(Box::new(backend))
+    }
+
+    /// [`TrainRun::start`] on the device of `place`, or on the CPU with a budget.
+    ///
+    /// Errors: those of [`TrainRun::start`]; `gpu` without a matching card, with one that cannot be opened,
+    /// or with a budget.
+    pub fn start_at(self, place: &BackendOptions) -> Result<Training<'a>> {
+        let has_budget = self.paced.is_some() || self.resumed().is_some_and(|meta| meta.pace.is_some());
+        let place = if has_budget { place.of_budget()? } else { place.clone() };
+        let (backend, card, mut warnings) = place.open(self.drawing(), self.size())?;
+        let mut training = self.start_on(backend)?;
+        warnings.append(&mut training.warnings);
+        (training.card, training.warnings) = (card, warnings);
+        Ok(training)
+    }
+
+    /// [`TrainRun::start`] on a backend with the options of [`TrainRun::drawing`].
+    pub fn start_on(self, backend: Box<dyn TrainBackend + 'a>) -> Result<Training<'a>> {
+        Training::new(self, backend)
+    }
+
+    fn resumed(&self) -> Option<&CheckpointMeta> {
+        self.resume.as_ref().map(|checkpoint| &checkpoint.meta)
+    }
+
+    /// The clock of its budget, if it has one.
+    pub(super) fn spending(&self) -> Option<Spending> {
+        if let Some(paced) = &self.paced {
+            return Some(paced.spending.clone());
+        }
+        let pace = self.resumed()?.pace.as_ref()?;
+        let clock = pace.budget.clock;
+        let spending =
+            self.began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
+        Some(spending.after(pace.stored_secs))
     }
 
     /// The first drawing options of this run's backend.
     pub fn drawing(&self) -> SoftOptions {
-        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+        let options = self.resumed().map_or(&self.options, |meta| &meta.options);
         options.drawing(self.background)
     }
 
-    /// Whether the run keeps to a budget, its own or that of its checkpoint.
-    pub fn has_budget(&self) -> bool {
-        self.paced.is_some() || self.resume.as_ref().is_some_and(|checkpoint| checkpoint.meta.pace.is_some())
-    }
-
     /// How large the run becomes.
-    pub fn size(&self) -> RunSize {
-        let options = self.resume.as_ref().map_or(&self.options, |checkpoint| &checkpoint.meta.options);
+    fn size(&self) -> RunSize {
+        let options = self.resumed().map_or(&self.options, |meta| &meta.options);
         let photos = || self.dataset.train().map(|view| view.photo.size);
         let started = self.part.map_or(0, |part| part.frozen);
-        let frozen = self.resume.as_ref().map_or(started, |checkpoint| checkpoint.meta.frozen);
+        let frozen = self.resumed().map_or(started, |meta| meta.frozen);
         RunSize {
             triangles: options.max_triangles.saturating_add(frozen as u64),
             sh_degree: options.sh_degree,
             photo: photos().max_by_key(|size| size.element_product()).unwrap_or_default(),
             photo_pixels: photos().map(|size| u64::from(size.x) * u64::from(size.y)).sum(),
         }
-    }
-
-    /// Like [`TrainRun::start`], on a backend with the options of [`TrainRun::drawing`].
-    pub fn start_on<B: TrainBackend>(self, backend: B) -> Result<StartedRun<'a, B>> {
-        let dataset = self.dataset;
-        let (photo_bytes, held_out_bytes) = shares(dataset, self.photo_bytes);
-        let drawing = self.drawing();
-        let (curve, cpu_secs) = match &self.resume {
-            Some(checkpoint) => (checkpoint.meta.curve.clone(), checkpoint.meta.cpu_secs),
-            None => (Vec::new(), 0.0),
-        };
-        // A scene that teaches itself stays in the frame of its file, so its provenance stays true.
-        let taught = match &self.from {
-            Some(scene) if dataset.kind == DatasetKind::Drawn => {
-                Some((scene.provenance.clone(), scene.cameras.clone()))
-            }
-            _ => None,
-        };
-        let goes_on = || {
-            let pace = self.resume.as_ref()?.meta.pace.clone()?;
-            let clock = pace.budget.clock;
-            let spending =
-                self.began.map_or_else(|| Spending::new(clock), |began| Spending::of_process(clock, began));
-            let spending = spending.after(pace.stored_secs());
-            Some(Paced { pace, spending })
-        };
-        let mut paced = self.paced.or_else(goes_on);
-        let identity = RunIdentity::of(dataset, self.background, self.from.as_ref());
-        let scene = self.from.as_ref().map(|scene| FirstScene { scene, part: self.part, cut: self.cut_from });
-        let force = self.force_resume;
-        let trainer = match self.resume {
-            Some(checkpoint) => Trainer::resume(dataset, checkpoint, identity, force, photo_bytes, backend)?,
-            None => Trainer::start(dataset, scene, &self.options, identity, photo_bytes, backend)?,
-        };
-        if let Some(Paced { pace, spending }) = &mut paced {
-            // Pictures of a teacher, the shell, and what a resumed run reads again are no steps.
-            pace.resume(spending.seconds());
-        }
-        Ok(StartedRun {
-            trainer,
-            paced,
-            dataset,
-            taught,
-            drawing,
-            outputs: self.outputs,
-            until_step: self.until_step.unwrap_or(u64::MAX),
-            curve,
-            cpu_secs,
-            held_out_bytes,
-        })
     }
 
     /// Runs to the end on the CPU, or until `observer` stops it.
@@ -200,92 +179,38 @@ impl<'a> TrainRun<'a> {
     }
 }
 
-/// The memory for photos, divided between training and held-out photos in proportion to their bytes.
-fn shares(dataset: &Dataset, photo_bytes: u64) -> (u64, u64) {
-    let bytes = |view: &View| u128::from(view.photo.most_bytes());
-    let (train, test): (u128, u128) = (dataset.train().map(bytes).sum(), dataset.test().map(bytes).sum());
-    let held_out = u128::from(photo_bytes) * test / (train + test).max(1);
-    let held_out = u64::try_from(held_out).unwrap_or(photo_bytes);
-    (photo_bytes - held_out, held_out)
-}
-
-/// A run that is set up.
-#[derive(Debug)]
-pub struct StartedRun<'a, B> {
-    trainer: Trainer<B>,
-    paced: Option<Paced>,
-    dataset: &'a Dataset,
-    /// Provenance and cameras of the scene that teaches itself.
-    taught: Option<(Provenance, Vec<Camera>)>,
-    drawing: SoftOptions,
-    outputs: RunOptions,
-    until_step: u64,
-    curve: Vec<TrainSample>,
-    cpu_secs: f64,
-    /// Memory for the held-out photos.
-    held_out_bytes: u64,
-}
-
-impl<B: TrainBackend> StartedRun<'_, B> {
-    /// The options of the run.
-    pub fn options(&self) -> &TrainOptions {
-        self.trainer.options()
-    }
-
-    /// Steps made before this run resumed.
-    pub fn steps(&self) -> u64 {
-        self.trainer.steps()
-    }
-
-    /// Differences from the inputs of this run's checkpoint, one sentence each.
-    pub fn differences(&self) -> &[String] {
-        self.trainer.differences()
-    }
-
-    /// Triangles in the scene.
-    pub fn triangles(&self) -> usize {
-        self.trainer.triangles()
-    }
-
-    /// The curve before this run resumed.
-    pub fn curve(&self) -> &[TrainSample] {
-        &self.curve
-    }
-
+impl Training<'_> {
     /// Makes the steps, until the last or until `observer` stops it.
     ///
     /// Errors: photos that cannot be decoded, with a checkpoint of all steps so far; a graphics card that is
     /// lost or out of memory, with one of the last densification or checkpoint at least.
     pub fn finish(mut self, observer: TrainObserver<'_>) -> Result<Trained> {
-        let curve = std::mem::take(&mut self.curve);
-        let (spent, bytes) = (self.cpu_secs, self.held_out_bytes);
-        let mut record = Recorder::new(self.dataset, self.drawing, curve, spent, bytes, observer)?;
+        let mut record = Recorder::new(&self, observer)?;
         let (stopped, last) = self.make_steps(&mut record)?;
-        let Self { mut trainer, paced, dataset, taught, .. } = self;
-        let recorded = record.finish(&mut trainer, last)?;
-        let (provenance, cameras) = origin(taught, dataset);
-        let (soup, not_finite) = trained(&mut trainer)?;
-        let is_of_now = |(step, _): &(u64, _)| *step == trainer.steps();
+        let cpu_secs = record.cpu_secs();
+        let scores = record.finish(&mut self, last)?;
+        let (provenance, cameras) = self.origin();
+        let (soup, not_finite) = self.trained()?;
+        let samples = solid_samples(&self.drawing());
+        let Self { meta, spending, dataset, .. } = self;
+        let is_of_now = |(step, _): &(u64, _)| *step == meta.step;
         Ok(Trained {
-            checkpoint: recorded.checkpoint.filter(is_of_now).map(|(_, path)| path),
+            checkpoint: record.checkpoint.filter(is_of_now).map(|(_, path)| path),
             soup,
             provenance,
             cameras,
-            steps: trainer.steps(),
-            options: trainer.options().clone(),
-            paced,
-            curve: recorded.curve,
-            scores: recorded.scores,
-            samples: recorded.samples,
-            photo_size: recorded.photo_size,
-            dropped: trainer.dropped(),
-            cpu_secs: recorded.cpu_secs,
-            exposure: ExposureDetails::new(
-                trainer.exposure(),
-                dataset.train().map(|view| view.name.as_str()),
-            ),
+            steps: meta.step,
+            options: meta.options,
+            paced: meta.pace.zip(spending).map(|(pace, spending)| Paced { pace, spending }),
+            curve: meta.curve,
+            scores,
+            samples,
+            photo_size: record.evaluator.shrunk,
+            dropped: meta.dropped,
+            cpu_secs,
+            exposure: ExposureDetails::new(&meta.exposure, dataset.train().map(|view| view.name.as_str())),
             stopped,
-            lost: recorded.lost.into_iter().chain(not_finite).collect(),
+            lost: record.lost.into_iter().chain(not_finite).collect(),
         })
     }
 
@@ -294,7 +219,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
         let total = self.options().steps;
         let every =
             if self.outputs.sample_every == 0 { total.div_ceil(100) } else { self.outputs.sample_every };
-        let (before, mut last) = (self.trainer.steps(), None);
+        let (before, mut last) = (self.steps(), None);
         while !self.is_over() {
             match self.make_step(every, record) {
                 Ok((now, stopped)) => {
@@ -305,8 +230,7 @@ impl<B: TrainBackend> StartedRun<'_, B> {
                 }
                 Err(error) => {
                     // A photo that cannot be read loses no step.
-                    let written = (self.trainer.steps() > before)
-                        .then(|| record.checkpoint(&mut self.trainer, &self.outputs, stored(&self.paced)));
+                    let written = (self.steps() > before).then(|| record.checkpoint(self));
                     return Err(with_remedy(error, written.flatten()));
                 }
             }
@@ -316,42 +240,41 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// True when no step is left.
     fn is_over(&self) -> bool {
-        self.trainer.is_done() || self.trainer.steps() >= self.until_step
+        self.is_done() || self.steps() >= self.until_step
     }
 
     /// Makes a step and the outputs due after it, with a sample after `every` steps; returns its sample, and
     /// whether to stop.
     fn make_step(&mut self, every: u64, record: &mut Recorder<'_>) -> Result<(TrainSample, bool)> {
-        let outcome = self.trainer.step()?;
-        let Self { trainer, paced, outputs, .. } = self;
-        let step = trainer.steps();
+        let (densified, width_px) = self.step()?;
+        let (step, evaluate_every) = (self.steps(), self.outputs.evaluate_every);
         let due = |every: u64| every > 0 && step.is_multiple_of(every);
-        let is_kept = due(every) || due(outputs.evaluate_every);
-        let mut now = record.sample(trainer, outcome.width_px, is_kept)?;
+        let is_kept = due(every) || due(evaluate_every);
+        let mut now = record.sample(self, width_px, is_kept)?;
         let mut wants_scene = false;
         record.tell(TrainEvent::Step { sample: &now, wants_scene: &mut wants_scene });
-        if let Some(densified) = &outcome.densified {
+        if let Some(densified) = &densified {
             record.tell(TrainEvent::Densified(now.step, densified));
         }
-        keep_pace(trainer, paced.as_mut(), record)?;
-        trainer.find_exposures(&self.drawing)?;
+        self.keep_pace(record)?;
+        self.find_exposures()?;
         let is_over = self.is_over();
-        let Self { trainer, paced, outputs, .. } = self;
-        let spent = outputs.max_cpu_secs > 0.0 && now.cpu_secs >= outputs.max_cpu_secs;
+        let most_secs = self.outputs.max_cpu_secs;
+        let spent = most_secs > 0.0 && now.cpu_secs >= most_secs;
         let stopped = !is_over && (spent || record.is_asked);
         // `Recorder::finish` keeps and evaluates the last sample.
         if !is_over && is_kept {
-            let kept = record.keep(now, trainer, due(outputs.evaluate_every))?;
+            let kept = record.keep(now, self, due(evaluate_every))?;
             if !stopped {
                 record.tell(TrainEvent::Sampled(&kept));
             }
         } else if is_over || stopped {
-            now = record.sample(trainer, outcome.width_px, true)?;
+            now = record.sample(self, width_px, true)?;
         }
-        if stopped || due(outputs.checkpoint_every) {
-            record.checkpoint(trainer, outputs, stored(paced));
+        if stopped || due(self.outputs.checkpoint_every) {
+            record.checkpoint(self);
         }
-        record.preview(trainer, outputs);
+        record.preview(self);
         if wants_scene {
             let scene = record.uncounted(|_| self.scene())?;
             record.tell(TrainEvent::Scene(&now, Box::new(scene)));
@@ -361,29 +284,58 @@ impl<B: TrainBackend> StartedRun<'_, B> {
 
     /// The present scene, as in its file.
     fn scene(&mut self) -> Result<ImportedScene> {
-        let (provenance, cameras) = origin(self.taught.clone(), self.dataset);
-        let (soup, _) = trained(&mut self.trainer)?;
+        let (provenance, cameras) = self.origin();
+        let (soup, _) = self.trained()?;
         Ok(ImportedScene { provenance, cameras, ..ImportedScene::from(soup) })
     }
-}
 
-/// The trained triangles, with the shell flagged. Triangles that are no longer finite are left out and
-/// counted in a note.
-///
-/// Errors: those of [`Trainer::soup`]; no triangle is left.
-fn trained<B: TrainBackend>(trainer: &mut Trainer<B>) -> Result<(Soup, Option<String>)> {
-    let (frozen, shell) = (trainer.frozen(), trainer.shell());
-    let mut soup = trainer.soup()?.split_off(frozen);
-    soup.set_shell(0..shell);
-    let all = soup.len();
-    let gone = soup.retain_finite();
-    if gone == all && all > 0 {
-        let expected = "lower ones: no triangle has finite numbers any more";
-        return Err(Error::invalid("rates", "too high for this scene", expected));
+    /// The trained triangles, with the shell flagged. Triangles that are no longer finite are left out and
+    /// counted in a note.
+    ///
+    /// Errors: those of [`Training::soup`]; no triangle is left.
+    fn trained(&mut self) -> Result<(Soup, Option<String>)> {
+        let (frozen, pinned) = (self.meta.frozen, self.meta.pinned);
+        let mut soup = self.soup()?.split_off(frozen);
+        soup.set_shell(0..pinned - frozen);
+        let all = soup.len();
+        let gone = soup.retain_finite();
+        if gone == all && all > 0 {
+            let expected = "lower ones: no triangle has finite numbers any more";
+            return Err(Error::invalid("rates", "too high for this scene", expected));
+        }
+        let lost = (gone > 0).then(|| {
+            format!("{gone} of {all} triangles, whose numbers are no longer finite: lower the rates")
+        });
+        Ok((soup, lost))
     }
-    let lost = (gone > 0)
-        .then(|| format!("{gone} of {all} triangles, whose numbers are no longer finite: lower the rates"));
-    Ok((soup, lost))
+
+    /// Provenance and cameras of the scene; those of its file, if it teaches itself.
+    fn origin(&self) -> (Provenance, Vec<Camera>) {
+        match self.taught.clone() {
+            Some((provenance, cameras)) => {
+                let ours = Some(generator());
+                (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
+            }
+            None => (provenance(self.dataset), self.dataset.train().map(|view| view.camera).collect()),
+        }
+    }
+
+    /// At a milestone, chooses the remaining steps anew.
+    fn keep_pace(&mut self, record: &mut Recorder<'_>) -> Result<()> {
+        let Some(spending) = self.spending.clone() else { return Ok(()) };
+        let (step, triangles, spent) = (self.steps(), self.triangles() as u64, spending.seconds());
+        let is_last = self.options().milestones.last() == Some(&step);
+        let reserve = is_last.then(|| record.evaluation_secs(self, &spending)).transpose()?;
+        let Some(pace) = &mut self.meta.pace else { return Ok(()) };
+        pace.reserve_secs = reserve.or(pace.reserve_secs);
+        if let Some(options) = pace.corrected(step, spent, triangles, &self.meta.options) {
+            (self.meta.options.steps, self.meta.options.milestones) = (options.steps, options.milestones);
+            if let Some(correction) = pace.corrections.last() {
+                record.tell(TrainEvent::Corrected(correction));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The error of a run. If a graphics card failed, it says how to continue from the last checkpoint.
@@ -395,41 +347,4 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
         },
         (error, _) => error,
     }
-}
-
-/// Provenance and cameras of the scene; those of its file, if it teaches itself.
-fn origin(taught: Option<(Provenance, Vec<Camera>)>, dataset: &Dataset) -> (Provenance, Vec<Camera>) {
-    match taught {
-        Some((provenance, cameras)) => {
-            let ours = Some(generator());
-            (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
-        }
-        None => (provenance(dataset), dataset.train().map(|view| view.camera).collect()),
-    }
-}
-
-/// At a milestone, chooses the remaining steps anew.
-fn keep_pace<B: TrainBackend>(
-    trainer: &mut Trainer<B>,
-    paced: Option<&mut Paced>,
-    record: &mut Recorder<'_>,
-) -> Result<()> {
-    let Some(Paced { pace, spending }) = paced else { return Ok(()) };
-    let (step, triangles) = (trainer.steps(), trainer.triangles() as u64);
-    let spent = spending.seconds();
-    if trainer.options().milestones.last() == Some(&step) {
-        pace.reserve(record.evaluation_secs(trainer, spending)?);
-    }
-    if let Some(options) = pace.corrected(step, spent, triangles, trainer.options()) {
-        trainer.stretch(&options);
-        if let Some(correction) = pace.corrections.last() {
-            record.tell(TrainEvent::Corrected(correction));
-        }
-    }
-    Ok(())
-}
-
-/// The state of the budget for a checkpoint.
-fn stored(paced: &Option<Paced>) -> Option<Pace> {
-    paced.as_ref().map(|paced| paced.pace.stored(paced.spending.seconds()))
 }

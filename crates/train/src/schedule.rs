@@ -165,7 +165,7 @@ impl<'a> Schedule<'a> {
     /// The values for step `step` (from 0).
     pub fn rates(&self, step: u64) -> StepParams {
         let (o, l) = (self.options, &self.options.loss);
-        let engine = self.is_engine_shaded(step);
+        let engine = self.is_opaque(step);
         let geometry = step >= self.scaled(GEOMETRY_FROM);
         StepParams {
             time: step + 1,
@@ -192,7 +192,7 @@ impl<'a> Schedule<'a> {
     /// engine shading.
     pub fn sh_degree(&self, step: u64) -> u8 {
         let o = self.options;
-        if self.is_engine_shaded(step) {
+        if self.is_opaque(step) {
             return 0;
         }
         // Without a warm-up, one more every step.
@@ -206,12 +206,7 @@ impl<'a> Schedule<'a> {
         if step < self.scaled(w.quarter_until) { 2 } else { u32::from(step < self.scaled(w.half_until)) }
     }
 
-    /// True from the beginning of engine shading.
-    pub fn is_engine_shaded(&self, step: u64) -> bool {
-        self.is_opaque(step)
-    }
-
-    /// True once every triangle is opaque.
+    /// True once every triangle is opaque, with engine shading.
     pub fn is_opaque(&self, step: u64) -> bool {
         self.is_past(step, self.options.solid.opacity_until)
     }
@@ -272,7 +267,7 @@ impl<'a> Schedule<'a> {
     fn corners_rate(&self, step: u64) -> f64 {
         let (o, s, steps) = (self.options, &self.options.solid, self.options.steps.max(1));
         let soft = |step: u64| o.rates.corners * CORNERS_FINAL_SHARE.powf(self.share(step));
-        if !self.is_engine_shaded(step) {
+        if !self.is_opaque(step) {
             return soft(step);
         }
         let from = self.scaled(s.opacity_until);

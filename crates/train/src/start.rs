@@ -1,19 +1,22 @@
 //! The state before the first step: triangles at the points of a data set, or those of a scene.
 
+use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::exposure::ExposureEstimates;
+use super::identity::RunIdentity;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
+use super::run::TrainRun;
 use super::schedule::Schedule;
 use super::shell;
 use super::visibility::VisibilityStats;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use trisplat_dataset::{Dataset, DatasetKind, Point, View, random_points};
+use trisplat_dataset::{DatasetKind, Point, View, random_points};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
+use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup, report::generator};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -32,45 +35,48 @@ pub struct Part {
     pub first_step: u64,
 }
 
-/// The scene that a run starts from.
-#[derive(Debug, Clone, Copy)]
-pub struct FirstScene<'a> {
-    /// All its triangles.
-    pub scene: &'a ImportedScene,
-    /// The part to train, if not all.
-    pub part: Option<Part>,
-    /// Whether it may have more triangles than `max_triangles`.
-    pub cut: bool,
-}
-
-impl<'a> FirstScene<'a> {
-    /// A scene that is trained as a whole.
-    pub fn whole(scene: &'a ImportedScene) -> Self {
-        Self { scene, part: None, cut: false }
-    }
-}
-
-/// The state of a run between two steps.
-pub(super) struct Position {
-    pub(super) options: TrainOptions,
-    pub(super) space: SceneNormalization,
-    pub(super) state: TrainState,
-    pub(super) visibility: VisibilityStats,
-    pub(super) step: u64,
-    pub(super) dropped: u64,
-    pub(super) core: Option<Core>,
-    pub(super) exposure: ExposureEstimates,
+/// The state of `run` before its first step, from the triangles of a scene or from the points of the data set.
+///
+/// Errors: those of [`from_points`] and [`from_scene`].
+pub(super) fn first(
+    views: &[&View],
+    run: &TrainRun<'_>,
+    identity: RunIdentity,
+    photos: &mut Pyramid,
+) -> Result<Checkpoint> {
+    let options = &run.options;
+    let (space, state) = match &run.from {
+        Some(scene) => from_scene(views, scene, run)?,
+        None => from_points(views, &run.dataset.points, photos, options)?,
+    };
+    let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
+    let meta = CheckpointMeta {
+        generator: generator(),
+        step: first_step.min(options.steps.saturating_sub(1)),
+        options: options.clone(),
+        space: (space.center.to_array(), space.scale),
+        pinned: state.pinned,
+        frozen: state.frozen,
+        core: run.part.filter(|_| run.from.is_some()).and_then(|part| part.core),
+        exposure: ExposureEstimates::first(views, options.exposure),
+        identity,
+        dropped: 0,
+        curve: Vec::new(),
+        cpu_secs: 0.0,
+        pace: None,
+    };
+    Ok(Checkpoint { visibility: VisibilityStats::new(state.params.len(), views.len()), state, meta })
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
 ///
 /// Errors: photos that cannot be decoded.
-pub(super) fn from_points(
+fn from_points(
     views: &[&View],
     points: &[Point],
     photos: &mut Pyramid,
     options: &TrainOptions,
-) -> Result<Position> {
+) -> Result<(SceneNormalization, TrainState)> {
     let random;
     let cloud = if points.is_empty() {
         random = random_points(views, RANDOM_POINTS, options.seed);
@@ -105,9 +111,7 @@ pub(super) fn from_points(
     let count = first.len();
     first.retain(|i| is_among(i, most, count));
     soup.append(first);
-    let mut position = at_first_step(views, options, space, &soup);
-    position.state.pinned = pinned;
-    Ok(position)
+    Ok((space, TrainState { pinned, ..TrainState::new(Params::from_soup(&soup, options.sh_degree)) }))
 }
 
 /// At most `most` of the points.
@@ -130,13 +134,13 @@ fn is_among(i: usize, most: usize, count: usize) -> bool {
 /// The triangles of an existing scene.
 ///
 /// Errors: more triangles than the options permit, unless they are cut; none at all.
-pub(super) fn from_scene(
+fn from_scene(
     views: &[&View],
-    from: &FirstScene<'_>,
-    dataset: &Dataset,
-    options: &TrainOptions,
-) -> Result<Position> {
-    let (scene, frozen) = (from.scene, from.part.map_or(0, |part| part.frozen));
+    scene: &ImportedScene,
+    run: &TrainRun<'_>,
+) -> Result<(SceneNormalization, TrainState)> {
+    let TrainRun { dataset, options, part, .. } = run;
+    let frozen = part.map_or(0, |part| part.frozen);
     let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     // Pictures drawn of the scene are in the frame of its file.
     let placement = match dataset.kind {
@@ -147,41 +151,19 @@ pub(super) fn from_scene(
         true => centers(scene, &placement, dataset.origin),
         false => dataset.points.iter().map(|p| p.position).collect(),
     };
-    let space = from.part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
-    let most = (!from.cut).then_some(options.max_triangles.saturating_add(frozen as u64));
+    let space = part.map_or_else(|| SceneNormalization::new(&cameras, &positions()), |part| part.space);
+    let most = (!run.cut_from).then_some(options.max_triangles.saturating_add(frozen as u64));
     let mut soup = placed_soup(scene, &placement, dataset.origin, &space, most)?;
     // Those of a part come in this order: frozen ones, its part of the shell, the rest.
-    let shell = if from.part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
-    let mut position = at_first_step(views, options, space, &soup);
-    position.state.frozen = frozen.min(soup.len());
-    if let Some(part) = from.part {
-        let schedule = Schedule::new(options);
-        position.core = part.core;
-        position.step = part.first_step.min(options.steps.saturating_sub(1));
-        if let Some(last) = position.step.checked_sub(1) {
-            position.state.params.go_on_at(&schedule.anneal(last), frozen);
-        }
+    let shell = if part.is_some() { soup.shell_count() } else { soup.put_shell_first() };
+    let mut state = TrainState::new(Params::from_soup(&soup, options.sh_degree));
+    state.frozen = frozen.min(soup.len());
+    state.pinned = (frozen + shell).min(soup.len());
+    let first_step = part.map_or(0, |part| part.first_step).min(options.steps.saturating_sub(1));
+    if let Some(last) = first_step.checked_sub(1) {
+        state.params.go_on_at(&Schedule::new(options).anneal(last), frozen);
     }
-    position.state.pinned = (frozen + shell).min(soup.len());
-    Ok(position)
-}
-
-fn at_first_step(
-    views: &[&View],
-    options: &TrainOptions,
-    space: SceneNormalization,
-    soup: &Soup,
-) -> Position {
-    Position {
-        options: options.clone(),
-        space,
-        visibility: VisibilityStats::new(soup.len(), views.len()),
-        state: TrainState::new(Params::from_soup(soup, options.sh_degree)),
-        step: 0,
-        dropped: 0,
-        core: None,
-        exposure: ExposureEstimates::first(views, options.exposure),
-    }
+    Ok((space, state))
 }
 
 /// The triangles of `scene` in training space. Undoes the `placement` of its file, and moves it like the data

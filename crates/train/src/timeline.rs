@@ -20,6 +20,7 @@ pub(crate) struct Timeline {
 }
 
 /// A part of a schedule between two milestones.
+#[derive(Clone, Copy)]
 struct Part {
     /// First and last position.
     positions: [f64; 2],
@@ -74,10 +75,8 @@ impl Timeline {
 
     /// The part of step `step`; `None` for a proportional run.
     fn part_of(&self, step: u64) -> Option<Part> {
-        self.parts()?.into_iter().find(|part| step < part.steps[1]).or_else(|| {
-            let last = self.parts()?.into_iter().next_back()?;
-            Some(Part { steps: last.steps, positions: last.positions })
-        })
+        let parts = self.parts()?;
+        parts.iter().find(|part| step < part.steps[1]).or(parts.last()).copied()
     }
 
     fn parts(&self) -> Option<[Part; 5]> {
@@ -85,8 +84,7 @@ impl Timeline {
         let positions = [[0.0, a], [a, b], [b, c], [c, d], [d, REFERENCE_STEPS]];
         let [a, b, c, d] = self.milestones?;
         let steps = [[0, a], [a, b], [b, c], [c, d], [d, self.steps]];
-        let part = |i: usize| Part { positions: positions[i], steps: steps[i] };
-        Some([part(0), part(1), part(2), part(3), part(4)])
+        Some(std::array::from_fn(|i| Part { positions: positions[i], steps: steps[i] }))
     }
 }
 

@@ -4,6 +4,8 @@
 //! began, and the triangle existed all the time. Photos are counted, not epochs: a counter that resets at the
 //! wrong moment deletes whole scenes of many photos (the paper's code does, above some 520 of them).
 
+use trisplat_raster::soft::Importance;
+
 /// Visibility statistics per triangle and per photo.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct VisibilityStats {
@@ -21,19 +23,6 @@ pub struct VisibilityStats {
     pub exempt: Vec<bool>,
     /// Training photos drawn since the statistics began. `[V]`
     pub drawn: Vec<bool>,
-}
-
-/// Visibility of every triangle in several frames.
-#[derive(Debug, Clone, Copy)]
-pub struct PhotoVisibility<'a> {
-    /// Largest alpha·T. `[N]`
-    pub max_weight: &'a [f32],
-    /// Σ alpha·T over the pixels of photos that are not counted yet. `[N]`
-    pub sum_weight: &'a [f32],
-    /// Photos that showed the triangle and are not counted yet. `[N]`
-    pub views: &'a [u32],
-    /// Largest radius, px of the frames. `[N]`
-    pub radius_px: &'a [f32],
 }
 
 impl VisibilityStats {
@@ -63,13 +52,16 @@ impl VisibilityStats {
         self.drawn.iter().all(|drawn| *drawn)
     }
 
-    /// Merges the visibility in some frames; `full_px` is the size of a frame's pixel in pixels of the full photo.
-    pub fn merge(&mut self, frames: &PhotoVisibility<'_>, full_px: f32) {
+    /// Merges what was seen in frames; with `counts`, of photos that are not counted yet. `full_px` is the size of a frame's pixel in
+    /// pixels of the full photo.
+    pub fn merge(&mut self, seen: &Importance, counts: bool, full_px: f32) {
         for i in 0..self.max_weight.len() {
-            self.max_weight[i] = self.max_weight[i].max(frames.max_weight[i]);
-            self.sum_weight[i] += full_px * full_px * frames.sum_weight[i];
-            self.views[i] += frames.views[i];
-            self.radius_px[i] = self.radius_px[i].max(full_px * frames.radius_px[i]);
+            self.max_weight[i] = self.max_weight[i].max(seen.max_weight[i]);
+            self.radius_px[i] = self.radius_px[i].max(full_px * seen.max_radius_px[i]);
+            if counts {
+                self.sum_weight[i] += full_px * full_px * seen.sum_weight[i];
+                self.views[i] += seen.views[i];
+            }
         }
     }
 
@@ -121,13 +113,14 @@ mod tests {
     #[test]
     fn weights_are_summed_in_pixels_of_the_full_photo() {
         let mut visibility = VisibilityStats::new(1, 2);
-        let frame =
-            PhotoVisibility { max_weight: &[0.5], sum_weight: &[3.0], views: &[1], radius_px: &[2.0] };
-        visibility.merge(&frame, 2.0);
-        visibility.merge(&PhotoVisibility { sum_weight: &[0.0], ..frame }, 2.0);
-        visibility.merge(&frame, 1.0);
+        let mut frame = Importance::new(1);
+        (frame.max_weight, frame.sum_weight) = (vec![0.5], vec![3.0]);
+        (frame.views, frame.max_radius_px) = (vec![1], vec![2.0]);
+        visibility.merge(&frame, true, 2.0);
+        visibility.merge(&frame, false, 2.0);
+        visibility.merge(&frame, true, 1.0);
         assert_eq!((visibility.sum_weight[0], visibility.max_weight[0]), (15.0, 0.5));
-        assert_eq!((visibility.radius_px[0], visibility.views[0]), (4.0, 3));
+        assert_eq!((visibility.radius_px[0], visibility.views[0]), (4.0, 2));
     }
 
     #[test]

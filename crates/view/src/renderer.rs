@@ -80,8 +80,6 @@ pub(crate) struct FrameOutput<'a> {
     pub(crate) picture: &'a TextureView,
     /// Its depth and samples.
     pub(crate) attachments: &'a Attachments,
-    /// The buffers of timestamps.
-    pub(crate) timestamps: Option<RenderPassTimestampWrites<'a>>,
 }
 
 /// A texture to draw to.
@@ -253,7 +251,7 @@ fn begin<'e>(
     output: FrameOutput<'_>,
     background: [f32; 3],
 ) -> RenderPass<'e> {
-    let FrameOutput { picture, attachments, timestamps } = output;
+    let FrameOutput { picture, attachments } = output;
     let encoded = !attachments.format.is_srgb();
     let [r, g, b] = background.map(|c| f64::from(if encoded { c } else { linear_from_srgb(c) }));
     let (view, resolve_target) = match &attachments.multisampled {
@@ -275,7 +273,7 @@ fn begin<'e>(
             depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Discard }),
             stencil_ops: None,
         }),
-        timestamp_writes: timestamps,
+        timestamp_writes: None,
         occlusion_query_set: None,
         multiview_mask: None,
     })
@@ -289,7 +287,7 @@ pub(crate) fn clear(
     attachments: &Attachments,
     background: [f32; 3],
 ) {
-    drop(begin(encoder, FrameOutput { picture, attachments, timestamps: None }, background));
+    drop(begin(encoder, FrameOutput { picture, attachments }, background));
 }
 
 fn vertex_buffer(is_textured: bool) -> VertexBufferLayout<'static> {
@@ -357,7 +355,7 @@ impl Headless {
         }
         let canvas = Canvas::new(&self.gpu, params.camera.size, params.msaa)?;
         let mut encoder = self.gpu.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        let stats = self.draw(&mut encoder, &canvas, model, params, None)?;
+        let stats = self.draw(&mut encoder, &canvas, model, params)?;
         self.gpu.queue.submit([encoder.finish()]);
         Ok((canvas.pixels(&self.gpu)?, stats))
     }
@@ -369,9 +367,8 @@ impl Headless {
         canvas: &Canvas,
         model: &Model,
         params: &FrameParams,
-        timestamps: Option<RenderPassTimestampWrites<'_>>,
     ) -> Result<DrawStats> {
-        self.renderer.draw(&self.gpu, encoder, canvas.output(timestamps), model, params)
+        self.renderer.draw(&self.gpu, encoder, canvas.output(), model, params)
     }
 }
 
@@ -395,8 +392,8 @@ impl Canvas {
     }
 
     /// Where a frame goes.
-    pub(crate) fn output<'a>(&'a self, timestamps: Option<RenderPassTimestampWrites<'a>>) -> FrameOutput<'a> {
-        FrameOutput { picture: &self.view, attachments: &self.attachments, timestamps }
+    pub(crate) fn output(&self) -> FrameOutput<'_> {
+        FrameOutput { picture: &self.view, attachments: &self.attachments }
     }
 
     /// The last drawn picture.

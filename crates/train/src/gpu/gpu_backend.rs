@@ -1,17 +1,13 @@
 //! The backend of a training scene on a graphics card.
 
 use super::passes::{Passes, Variants};
-use super::scene::Photos;
-use super::scene::row_count;
-use super::scene::{REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer};
-use super::sequence::self_test;
-use super::sequence::{BindGroups, Sequence};
-use super::sequence::{COUNTS, GROUPS, Jobs};
-use super::step_buffers::GpuLimits;
-use super::step_buffers::{SLOT_PARTS, StepBuffers, StepCapacity};
+use super::scene::{Photos, REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, row_count};
+use super::sequence::{BindGroups, COUNTS, GROUPS, Jobs, Sequence, self_test};
+use super::step_buffers::{GpuLimits, SLOT_PARTS, StepBuffers, StepCapacity};
 use super::step_passes::StepPasses;
-use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, StepPlan, StepUniform};
-use super::uniform::{PendingStep, missing_capacity};
+use super::uniform::{
+    GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts, missing_capacity,
+};
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;
@@ -65,16 +61,10 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// A backend without a scene, on an open card; draws with `options`.
+    /// A backend without a scene, on an open card; draws with `options`, within `limits`.
     ///
     /// Errors: the card or its driver cannot run the passes, or computes something wrong.
-    pub fn new(gpu: Gpu, options: SoftOptions) -> Result<Self> {
-        let limits = GpuLimits::of(&gpu);
-        Self::with_limits(gpu, options, limits)
-    }
-
-    /// As [`GpuBackend::new`], within `limits`.
-    pub fn with_limits(gpu: Gpu, options: SoftOptions, limits: GpuLimits) -> Result<Self> {
+    pub fn new(gpu: Gpu, options: SoftOptions, limits: GpuLimits) -> Result<Self> {
         let most = gpu.device.limits().max_storage_buffers_per_shader_stage;
         if most < STORAGE_BUFFERS {
             let name = &gpu.info.name;
@@ -158,14 +148,7 @@ impl GpuBackend {
         // The old buffers are freed before the new ones are made.
         self.bind_groups.clear();
         let size = size.union(needed);
-        let buffers = match StepBuffers::new(&self.gpu, size) {
-            // Photos are on the card only to save time.
-            Err(Error::Gpu(_)) if self.photos.give_up() => {
-                self.gpu.wait(None)?;
-                StepBuffers::new(&self.gpu, size)?
-            }
-            buffers => buffers?,
-        };
+        let buffers = with_room(&self.gpu, &mut self.photos, |gpu| StepBuffers::new(gpu, size))?;
         self.buffers = Some(buffers);
         Ok(())
     }
@@ -291,14 +274,9 @@ impl GpuBackend {
         let Some(state) = &self.loaded else { return Ok(()) };
         let triangles = state.params.len();
         let binding_bytes = self.limits.binding_bytes;
-        self.scene = Some(match SceneBuffers::load(&self.gpu, state, binding_bytes) {
-            // Photos are on the card only to save time.
-            Err(Error::Gpu(_)) if self.photos.give_up() => {
-                self.gpu.wait(None)?;
-                SceneBuffers::load(&self.gpu, state, binding_bytes)?
-            }
-            scene => scene?,
-        });
+        let scene =
+            with_room(&self.gpu, &mut self.photos, |gpu| SceneBuffers::load(gpu, state, binding_bytes))?;
+        self.scene = Some(scene);
         // A scene that returns unchanged keeps its visibility.
         if self.visibility.as_ref().is_none_or(|visibility| visibility.triangles != triangles) {
             self.visibility = Some(VisibilityBuffer::new(&self.gpu, triangles)?);
@@ -384,12 +362,31 @@ impl TrainBackend for GpuBackend {
         self.reserve(StepCapacity::of(&plan, shape.triangles, self.limits.spare_splats))?;
         let readback = self.spare.pop().unwrap_or_else(|| Readback::new(&self.gpu, 4 * COUNTS as u64));
         let source = self.photos.get(&self.gpu, photo);
-        let launched = self.launch(PendingStep::new(plan, photo, source, rates, shape, readback));
+        let launched = self.launch(PendingStep {
+            step: StepUniform::new(&plan, photo, rates, shape),
+            counts: first_counts(&plan, shape),
+            photo: source,
+            regularised: rates.beta_size > 0.0,
+            readback,
+            dssim: rates.dssim,
+            plan,
+        });
         self.failed(launched)?;
         while self.pending_steps.len() > self.limits.ahead {
             self.settle(true)?;
         }
         Ok(())
+    }
+}
+
+/// What `make` makes on the card, without its photos if there is no room: they are there only to save time.
+fn with_room<T>(gpu: &Gpu, photos: &mut Photos, make: impl Fn(&Gpu) -> Result<T>) -> Result<T> {
+    match make(gpu) {
+        Err(Error::Gpu(_)) if photos.give_up() => {
+            gpu.wait(None)?;
+            make(gpu)
+        }
+        made => made,
     }
 }
 

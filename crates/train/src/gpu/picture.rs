@@ -1,10 +1,8 @@
 //! Pictures of a scene on the card: the passes of a step up to the frame.
 
 use super::gpu_backend::GpuBackend;
-use super::step_buffers::GpuLimits;
-use super::step_buffers::StepCapacity;
-use super::uniform::{Look, SceneShape, StepPlan, StepUniform};
-use super::uniform::{first_counts, missing_capacity};
+use super::step_buffers::{GpuLimits, StepCapacity};
+use super::uniform::{Look, SceneShape, StepPlan, StepUniform, first_counts, missing_capacity};
 use crate::backend::TrainBackend;
 use crate::params::{Params, TrainState};
 use trisplat_gpu::{Gpu, readback::elements};
@@ -32,7 +30,7 @@ impl CardScene {
         let Soup { vertices, opacity, sigma, sh, sh_degree, .. } = soup.clone();
         let look = Look { anneal: None, frozen_flat: false, sh_degree };
         let params = Params { vertices, opacity, sigma, sh, sh_degree };
-        let mut backend = GpuBackend::with_limits(gpu, SoftOptions::default(), limits)?;
+        let mut backend = GpuBackend::new(gpu, SoftOptions::default(), limits)?;
         backend.load(TrainState { params, ..TrainState::default() })?;
         Ok(Self { backend, look })
     }

@@ -259,18 +259,12 @@ impl Photos {
         Self { held: HashMap::new(), bytes: 0, most_bytes, uses: 0 }
     }
 
-    /// Forgets them; true when this frees memory.
-    pub(super) fn clear(&mut self) -> bool {
-        let any = !self.held.is_empty();
-        self.held.clear();
-        self.bytes = 0;
-        any
-    }
-
     /// Keeps no photo from now on; true when this frees memory.
     pub(super) fn give_up(&mut self) -> bool {
-        self.most_bytes = 0;
-        self.clear()
+        let any = !self.held.is_empty();
+        (self.bytes, self.most_bytes) = (0, 0);
+        self.held.clear();
+        any
     }
 
     /// A photo, on the card if there is room for it.

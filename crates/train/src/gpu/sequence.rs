@@ -1,7 +1,6 @@
 //! Passes one after the other.
 
-use super::passes::Passes;
-use super::passes::{GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
+use super::passes::{GROUP, Passes, RADIX, SCAN_ITEMS, SORT_ITEMS};
 use super::scene::REMEDY;
 use glam::UVec2;
 use std::collections::HashMap;

@@ -106,111 +106,111 @@ impl StepCapacity {
 
     /// Bytes of everything together.
     pub(super) fn bytes(&self) -> u64 {
-        self.buffers().iter().map(|(_, bytes)| bytes).sum()
+        let mut sum = 0;
+        // Nothing is made, so nothing fails.
+        let _ = self.buffers(|_, bytes| {
+            sum += bytes;
+            Ok(())
+        });
+        sum
     }
 
-    /// Names and bytes of the buffers, in the order of the fields of [`StepBuffers`].
-    fn buffers(&self) -> Vec<(&'static str, u64)> {
-        let mut all = self.of_splats().to_vec();
-        all.extend(self.of_pairs());
-        all.extend((0..SLOT_PARTS).map(|part| ("gradients of pairs", self.slot_bytes(part))));
-        all.extend(self.of_pixels());
-        all
-    }
-
-    fn of_splats(&self) -> [(&'static str, u64); 11] {
-        let each = |bytes: u64| u64::from(self.splats) * bytes;
-        [
-            ("first splats", 4 * u64::from(self.triangles) + 4),
-            ("splats", each(64)),
-            ("boxes of splats", each(16)),
-            ("depth planes", if self.planes { each(32) } else { 0 }),
-            ("pieces of triangles", each(4)),
-            ("depths", each(4)),
-            ("sorted depths", each(4)),
-            ("order", each(4)),
-            ("sorted order", each(4)),
-            ("first pairs", each(4) + 4),
-            ("gradients of splats", each(4 * u64::from(self.slot_numbers))),
-        ]
-    }
-
-    fn of_pairs(&self) -> [(&'static str, u64); 8] {
-        let each = |bytes: u64| u64::from(self.pairs) * bytes;
+    /// All buffers, made by their names and bytes.
+    fn buffers<B>(&self, mut make: impl FnMut(&str, u64) -> Result<B>) -> Result<StepBuffers<B>> {
+        let of_splat = |bytes: u64| u64::from(self.splats) * bytes;
+        let of_pair = |bytes: u64| u64::from(self.pairs) * bytes;
         let block = GROUP * SORT_ITEMS;
         let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
         let longest = [self.triangles, self.splats, self.frame_pixels].into_iter().max().unwrap_or(0);
         // A sort has its totals there.
         let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS).max(RADIX);
-        [
-            ("tiles of pairs", each(4)),
-            ("sorted tiles", each(4)),
-            ("pairs", each(4)),
-            ("sorted pairs", each(4)),
-            ("splats of pairs", each(8)),
-            ("layers", 16 * u64::from(self.layers)),
-            ("digits", 4 * u64::from(digits)),
-            ("sums of blocks", 4 * u64::from(scanned) + 4),
-        ]
-    }
-
-    fn of_pixels(&self) -> [(&'static str, u64); 13] {
         let (frame, photo) = (u64::from(self.frame_pixels), u64::from(self.photo_pixels));
         let geometry = if self.geometry { frame } else { 0 };
         let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
         let partial = u64::from(partial.into_iter().max().unwrap_or(0));
-        [
-            ("frame", 16 * frame + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 }),
-            ("depth and normals", 48 * geometry),
-            ("gradients of depth and normals", 32 * geometry),
-            ("slopes of the depth map", 32 * geometry),
-            ("photo", 4 * photo),
-            ("picture", 32 * photo),
-            ("derivatives of SSIM", 36 * photo),
-            ("gradients of the picture", 16 * photo),
-            ("partial sums", 16 * partial),
-            ("table of tiles", 12 * u64::from(self.tiles) + 4 + 4 * u64::from(self.pairs / BUCKET)),
-            ("first layers", if self.planes { 4 * frame + 4 } else { 0 }),
-            ("first layers of pixels", if self.planes && self.slot_numbers > 0 { 32 * frame } else { 0 }),
-            ("room", 16),
-        ]
+        Ok(StepBuffers {
+            size: *self,
+            splat_starts: make("first splats", 4 * u64::from(self.triangles) + 4)?,
+            records: make("splats", of_splat(64))?,
+            bounds: make("boxes of splats", of_splat(16))?,
+            planes: make("depth planes", if self.planes { of_splat(32) } else { 0 })?,
+            pieces: make("pieces of triangles", of_splat(4))?,
+            depths: [make("depths", of_splat(4))?, make("sorted depths", of_splat(4))?],
+            order: [make("order", of_splat(4))?, make("sorted order", of_splat(4))?],
+            pair_starts: make("first pairs", of_splat(4) + 4)?,
+            splat_sums: make("gradients of splats", of_splat(4 * u64::from(self.slot_numbers)))?,
+            tiles: [make("tiles of pairs", of_pair(4))?, make("sorted tiles", of_pair(4))?],
+            pairs: [make("pairs", of_pair(4))?, make("sorted pairs", of_pair(4))?],
+            owners: make("splats of pairs", of_pair(8))?,
+            layers: make("layers", 16 * u64::from(self.layers))?,
+            histogram: make("digits", 4 * u64::from(digits))?,
+            block_sums: make("sums of blocks", 4 * u64::from(scanned) + 4)?,
+            slots: [
+                make("gradients of pairs", self.slot_bytes(0))?,
+                make("gradients of pairs", self.slot_bytes(1))?,
+                make("gradients of pairs", self.slot_bytes(2))?,
+                make("gradients of pairs", self.slot_bytes(3))?,
+            ],
+            frame: make(
+                "frame",
+                16 * frame + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 },
+            )?,
+            geometry: make("depth and normals", 48 * geometry)?,
+            d_geometry: make("gradients of depth and normals", 32 * geometry)?,
+            slopes: make("slopes of the depth map", 32 * geometry)?,
+            photo: make("photo", 4 * photo)?,
+            picture: make("picture", 32 * photo)?,
+            maps: make("derivatives of SSIM", 36 * photo)?,
+            d_frame: make("gradients of the picture", 16 * photo)?,
+            partial_sums: make("partial sums", 16 * partial)?,
+            table: make(
+                "table of tiles",
+                12 * u64::from(self.tiles) + 4 + 4 * u64::from(self.pairs / BUCKET),
+            )?,
+            layer_starts: make("first layers", if self.planes { 4 * frame + 4 } else { 0 })?,
+            kept: make(
+                "first layers of pixels",
+                if self.planes && self.slot_numbers > 0 { 32 * frame } else { 0 },
+            )?,
+            most: make("room", 16)?,
+        })
     }
 }
 
 /// The buffers of one step.
 #[derive(Debug)]
-pub(super) struct StepBuffers {
+pub(super) struct StepBuffers<B = Buffer> {
     pub(super) size: StepCapacity,
-    pub(super) splat_starts: Buffer,
-    pub(super) records: Buffer,
-    pub(super) bounds: Buffer,
-    pub(super) planes: Buffer,
-    pub(super) pieces: Buffer,
-    pub(super) depths: [Buffer; 2],
-    pub(super) order: [Buffer; 2],
-    pub(super) pair_starts: Buffer,
-    pub(super) splat_sums: Buffer,
-    pub(super) tiles: [Buffer; 2],
-    pub(super) pairs: [Buffer; 2],
-    pub(super) owners: Buffer,
-    pub(super) layers: Buffer,
-    pub(super) histogram: Buffer,
-    pub(super) block_sums: Buffer,
-    pub(super) slots: [Buffer; SLOT_PARTS as usize],
-    pub(super) frame: Buffer,
-    pub(super) geometry: Buffer,
-    pub(super) d_geometry: Buffer,
-    pub(super) slopes: Buffer,
-    pub(super) photo: Buffer,
-    pub(super) picture: Buffer,
-    pub(super) maps: Buffer,
-    pub(super) d_frame: Buffer,
-    pub(super) partial_sums: Buffer,
-    pub(super) table: Buffer,
-    pub(super) layer_starts: Buffer,
-    pub(super) kept: Buffer,
+    pub(super) splat_starts: B,
+    pub(super) records: B,
+    pub(super) bounds: B,
+    pub(super) planes: B,
+    pub(super) pieces: B,
+    pub(super) depths: [B; 2],
+    pub(super) order: [B; 2],
+    pub(super) pair_starts: B,
+    pub(super) splat_sums: B,
+    pub(super) tiles: [B; 2],
+    pub(super) pairs: [B; 2],
+    pub(super) owners: B,
+    pub(super) layers: B,
+    pub(super) histogram: B,
+    pub(super) block_sums: B,
+    pub(super) slots: [B; SLOT_PARTS as usize],
+    pub(super) frame: B,
+    pub(super) geometry: B,
+    pub(super) d_geometry: B,
+    pub(super) slopes: B,
+    pub(super) photo: B,
+    pub(super) picture: B,
+    pub(super) maps: B,
+    pub(super) d_frame: B,
+    pub(super) partial_sums: B,
+    pub(super) table: B,
+    pub(super) layer_starts: B,
+    pub(super) kept: B,
     /// The capacity for splats, pairs and layers, as the card reads it.
-    pub(super) most: Buffer,
+    pub(super) most: B,
 }
 
 impl StepBuffers {
@@ -218,43 +218,7 @@ impl StepBuffers {
     ///
     /// Errors: more than the card has, or binds at once.
     pub(super) fn new(gpu: &Gpu, size: StepCapacity) -> Result<Self> {
-        let mut sizes = size.buffers().into_iter();
-        let mut next = || {
-            let (what, bytes) = sizes.next().unwrap_or_default();
-            storage(gpu, what, bytes, REMEDY)
-        };
-        let buffers = Self {
-            size,
-            splat_starts: next()?,
-            records: next()?,
-            bounds: next()?,
-            planes: next()?,
-            pieces: next()?,
-            depths: [next()?, next()?],
-            order: [next()?, next()?],
-            pair_starts: next()?,
-            splat_sums: next()?,
-            tiles: [next()?, next()?],
-            pairs: [next()?, next()?],
-            owners: next()?,
-            layers: next()?,
-            histogram: next()?,
-            block_sums: next()?,
-            slots: [next()?, next()?, next()?, next()?],
-            frame: next()?,
-            geometry: next()?,
-            d_geometry: next()?,
-            slopes: next()?,
-            photo: next()?,
-            picture: next()?,
-            maps: next()?,
-            d_frame: next()?,
-            partial_sums: next()?,
-            table: next()?,
-            layer_starts: next()?,
-            kept: next()?,
-            most: next()?,
-        };
+        let buffers = size.buffers(|what, bytes| storage(gpu, what, bytes, REMEDY))?;
         let most = [size.splats, size.pairs, size.layers, 0];
         gpu.queue.write_buffer(&buffers.most, 0, bytemuck::cast_slice(&most));
         Ok(buffers)

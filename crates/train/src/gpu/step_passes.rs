@@ -1,11 +1,8 @@
 //! The passes of one step, in order.
 
-use super::passes::{GROUP, SCAN_ITEMS};
-use super::passes::{Passes, TilePasses};
+use super::passes::{GROUP, Passes, SCAN_ITEMS, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
-use super::sequence::{Count, DIGIT_BITS, Groups, Job, sum, turn};
-use super::sequence::{Ordering, Sort};
-use super::sequence::{Sequence, Spread, all};
+use super::sequence::{Count, DIGIT_BITS, Groups, Job, Ordering, Sequence, Sort, Spread, all, sum, turn};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use wgpu::{BindingResource, Buffer};

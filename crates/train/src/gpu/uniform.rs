@@ -234,29 +234,10 @@ pub(super) struct PendingStep {
     pub(super) regularised: bool,
     /// Reads back the counts after the last pass.
     pub(super) readback: Readback,
-    dssim: f64,
+    pub(super) dssim: f64,
 }
 
 impl PendingStep {
-    pub(super) fn new(
-        plan: StepPlan,
-        photo: &StepPhoto<'_>,
-        source: PhotoSource,
-        rates: &StepParams,
-        shape: SceneShape,
-        readback: Readback,
-    ) -> Self {
-        Self {
-            step: StepUniform::new(&plan, photo, rates, shape),
-            counts: first_counts(&plan, shape),
-            photo: source,
-            regularised: rates.beta_size > 0.0,
-            readback,
-            dssim: rates.dssim,
-            plan,
-        }
-    }
-
     /// Its figures, from the counts after the last pass.
     pub(super) fn stats(&self, counts: &[u32]) -> StepStats {
         let sum = |count: Count| f64::from(f32::from_bits(counts[count as usize]));

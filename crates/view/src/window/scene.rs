@@ -296,7 +296,7 @@ pub(super) fn draw_screenshot(gpu: &Gpu, model: &Model, params: &FrameParams) ->
     let mut renderer = Renderer::new(gpu)?;
     let canvas = Canvas::new(gpu, params.camera.size, params.msaa)?;
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    renderer.draw(gpu, &mut encoder, canvas.output(None), model, params)?;
+    renderer.draw(gpu, &mut encoder, canvas.output(), model, params)?;
     gpu.queue.submit([encoder.finish()]);
     canvas.pixels(gpu)
 }

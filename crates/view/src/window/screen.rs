@@ -150,7 +150,7 @@ impl Screen {
             clear(encoder, view, attachments, self.options.background);
             return Ok(());
         };
-        let output = FrameOutput { picture: view, attachments, timestamps: None };
+        let output = FrameOutput { picture: view, attachments };
         session.drawn = self.renderer.draw(&self.gpu, encoder, output, model, &params)?;
         Ok(())
     }
