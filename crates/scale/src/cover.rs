@@ -363,14 +363,13 @@ mod tests {
         let owners = owners(&middles, &regions);
         let space = SceneNormalization { center: Vec3::new(10.0, 0.0, 0.0), scale: 0.5 };
         let coverage = Coverage::new(&soup, &middles, &owners, space, &SoftOptions::default());
-        let (mut brush, mut soft, mut whole) =
-            (Brush::default(), SoftRasterizer::new(), Importance::default());
+        let (mut brush, mut soft) = (Brush::default(), SoftRasterizer::new());
         let mut projected = 0;
         for camera in cameras() {
             let small = coverage.draw(&mut brush, &camera);
             projected += brush.numbers.len();
             let options = SoftOptions { importance: true, ..coverage.options };
-            whole = Importance::new(soup.len());
+            let mut whole = Importance::new(soup.len());
             soft.render(&SoupRef::from(&coverage.cells.soup), &small, &options);
             soft.accumulate_importance(&mut whole);
             assert_eq!(soft.frame().rgb, brush.soft.frame().rgb);

@@ -93,6 +93,9 @@ fn grads<L: Lanes>(
 
 /// The rows of one chunk of triangles.
 struct GradRows<'a> {
+    soup: &'a SoupRef<'a>,
+    camera: &'a KernelCamera,
+    options: &'a SoftOptions,
     first: usize,
     vertices: &'a mut [[Vec3; 3]],
     opacity: &'a mut [f32],
@@ -130,7 +133,7 @@ pub(super) fn gather(
             ..SoupGrad::default()
         };
     }
-    let camera = KernelCamera::new(camera);
+    let camera = &KernelCamera::new(camera);
     let stale = SoupGrad { visible: std::mem::take(&mut out.visible), ..SoupGrad::default() };
     let rows = out
         .vertices
@@ -140,9 +143,10 @@ pub(super) fn gather(
         .zip(out.sh.chunks_mut(CHUNK * k).zip(out.error.chunks_mut(CHUNK)));
     let found: Vec<(Vec<u32>, usize)> =
         parallel::map(rows, |c, (((vertices, opacity), sigma), (sh, error))| {
-            let mut rows = GradRows { first: c * CHUNK, vertices, opacity, sigma, sh, error, k };
-            stale.visible_in(c * CHUNK..(c + 1) * CHUNK).iter().for_each(|&t| rows.zero(t as usize));
-            rows.fill(pairs, soup, &camera, options, &pairs.chunks[c].projected)
+            let first = c * CHUNK;
+            let mut rows = GradRows { soup, camera, options, first, vertices, opacity, sigma, sh, error, k };
+            stale.visible_in(first..first + CHUNK).iter().for_each(|&t| rows.zero(t as usize));
+            rows.fill(pairs, &pairs.chunks[c].projected)
         });
     out.visible = stale.visible;
     out.visible.clear();
@@ -164,14 +168,8 @@ impl GradRows<'_> {
     }
 
     /// Writes the rows of the triangles that were drawn; returns them and the number of non-finite ones.
-    fn fill(
-        &mut self,
-        pairs: &PairGrads,
-        soup: &SoupRef,
-        camera: &KernelCamera,
-        options: &SoftOptions,
-        projected: &[ProjectedSplat],
-    ) -> (Vec<u32>, usize) {
+    fn fill(&mut self, pairs: &PairGrads, projected: &[ProjectedSplat]) -> (Vec<u32>, usize) {
+        let Self { soup, camera, options, .. } = *self;
         let mut visible = Vec::with_capacity(projected.len());
         let mut dropped = 0;
         let sums = SplatSums::of_chunk(pairs.tiles, pairs.slots, projected, options.geometry);
@@ -196,35 +194,23 @@ impl GradRows<'_> {
             if drawn {
                 let rgb = pieces[0].record.rgb;
                 visible.push(triangle as u32);
-                dropped += usize::from(!self.write(&row, rgb, triangle, soup, camera, options.linear));
+                dropped += usize::from(!self.write(&row, rgb, triangle));
             }
         }
         (visible, dropped)
     }
 
     /// Writes one row; false, and zeros, when it is not finite.
-    fn write(
-        &mut self,
-        row: &GradRow,
-        rgb: [f32; 3],
-        triangle: usize,
-        soup: &SoupRef,
-        camera: &KernelCamera,
-        linear: bool,
-    ) -> bool {
-        let i = triangle - self.first;
-        let out = &mut self.sh[i * self.k..(i + 1) * self.k];
-        let used = soup.active_sh(triangle);
+    fn write(&mut self, row: &GradRow, rgb: [f32; 3], triangle: usize) -> bool {
         // The colour is clamped at 0, which stops a gradient that would lower it further. One that raises it
         // passes, because the optimiser overshoots and the colour could otherwise never return. In linear light
         // the colour is also clamped at 1, as in engines, where all gradients pass for the same reason.
         let d_rgb = std::array::from_fn(|c| match rgb[c] > 0.0 || row.rgb[c] < 0.0 {
-            true if linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
+            true if self.options.linear => row.rgb[c] * decode(srgb_from_linear(rgb[c])).1,
             true => row.rgb[c],
             false => 0.0,
         });
-        let d_offset = color_grad(d_rgb, triangle, soup, camera, used, out);
-        out[used.len()..].fill([0.0; 3]);
+        let d_offset = self.color_grad(d_rgb, triangle);
         let vertices = row.vertices.map(|v| v + d_offset * (1.0 / 3.0));
         let finite = d_rgb.iter().all(|d| d.is_finite())
             && vertices.iter().all(|v| v.is_finite())
@@ -234,36 +220,34 @@ impl GradRows<'_> {
             self.zero(triangle);
             return false;
         }
+        let i = triangle - self.first;
         self.vertices[i] = vertices;
         self.opacity[i] = row.opacity;
         self.sigma[i] = row.sigma;
         self.error[i] = row.error;
         true
     }
-}
 
-/// Writes the gradients of the coefficients to `out`; returns ∂L/∂(centroid - camera).
-fn color_grad(
-    d: [f32; 3],
-    triangle: usize,
-    soup: &SoupRef,
-    camera: &KernelCamera,
-    used: &[[f32; 3]],
-    out: &mut [[f32; 3]],
-) -> Vec3 {
-    let degree = soup.active_degree.min(soup.sh_degree);
-    let (unit, length) = direction(camera, &soup.vertices[triangle]);
-    let basis = sh::basis(degree, unit);
-    let mut d_basis = [0.0f32; sh::MAX_COEFFICIENTS];
-    for (i, coefficient) in used.iter().enumerate() {
-        out[i] = d.map(|d| d * basis[i]);
-        d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
+    /// Writes the gradients of the coefficients; returns ∂L/∂(centroid - camera).
+    fn color_grad(&mut self, d: [f32; 3], triangle: usize) -> Vec3 {
+        let (soup, i) = (self.soup, triangle - self.first);
+        let out = &mut self.sh[i * self.k..(i + 1) * self.k];
+        let used = soup.active_sh(triangle);
+        let degree = soup.active_degree.min(soup.sh_degree);
+        let (unit, length) = direction(self.camera, &soup.vertices[triangle]);
+        let basis = sh::basis(degree, unit);
+        let mut d_basis = [0.0f32; sh::MAX_COEFFICIENTS];
+        for (i, coefficient) in used.iter().enumerate() {
+            out[i] = d.map(|d| d * basis[i]);
+            d_basis[i] = coefficient[0] * d[0] + coefficient[1] * d[1] + coefficient[2] * d[2];
+        }
+        out[used.len()..].fill([0.0; 3]);
+        if degree == 0 || !(length > 0.0) {
+            return Vec3::ZERO;
+        }
+        let d_unit = sh::basis_grad(degree, unit, &d_basis);
+        vec3(sh::normalize_grad(unit, length, d_unit))
     }
-    if degree == 0 || !(length > 0.0) {
-        return Vec3::ZERO;
-    }
-    let d_unit = sh::basis_grad(degree, unit, &d_basis);
-    vec3(sh::normalize_grad(unit, length, d_unit))
 }
 
 /// Gradient of one triangle without the SH.

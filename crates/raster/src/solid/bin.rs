@@ -186,11 +186,9 @@ impl BinFaces<'_> {
     #[inline(always)]
     fn insert(&mut self, at: &SnappedTriangle, face: u32) {
         let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
-        let (x0, x1) = samples_between(left, right);
-        let (y0, y1) = samples_between(top, bottom);
         let size = self.projector.size.as_ivec2();
-        let (x0, x1) = (x0.max(0), x1.min(size.x - 1));
-        let (y0, y1) = (y0.max(0), y1.min(size.y - 1));
+        let (x0, x1) = samples_between(at.x, 0, size.x - 1);
+        let (y0, y1) = samples_between(at.y, 0, size.y - 1);
         if x0 > x1 || y0 > y1 {
             return;
         }
@@ -301,10 +299,11 @@ pub(super) fn tile_count(size: UVec2) -> UVec2 {
     UVec2::new(size.x.div_ceil(TILE_WIDTH as u32), size.y.div_ceil(TILE_HEIGHT as u32))
 }
 
-/// Samples `first..=last` whose centres lie in [low, high] on the grid.
+/// Samples `first..=last`, within `from..=to`, whose centres lie between values on the grid.
 #[inline(always)]
-pub(super) fn samples_between(low: i32, high: i32) -> (i32, i32) {
-    ((low + GRID / 2 - 1) >> 8, (high - GRID / 2) >> 8)
+pub(super) fn samples_between(values: [i32; 3], from: i32, to: i32) -> (i32, i32) {
+    let (low, high) = extent(values);
+    (((low + GRID / 2 - 1) >> 8).max(from), ((high - GRID / 2) >> 8).min(to))
 }
 
 /// Smallest and largest of three.
@@ -319,6 +318,10 @@ pub(super) fn extent(values: [i32; 3]) -> (i32, i32) {
 pub(super) fn least_inside(dx: i32, dy: i32) -> i32 {
     i32::from(!(dy < 0 || (dy == 0 && dx > 0)))
 }
+
+/// The numbers of the lanes.
+pub(super) const LANE: [f32; LANES] =
+    [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
 
 /// Samples by which a block may extend beyond its tile on the right and below; enough to keep runs of `spans`
 /// within the keys.

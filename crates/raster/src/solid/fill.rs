@@ -5,7 +5,7 @@
 //! are dropped. So time grows with the visible layers.
 
 use super::bin::{
-    Batch, CENTER, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent,
+    Batch, CENTER, LANE, LargeTriangle, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, TinyTriangle, extent,
     farthest, key, least_inside, samples_between, tile_place, tile_size,
 };
 use super::projector::GRID;
@@ -73,11 +73,8 @@ fn draw_tiny<L: Lanes>(keys: &mut SampleKeys, tiny: &TinyTriangle) {
     if area == 0 {
         return;
     }
-    let ((left, right), (top, bottom)) = (extent([x0, x1, x2]), extent([y0, y1, y2]));
-    let (first_x, last_x) = samples_between(left, right);
-    let (first_y, last_y) = samples_between(top, bottom);
-    let (first_x, last_x) = (first_x.max(0), last_x.min(TILE_WIDTH as i32 - 1));
-    let (first_y, last_y) = (first_y.max(0), last_y.min(TILE_HEIGHT as i32 - 1));
+    let (first_x, last_x) = samples_between([x0, x1, x2], 0, TILE_WIDTH as i32 - 1);
+    let (first_y, last_y) = samples_between([y0, y1, y2], 0, TILE_HEIGHT as i32 - 1);
 
     // Edge i lies opposite corner i.
     let edges = [(x1, y1, x2 - x1, y2 - y1), (x2, y2, x0 - x2, y0 - y2), (x0, y0, x1 - x0, y1 - y0)];
@@ -266,12 +263,9 @@ struct TileTriangle {
 /// Draws a triangle where it covers the tile whose first sample is `corner`.
 #[inline(always)]
 fn draw_large<L: Lanes>(keys: &mut SampleKeys, large: &LargeTriangle, corner: [i32; 2]) {
-    let at = &large.at;
-    let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
-    let (first_x, last_x) = samples_between(left, right);
-    let (first_y, last_y) = samples_between(top, bottom);
-    let (first_x, last_x) = (first_x.max(corner[0]), last_x.min(corner[0] + TILE_WIDTH as i32 - 1));
-    let (first_y, last_y) = (first_y.max(corner[1]), last_y.min(corner[1] + TILE_HEIGHT as i32 - 1));
+    let [left, top] = corner;
+    let (first_x, last_x) = samples_between(large.at.x, left, left + TILE_WIDTH as i32 - 1);
+    let (first_y, last_y) = samples_between(large.at.y, top, top + TILE_HEIGHT as i32 - 1);
     let Some(triangle) = TileTriangle::new(large, [first_x, first_y]) else { return };
     let place = (first_y - corner[1]) as usize * STRIDE + (first_x - corner[0]) as usize;
     let (width, rows) = (last_x - first_x, last_y - first_y + 1);
@@ -323,11 +317,7 @@ impl TileTriangle {
             *start = w as f32;
         }
         let step = (self.edges[1].right * self.second + self.edges[2].right * self.third) as f32;
-        let mut lane = [0.0; LANES];
-        for (i, lane) in lane.iter_mut().enumerate() {
-            *lane = i as f32;
-        }
-        let lane = L::load(&lane);
+        let lane = L::load(&LANE);
         for (r, start) in starts.into_iter().enumerate().take(count) {
             let (first, last) = (spans.first[r] as i32, spans.last[r] as i32);
             let length = last - first + 1;

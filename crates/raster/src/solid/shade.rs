@@ -1,6 +1,6 @@
 //! Colours of samples, and their mean in each pixel.
 
-use super::bin::{STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, face_of};
+use super::bin::{LANE, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, face_of};
 use super::projector::Projector;
 use super::visibility::{FaceBarycentrics, NO_FACE};
 use trisplat_scene::math::color::srgb8_from_linear;
@@ -59,11 +59,7 @@ impl ShadeTile<'_, '_> {
     #[inline(always)]
     fn shade_row<L: Lanes>(&mut self, y: usize, row: &mut SampleRow) {
         if self.keys[y * STRIDE..y * STRIDE + TILE_WIDTH].iter().fold(0, |any, key| any | key) == 0 {
-            *row = [
-                [self.background[0]; TILE_WIDTH],
-                [self.background[1]; TILE_WIDTH],
-                [self.background[2]; TILE_WIDTH],
-            ];
+            *row = self.background.map(|channel| [channel; TILE_WIDTH]);
             return;
         }
         if let Some(texture) = &self.mesh.texture {
@@ -200,11 +196,7 @@ impl ShadeTile<'_, '_> {
     fn ray<L: Lanes>(&self, x: usize, y: usize) -> [L; 3] {
         let at = self.projector.ray(self.corner[0] + x as u32, self.corner[1] + y as u32);
         let (start, step) = self.projector.ray_to_world(at);
-        let mut lane = [0.0; LANES];
-        for (i, lane) in lane.iter_mut().enumerate() {
-            *lane = i as f32;
-        }
-        let lane = L::load(&lane);
+        let lane = L::load(&LANE);
         let along = |axis: usize| L::splat(start[axis]) + lane * L::splat(step[axis]);
         [along(0), along(1), along(2)]
     }
