@@ -92,7 +92,7 @@ def render(
     dataset: Optional[_Path] = None,
     split: _Split = "test",
     width: int = 960,
-    show: Literal["color", "depth", "normal", "wires", "random-subset"] = "color",
+    show: Literal["color", "depth", "normal", "wires"] = "color",
     mode: Optional[_Mode] = None,
     ssaa: Literal[1, 2, 4] = 4,
     dataset_options: Optional[Mapping[str, Any]] = None,

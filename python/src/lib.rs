@@ -105,7 +105,7 @@ fn eval<'py>(
 /// Pictures of a scene as arrays (H, W, 3), uint8, by their names: from a circle of `orbit` places around its
 /// subject, or from the cameras of `dataset`.
 ///
-/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal", "wires" or "random-subset"; `split`, `mode`,
+/// `width` is that of an orbit without a data set, px. `show` is "color", "depth", "normal" or "wires"; `split`, `mode`,
 /// `ssaa` and `dataset_options` as in `eval`.
 ///
 /// Raises OSError, ValueError.

@@ -26,7 +26,7 @@ pub struct InfoArgs {
     pub dataset_options: DatasetOptions,
 }
 
-/// A name and a value; a row without a name stands below the one before.
+/// A name and a value.
 type Row = (&'static str, String);
 
 /// Describes the file on `out`.
@@ -57,10 +57,7 @@ pub fn is_dataset(path: &Path) -> bool {
 }
 
 fn print(rows: Vec<Row>, out: &mut dyn Write) -> io::Result<()> {
-    rows.iter().try_for_each(|(name, value)| match *name {
-        "" => messages::write(out, value),
-        name => messages::write(out, &format!("{name:<10} {value}")),
-    })
+    rows.iter().try_for_each(|(name, value)| messages::write(out, &format!("{name:<10} {value}")))
 }
 
 fn scene_rows(info: &Info) -> Vec<Row> {
@@ -102,7 +99,9 @@ fn scene_rows(info: &Info) -> Vec<Row> {
         rows.push(("texture", format!("{pages}{width}x{height} texels{stored}")));
     }
     for (name, spread) in [("opacity", &info.opacity), ("sigma", &info.sigma)] {
-        rows.extend(spread.iter().flat_map(|spread| spread_rows(name, spread)));
+        rows.extend(spread.iter().map(|Distribution { min, median, mean, max }| {
+            (name, format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))
+        }));
     }
     rows.extend((!are_splats).then(|| ("bake", bake_line(info))));
     rows.extend(info.softness.as_ref().map(|softness| ("soft", soft_line(softness))));
@@ -161,22 +160,6 @@ fn soft_line(softness: &Softness) -> String {
     format!(
         "its solid triangles match its soft pictures to {psnr:.1} dB ({pictures}); `bake --harden` trains it solid"
     )
-}
-
-/// A histogram of text bars; the longest is 40 characters.
-fn spread_rows(name: &'static str, spread: &Distribution) -> Vec<Row> {
-    let Distribution { min, median, mean, max, bins } = spread;
-    let mut rows = vec![(name, format!("{min:.4} to {max:.4}, mean {mean:.4}, median {median:.4}"))];
-    let most = bins.iter().map(|bin| bin.count).max().unwrap_or(0).max(1);
-    rows.extend(bins.iter().map(|bin| {
-        let range = match bin.high {
-            Some(high) => format!("{} to {high}", bin.low),
-            None => format!("{} and more", bin.low),
-        };
-        let bar = "#".repeat((40 * bin.count).div_ceil(most) as usize);
-        ("", format!("  {range:>14}  {:>11}  {bar}", thousands(bin.count)))
-    }));
-    rows
 }
 
 fn dataset_rows(d: &Description) -> Vec<Row> {

@@ -8,9 +8,8 @@ use trisplat_scene::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
-pub const OUTPUTS: [&str; 12] = [
+pub const OUTPUTS: [&str; 11] = [
     "checkpoint",
-    "curve",
     "folder",
     "log",
     "output",

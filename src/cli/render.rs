@@ -7,7 +7,7 @@ use super::outputs::Outputs;
 use super::progress::Progress;
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_job::{PictureKind, RenderJob, RenderOptions, SHARE, WIDTH};
+use trisplat_job::{PictureKind, RenderJob, RenderOptions, WIDTH};
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Error, Result};
@@ -45,12 +45,6 @@ pub struct RenderArgs {
     /// What the pictures show.
     #[arg(long, value_enum, default_value_t)]
     pub show: PictureKind,
-    /// Share of the triangles that --show random-subset draws, of 1.
-    #[arg(long, value_name = "SHARE", default_value_t = SHARE)]
-    pub share: f64,
-    /// Seed of the random subset.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
     /// Replace pictures that are there.
     #[arg(short, long)]
     pub force: bool,
@@ -89,7 +83,6 @@ impl RenderArgs {
         (job.render, job.split, job.show) = (self.render, self.split, self.show);
         job.cameras.clone_from(&self.cameras);
         (job.orbit, job.width) = (self.orbit, self.width);
-        (job.share, job.seed) = (self.share, self.seed);
         job.backend = self.backend_options.clone();
         job.dataset_options = self.dataset_options.clone();
         job

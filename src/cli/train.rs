@@ -12,10 +12,8 @@ use super::terminal::Terminal;
 use super::train_args;
 use super::train_args::TrainArgs;
 use super::train_block;
-use super::train_progress;
 use super::train_progress::Bar;
 use clap::ArgMatches;
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -26,7 +24,6 @@ use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
 use trisplat_scene::{
     Error, ImportedScene, Result,
-    atomic::AtomicFile,
     layered::Layered,
     report::{OutputReport, Report, counted},
 };
@@ -322,13 +319,10 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
     read.into_iter().for_each(|path| files.add_input(path));
     args.resume.iter().for_each(|path| files.add_resumed(path));
     files.claim("--output", out)?;
-    let [report, curve] = [&args.report, &args.curve].map(Option::as_deref);
     if trains {
         files.claim("--teacher", &teacher_file)?;
     }
-    for (option, path) in [("--report", report), ("--curve", curve)] {
-        path.map_or(Ok(()), |path| files.claim(option, path))?;
-    }
+    files.claim_report(args.report.as_deref())?;
     // A resumed run adds to its log and replaces its own checkpoint.
     let goes_on = args.force || args.resume.is_some();
     files.release(goes_on);
@@ -344,7 +338,7 @@ fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Resu
     Ok(files)
 }
 
-/// Writes the soup, then the curve and the report; a curve or report that cannot be written is a warning.
+/// Writes the soup, then the report, whose loss is a warning.
 fn write(
     args: &TrainArgs,
     trained: &Trained,
@@ -353,16 +347,9 @@ fn write(
     files: &mut Outputs,
     bar: &mut Bar,
 ) -> Result<()> {
-    let written = |path: &Path, bytes: u64| OutputReport { path: path.display().to_string(), bytes };
     let bytes = files.take(&args.output).and_then(|file| trained.save_to(file));
     let bytes = bytes.map_err(|error| rescued(error, args, trained))?;
-    report.outputs.push(written(&args.output, bytes));
-    if let Some(path) = &args.curve {
-        match files.take(path).and_then(|file| save_curve(file, trained)) {
-            Ok(bytes) => report.outputs.push(written(path, bytes)),
-            Err(error) => bar.note_lost(&error, "the curve is missing"),
-        }
-    }
+    report.outputs.push(OutputReport { path: args.output.display().to_string(), bytes });
     if let Some(path) = &args.report {
         report.warnings.extend_from_slice(bar.lost_so_far());
         report.seconds = clock.elapsed().as_secs_f64();
@@ -382,12 +369,6 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
         Ok(_) => Error::Incomplete(format!("{error}; the scene was saved as {}", path.display())),
         Err(_) => error,
     }
-}
-
-fn save_curve(mut file: AtomicFile, trained: &Trained) -> Result<u64> {
-    let svg = train_progress::svg(file.path(), &trained.curve)?;
-    file.write_all(svg.as_bytes()).map_err(|e| Error::io(file.path(), e))?;
-    file.commit()
 }
 
 /// The next command: the bake of the written scene.

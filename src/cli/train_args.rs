@@ -10,7 +10,7 @@ use trisplat_train::budget::Seconds;
 use trisplat_train::{BackendOptions, TrainOptions};
 
 /// Options that a plan sets for all its blocks.
-const BLOCK_FIXES: [&str; 16] = [
+const BLOCK_FIXES: [&str; 15] = [
     "output",
     "config",
     "sets",
@@ -20,7 +20,6 @@ const BLOCK_FIXES: [&str; 16] = [
     "checkpoint",
     "keep",
     "eval_every",
-    "curve",
     "budget",
     "budget_wall",
     "preset",
@@ -118,9 +117,6 @@ pub struct TrainArgs {
     /// Write the results of the run as JSON (schema: trisplat schema report).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// Draw PSNR and triangles over CPU seconds, as SVG.
-    #[arg(long, value_name = "FILE")]
-    pub curve: Option<PathBuf>,
     /// Folder for pictures of the first held-out photo while training.
     #[arg(long, value_name = "FOLDER")]
     pub preview: Option<PathBuf>,

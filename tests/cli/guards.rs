@@ -116,12 +116,8 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("train", "output", "train photos --from a.ply -o {} -f", &["link.ply", "a.ply"]);
     let from = of_dataset(&["g.gltf", "m.bin", "a.ply"]);
     let train = "train photos --from g.gltf --teacher a.ply -o n.ply -f";
-    for (option, line) in [
-        ("checkpoint", "--checkpoint {}"),
-        ("log", "--log {}"),
-        ("report", "--report {}"),
-        ("curve", "--curve {}"),
-    ] {
+    for (option, line) in [("checkpoint", "--checkpoint {}"), ("log", "--log {}"), ("report", "--report {}")]
+    {
         add("train", option, &format!("{train} {line}"), &from);
     }
     add(

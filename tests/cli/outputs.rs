@@ -61,7 +61,7 @@ pub(super) fn state(folder: &Path) -> Vec<(PathBuf, u64, std::time::SystemTime)>
 fn what_cannot_be_written_is_refused_before_work_starts() {
     let folder = folder();
     let before = state(folder.path());
-    for option in ["--log", "--report", "--curve", "--checkpoint"] {
+    for option in ["--log", "--report", "--checkpoint"] {
         let flags = train(&["-o", "b.ply", option, "no/where"]);
         refused(folder.path(), &flags, &[option, "no/where", "a file in a folder that exists"]);
     }
@@ -100,16 +100,16 @@ fn no_output_is_an_input_or_another_output() {
     );
     check(&train(&forced(&["-o", "c.ply", "--report", "./c.checkpoint"])), &["--report", "--checkpoint"]);
     check(
-        &train(&forced(&["-o", "c.ply", "--log", "x", "--curve", "x"])),
-        &["is x: expected a file that", "--curve", "--log"],
+        &train(&forced(&["-o", "c.ply", "--log", "x", "--report", "x"])),
+        &["is x: expected a file that", "--report", "--log"],
     );
     check(&train(&forced(&["-o", "a.ply", "--from", "a.ply"])), &["--output is a.ply", input]);
     check(
         &train(&forced(&["-o", "c.ply", "--config", "options.json", "--log", "options.json"])),
         &["--log", input],
     );
-    check(&train(&forced(&["-o", "c.ply", "--curve", "photos/sparse/0/images.txt"])), &["--curve", input]);
-    check(&train(&forced(&["-o", "c.ply", "--curve", "photos/images/view_0001.png"])), &["--curve", input]);
+    check(&train(&forced(&["-o", "c.ply", "--report", "photos/sparse/0/images.txt"])), &["--report", input]);
+    check(&train(&forced(&["-o", "c.ply", "--report", "photos/images/view_0001.png"])), &["--report", input]);
     check(
         &train(&forced(&["-o", "c.ply", "--preview", "photos/images"])),
         &["--preview", "does not hold inputs"],

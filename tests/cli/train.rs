@@ -115,12 +115,10 @@ fn ctrl_c_and_sigterm_save_and_say_how_to_go_on() {
 }
 
 #[test]
-fn the_curve_and_the_report_are_files_of_their_own() {
+fn the_report_is_a_file_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["-o", "a.ply", "--report", "report.json", "--curve", "curve.svg", "--log", "-", "-q"];
+    let flags = ["-o", "a.ply", "--report", "report.json", "--log", "-", "-q"];
     let output = succeed(&mut train(folder.path(), &flags));
-    let curve = std::fs::read_to_string(folder.path().join("curve.svg")).unwrap();
-    assert!(curve.starts_with("<svg"));
     let last = String::from_utf8_lossy(&output.stdout).lines().last().map(str::to_owned).unwrap();
     let last: serde_json::Value = serde_json::from_str(&last).unwrap();
     let report = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
@@ -132,13 +130,13 @@ fn the_curve_and_the_report_are_files_of_their_own() {
     );
     let outputs: Vec<&str> =
         report["outputs"].as_array().unwrap().iter().filter_map(|o| o["path"].as_str()).collect();
-    assert_eq!(outputs, ["a.ply", "curve.svg"]);
+    assert_eq!(outputs, ["a.ply"]);
 }
 
 #[test]
 fn figures_of_photos_that_were_shrunk_name_their_size() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["-o", "a.ply", "--report", "r.json", "--curve", "c.svg", "--log", "a.log"];
+    let flags = ["-o", "a.ply", "--report", "r.json", "--log", "a.log"];
     let said = stderr(&succeed(&mut train(folder.path(), &flags)));
     let line = said.lines().find(|line| line.contains("held out")).unwrap();
     assert!(line.ends_with(", photos at 80x60)"), "{said}");
@@ -147,7 +145,6 @@ fn figures_of_photos_that_were_shrunk_name_their_size() {
     assert_eq!(last["test_size"], "80x60");
     let report: serde_json::Value = serde_json::from_str(&read("r.json")).unwrap();
     assert_eq!(report["stages"][1]["details"]["photo_size"], "80x60");
-    assert!(read("c.svg").contains("held out, photos at 80x60"));
 
     let eval = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
@@ -170,9 +167,7 @@ fn nothing_is_replaced_without_force() {
     let folder = tempfile::tempdir().unwrap();
     let data = dataset();
     let out = folder.path().join("a.ply");
-    for (flag, name) in
-        [("--report", "r.json"), ("--curve", "c.svg"), ("--log", "l.jsonl"), ("--checkpoint", "a.checkpoint")]
-    {
+    for (flag, name) in [("--report", "r.json"), ("--log", "l.jsonl"), ("--checkpoint", "a.checkpoint")] {
         let path = folder.path().join(name);
         std::fs::write(&path, b"precious").unwrap();
         fails(folder.path(), &[&"train", &data, &"-o", &out, &flag, &path], &[name, "--force"]);

@@ -100,8 +100,6 @@ pub(crate) fn train() -> Case {
         "out/log.jsonl",
         "--report",
         "out/report.json",
-        "--curve",
-        "out/curve.svg",
         "--preview",
         "out/preview",
         "--preview-every",

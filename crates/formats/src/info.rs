@@ -12,11 +12,6 @@ use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture};
 
-/// Upper ends of the bins of σ; a window of σ < 0.1 looks solid, one of σ > 10 hardly shows.
-const SIGMA_BINS: [f32; 10] = [0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, f32::MAX];
-/// Upper ends of the bins of opacity.
-const OPACITY_BINS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
-
 /// What a file holds.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(title = "trisplat info")]
@@ -117,20 +112,6 @@ pub struct Distribution {
     pub mean: f64,
     /// Largest.
     pub max: f32,
-    /// Histogram, in order.
-    pub bins: Vec<HistogramBin>,
-}
-
-/// One bar of a histogram: low ≤ x < high; the last bin holds its end too.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct HistogramBin {
-    /// Lower end.
-    pub low: f32,
-    /// Upper end; none for the open last bin.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub high: Option<f32>,
-    /// Numbers in it.
-    pub count: u64,
 }
 
 /// Colours of all triangles or Gaussians, sRGB-encoded, 0 to 1.
@@ -240,8 +221,8 @@ fn soup_info(soup: &Soup) -> Info {
         vertices: 3 * soup.len() as u64,
         sh_degree: Some(soup.sh_degree),
         bounds: BoundingBox::of(soup.vertices.iter().flatten().copied()),
-        sigma: Distribution::of(soup.sigma.clone(), &SIGMA_BINS),
-        opacity: Distribution::of(soup.opacity.clone(), &OPACITY_BINS),
+        sigma: Distribution::of(soup.sigma.clone()),
+        opacity: Distribution::of(soup.opacity.clone()),
         colors: ColorStats::of((0..soup.len()).map(|i| soup.rgb(i)), 1),
         ..Info::default()
     }
@@ -253,7 +234,7 @@ fn splats_info(splats: &Splats) -> Info {
         splats: splats.len() as u64,
         sh_degree: Some(splats.sh_degree),
         bounds: BoundingBox::of(splats.positions.iter().copied()),
-        opacity: Distribution::of(splats.opacity.clone(), &OPACITY_BINS),
+        opacity: Distribution::of(splats.opacity.clone()),
         colors: ColorStats::of((0..splats.len()).map(|i| splats.rgb(i)), 1),
         ..Info::default()
     }
@@ -272,7 +253,7 @@ fn mesh_info(mesh: &Mesh) -> Info {
         vertices: mesh.vertex_count() as u64,
         indexed: !mesh.indices.is_empty(),
         bounds: BoundingBox::of(faces().flat_map(|face| mesh.corners(face))),
-        opacity: Distribution::of(mesh.opacity.clone(), &OPACITY_BINS),
+        opacity: Distribution::of(mesh.opacity.clone()),
         colors,
         texture: mesh.texture.as_ref().map(TextureInfo::of),
         ..Info::default()
@@ -292,26 +273,15 @@ impl BoundingBox {
 }
 
 impl Distribution {
-    /// The distribution of `values` over bins with these upper ends; none for no values.
-    fn of(values: Vec<f32>, ends: &[f32]) -> Option<Self> {
+    /// That of `values`; none of no values.
+    fn of(values: Vec<f32>) -> Option<Self> {
         if values.is_empty() {
             return None;
         }
-        let mut counts = vec![0u64; ends.len()];
-        for value in &values {
-            counts[ends.partition_point(|end| end <= value).min(ends.len() - 1)] += 1;
-        }
-        let low = std::iter::once(0.0).chain(ends.iter().copied());
-        let bins = low.zip(ends).zip(counts).map(|((low, &end), count)| HistogramBin {
-            low,
-            high: (end < f32::MAX).then_some(end),
-            count,
-        });
-        let bins = bins.collect();
         let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
         let (min, max) = values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
         let median = median(values, f32::total_cmp)?;
-        Some(Self { min, median, mean, max, bins })
+        Some(Self { min, median, mean, max })
     }
 }
 
@@ -339,14 +309,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_number_falls_into_one_bin() {
-        let spread = Distribution::of(vec![1.0, 0.0, 0.1, 0.0999, 0.5], &OPACITY_BINS).expect("numbers");
-        let counts: Vec<u64> = spread.bins.iter().map(|bin| bin.count).collect();
-        assert_eq!(counts, [2, 1, 0, 0, 0, 1, 0, 0, 0, 1]);
+    fn a_spread_is_of_all_numbers() {
+        let spread = Distribution::of(vec![1.0, 0.0, 0.1, 0.0999, 0.5]).expect("numbers");
         assert_eq!((spread.min, spread.median, spread.max), (0.0, 0.1, 1.0));
-        assert_eq!(spread.bins[9].high, Some(1.0));
-        let sigma = Distribution::of(vec![1e30, 0.01], &SIGMA_BINS).expect("numbers");
-        assert_eq!((sigma.bins[0].count, sigma.bins[9].count, sigma.bins[9].high), (1, 1, None));
-        assert_eq!(Distribution::of(Vec::new(), &SIGMA_BINS), None);
+        assert_eq!(Distribution::of(Vec::new()), None);
     }
 }

@@ -36,7 +36,7 @@ pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;
 pub use plain::{Baked, Renderer, bake, read, read_bytes, score};
 pub use renderer::{BakedScene, RenderOptions, SceneRenderer};
-pub use rendering::{PictureKind, SHARE, WIDTH};
+pub use rendering::{PictureKind, WIDTH};
 pub use rendering::{ReadyRender, RenderJob};
 pub use scores::{EvalReport, ScoredPicture, Scores, StepScore};
 pub use teacher::{TEACHER_FILE, TeacherPlan, TeacherSource};

@@ -238,7 +238,7 @@ impl SceneRenderer {
             return Err(Error::invalid(
                 "show",
                 "wires",
-                "color, depth, normal or random-subset: only a baked file has wires",
+                "color, depth or normal: only a baked file has wires",
             ));
         };
         Ok(show::wires(scene.solid.visibility(&scene.mesh, camera, &scene.options), camera.size))
@@ -254,7 +254,7 @@ impl SceneRenderer {
 
     /// The error of Gaussians where a surface is drawn.
     pub(super) fn no_surface() -> Error {
-        let wants = "color or random-subset: Gaussians have no surface";
+        let wants = "color: Gaussians have no surface";
         Error::invalid("show", "a property of surfaces", wants)
     }
 }

@@ -8,13 +8,11 @@ use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_formats::{self as formats, Content, read_cameras};
 use trisplat_raster::framing::{Surroundings, orbit, up_of};
 use trisplat_scene::{
-    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Rng, Scene, UpAxis, camera::Camera,
+    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Scene, UpAxis, camera::Camera,
     image::RgbImage, placed,
 };
 use trisplat_train::BackendOptions;
 
-/// Default share of triangles in a random subset.
-pub const SHARE: f64 = 0.1;
 /// Width of an orbit's pictures without a data set, px.
 pub const WIDTH: u32 = 960;
 
@@ -52,10 +50,6 @@ pub struct RenderJob {
     pub width: u32,
     /// Quantity to draw.
     pub show: PictureKind,
-    /// Share of triangles in a random subset, 0 to 1.
-    pub share: f64,
-    /// Seed of the random subset.
-    pub seed: u64,
     /// Backend for soft pictures.
     pub backend: BackendOptions,
     /// Options that the data set was read with.
@@ -81,8 +75,6 @@ impl RenderJob {
             orbit: None,
             width: WIDTH,
             show: PictureKind::default(),
-            share: SHARE,
-            seed: 0,
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
         }
@@ -90,11 +82,8 @@ impl RenderJob {
 
     /// Reads the scene and chooses the cameras.
     ///
-    /// Errors: a share outside 0 to 1; an unreadable file; no cameras; pictures that are too large.
+    /// Errors: an unreadable file; no cameras; pictures that are too large.
     pub fn prepare(self, dataset: Option<&Dataset>) -> Result<ReadyRender> {
-        if !(0.0..=1.0).contains(&self.share) {
-            return Err(Error::invalid("share", self.share, "a number from 0 to 1"));
-        }
         match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
             Content::Scene(loaded) => self.prepare_scene(loaded, dataset),
             Content::Splats(loaded) => self.prepare_splats(loaded, dataset),
@@ -109,7 +98,11 @@ impl RenderJob {
         }
         let cameras = self.choose_cameras(&loaded, listed, dataset)?;
         let ImportedScene { scene, provenance, .. } = loaded;
-        let renderer = renderer(&self, scene, &provenance.placement, dataset);
+        let (placement, background) = (&provenance.placement, self.dataset_options.background.to_f32());
+        let renderer = match scene {
+            Scene::Soup(soup) => SceneRenderer::soft(soup, placement, dataset, background),
+            Scene::Mesh(mesh) => SceneRenderer::solid(mesh, placement, dataset, background, self.render.ssaa),
+        };
         self.ready(cameras, renderer)
     }
 
@@ -121,7 +114,7 @@ impl RenderJob {
 
     fn prepare_splats(self, mut loaded: ImportedSplats, dataset: Option<&Dataset>) -> Result<ReadyRender> {
         steps::check_splats(&self.render)?;
-        if !matches!(self.show, PictureKind::Color | PictureKind::RandomSubset) {
+        if self.show != PictureKind::Color {
             return Err(SceneRenderer::no_surface());
         }
         let placement = loaded.provenance.placement;
@@ -129,9 +122,6 @@ impl RenderJob {
             loaded.cameras = self.listed_cameras(&placement)?;
         }
         let cameras = self.choose_cameras(&loaded.stand_in(), loaded.cameras.clone(), dataset)?;
-        if self.show == PictureKind::RandomSubset {
-            loaded.splats.retain(random_subset(&self));
-        }
         let background = self.dataset_options.background.to_f32();
         let renderer = SceneRenderer::splats(loaded.splats, &placement, dataset, background);
         self.ready(cameras, renderer)
@@ -177,7 +167,7 @@ impl ReadyRender {
     /// Errors: a card that was asked for and is not there.
     pub fn draw_on(&mut self) -> Result<(Option<String>, Vec<String>)> {
         match self.job.show {
-            PictureKind::Color | PictureKind::RandomSubset => self.renderer.draw_on(&self.job.backend),
+            PictureKind::Color => self.renderer.draw_on(&self.job.backend),
             _ => Ok((None, Vec::new())),
         }
     }
@@ -189,7 +179,7 @@ impl ReadyRender {
         let camera = &self.cameras[camera].1;
         let renderer = &mut self.renderer;
         match self.job.show {
-            PictureKind::Color | PictureKind::RandomSubset => Ok(renderer.color(camera)),
+            PictureKind::Color => Ok(renderer.color(camera)),
             PictureKind::Depth => renderer.depth(camera),
             PictureKind::Normal => renderer.normal(camera),
             PictureKind::Wires => renderer.wires(camera),
@@ -211,14 +201,6 @@ pub enum PictureKind {
     Normal,
     /// Edges of the triangles that are seen; baked files only.
     Wires,
-    /// Colour of some triangles only, so that their shapes can be seen.
-    RandomSubset,
-}
-
-/// Which triangles or Gaussians a random subset keeps.
-fn random_subset(job: &RenderJob) -> impl Fn(usize) -> bool {
-    let (rng, share) = (Rng::new(job.seed, "random subset", 0), job.share);
-    move |i: usize| rng.uniform_f64(i as u64) < share
 }
 
 /// Reads the scene; bakes a soup for a solid renderer.
@@ -235,32 +217,6 @@ fn solid_if_asked(job: &RenderJob, loaded: ImportedScene) -> Result<ImportedScen
             })
         }
         _ => Ok(loaded),
-    }
-}
-
-/// The renderer of the scene or of its random subset.
-fn renderer(
-    job: &RenderJob,
-    scene: Scene,
-    placement: &Placement,
-    dataset: Option<&Dataset>,
-) -> SceneRenderer {
-    let background = job.dataset_options.background.to_f32();
-    let kept = random_subset(job);
-    let subset = job.show == PictureKind::RandomSubset;
-    match scene {
-        Scene::Soup(mut soup) => {
-            if subset {
-                soup.retain(kept);
-            }
-            SceneRenderer::soft(soup, placement, dataset, background)
-        }
-        Scene::Mesh(mut mesh) => {
-            if subset {
-                mesh.retain(kept);
-            }
-            SceneRenderer::solid(mesh, placement, dataset, background, job.render.ssaa)
-        }
     }
 }
 

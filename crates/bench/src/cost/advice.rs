@@ -1,7 +1,6 @@
 //! What a grid says in one sentence: the settings to use, what they cost and reach, and what more time would give.
 
 use super::grid::CostCell;
-use trisplat_scene::report::short;
 
 /// Less than this is no difference, dB.
 const LEAST_DB: f64 = 0.01;
@@ -57,6 +56,21 @@ fn sentence(chosen: &CostCell, best: &CostCell, watched: usize, gain: Option<f64
         Some(gain) => format!("{} CPU s should give {gain:+.1} dB", short(2.0 * best.cpu_seconds)),
     };
     text
+}
+
+/// A number for axes: three digits, then k, M or G. 20000 as "20k", 1234567 as "1.23M", 0.5 as "0.5".
+fn short(value: f64) -> String {
+    let (unit, letter) = match value.abs() {
+        size if size >= 0.9995e9 => (1e9, "G"),
+        size if size >= 0.9995e6 => (1e6, "M"),
+        size if size >= 9995.0 => (1e3, "k"),
+        _ => (1.0, ""),
+    };
+    let scaled = value / unit;
+    let digits = (2 - scaled.abs().max(1e-4).log10().floor() as i32).clamp(0, 5) as usize;
+    let text = format!("{scaled:.digits$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    format!("{}{letter}", if text == "-0" { "0" } else { text })
 }
 
 #[cfg(test)]
