@@ -21,10 +21,8 @@ pub(super) struct Outputs<'a> {
     read: &'a Inputs,
     inputs: HashMap<FileId, PathBuf>,
     /// Inputs that later outputs may replace.
-    resumed: Vec<FileId>,
+    resumed: HashMap<FileId, PathBuf>,
     planned: Vec<Planned>,
-    /// The option that names each of them.
-    options: HashMap<FileId, &'static str>,
     /// Folders of outputs, and whether an input in one of them is in danger.
     folders: Vec<(&'static str, PathBuf, InDanger)>,
     /// Held until the command ends.
@@ -50,50 +48,35 @@ struct Planned {
 impl<'a> Outputs<'a> {
     /// Of a command that reads `read`; with `replace` existing files may be replaced.
     pub(super) fn new(read: &'a Inputs, replace: bool) -> Self {
-        let mut outputs = Self {
+        Self {
             replace,
             read,
-            inputs: HashMap::new(),
-            resumed: Vec::new(),
+            inputs: known(read.files()),
+            resumed: HashMap::new(),
             planned: Vec::new(),
-            options: HashMap::new(),
             folders: Vec::new(),
             locks: Vec::new(),
             files: Vec::new(),
             made: Vec::new(),
-        };
-        outputs.insert(read.files());
-        outputs
-    }
-
-    fn insert(&mut self, files: impl IntoIterator<Item = PathBuf>) {
-        let files = files.into_iter().filter(|path| !is_stream(path) && !path.as_os_str().is_empty());
-        self.inputs.extend(files.map(|path| (FileId::of(&path), path)));
+        }
     }
 
     /// Adds an input whose option is not that of a path, and the files that it names.
     pub(super) fn add_input(&mut self, path: &Path) {
-        self.insert(self.read.files_of(path));
+        self.inputs.extend(known(self.read.files_of(path)));
     }
 
     /// Adds a checkpoint, or those of a folder: inputs until [`Outputs::release`].
     pub(super) fn add_resumed(&mut self, path: &Path) {
         let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
         let inside = entries.map(|entry| entry.path()).filter(|path| path.is_file());
-        for path in inside.chain([path.to_owned()]) {
-            let id = FileId::of(&path);
-            if self.inputs.insert(id.clone(), path).is_none() {
-                self.resumed.push(id);
-            }
-        }
+        self.resumed.extend(known(inside.chain([path.to_owned()])));
     }
 
     /// Later outputs may replace what the run goes on from, and existing files if `replace`.
     pub(super) fn release(&mut self, replace: bool) {
         self.replace = replace;
-        for id in std::mem::take(&mut self.resumed) {
-            self.inputs.remove(&id);
-        }
+        self.resumed.clear();
     }
 
     /// A folder of pictures, made if missing, whose names begin like `begin`; it must not be that of the photos.
@@ -143,10 +126,6 @@ impl<'a> Outputs<'a> {
     ///
     /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
     pub(super) fn plan(&mut self, option: &'static str, path: &Path) -> Result<()> {
-        self.plan_as(option, path, self.replace)
-    }
-
-    fn plan_as(&mut self, option: &'static str, path: &Path, replace: bool) -> Result<()> {
         let refuse = |wants: String| Err(Error::invalid(option, path.display(), wants));
         let (meta, id) = (std::fs::metadata(path).ok(), FileId::of(path));
         if meta.as_ref().is_some_and(std::fs::Metadata::is_dir) {
@@ -154,8 +133,8 @@ impl<'a> Outputs<'a> {
         }
         // A device may take several outputs.
         let device = path.as_os_str() != "-" && meta.as_ref().is_some_and(|meta| !meta.is_file());
-        if let Some(other) = self.options.get(&id).filter(|_| !device) {
-            return refuse(format!("a file that {other} does not write too"));
+        if let Some(other) = self.planned.iter().find(|other| other.id == id && !device) {
+            return refuse(format!("a file that {} does not write too", other.option));
         }
         if !is_stream(path) && !folder_of(&resolved(path)).is_dir() {
             let folder = folder_of(&resolved(path)).display().to_string();
@@ -163,11 +142,10 @@ impl<'a> Outputs<'a> {
             let make = if cfg!(windows) { "mkdir" } else { "mkdir -p" };
             return refuse(format!("a file in a folder that exists; `{make} {folder}` makes this one"));
         }
-        let is_new = !replace && path.as_os_str() != "-" && !device;
+        let is_new = !self.replace && path.as_os_str() != "-" && !device;
         let planned = Planned { option, path: path.to_owned(), id, is_new };
         self.check_input(&planned)?;
         planned.check_new()?;
-        self.options.insert(planned.id.clone(), option);
         self.planned.push(planned);
         Ok(())
     }
@@ -213,7 +191,7 @@ impl<'a> Outputs<'a> {
     /// Errors: one of them is an output.
     pub(super) fn spare_photos(&mut self, dataset: &Dataset) -> Result<()> {
         let photos = dataset.views.iter().flat_map(|v| std::iter::once(&v.photo.path).chain(&v.photo.mask));
-        self.insert(photos.cloned());
+        self.inputs.extend(known(photos.cloned()));
         self.check_inputs()
     }
 
@@ -223,7 +201,7 @@ impl<'a> Outputs<'a> {
         for (option, folder, in_danger) in &self.folders {
             let id = FileId::of(folder);
             let mut parents: HashMap<&Path, bool> = HashMap::new();
-            for input in self.inputs.values().filter(|path| in_danger(path)) {
+            for input in self.inputs.values().chain(self.resumed.values()).filter(|path| in_danger(path)) {
                 let parent = folder_of(input);
                 if !*parents.entry(parent).or_insert_with(|| FileId::of(parent) == id) {
                     continue;
@@ -237,7 +215,7 @@ impl<'a> Outputs<'a> {
     }
 
     fn check_input(&self, Planned { option, path, id, .. }: &Planned) -> Result<()> {
-        match self.inputs.contains_key(id) {
+        match self.inputs.contains_key(id) || self.resumed.contains_key(id) {
             true => Err(Error::invalid(*option, path.display(), "a file that is not also an input")),
             false => Ok(()),
         }
@@ -261,6 +239,12 @@ impl Planned {
             false => Ok(()),
         }
     }
+}
+
+/// Files by identity; streams and names of nothing are left out.
+fn known(files: impl IntoIterator<Item = PathBuf>) -> HashMap<FileId, PathBuf> {
+    let files = files.into_iter().filter(|path| !is_stream(path) && !path.as_os_str().is_empty());
+    files.map(|path| (FileId::of(&path), path)).collect()
 }
 
 fn is_stream(path: &Path) -> bool {

@@ -192,7 +192,7 @@ fn train_coarse(
         }
         (false, _) => {}
     }
-    let made = keep_coarse(path, &trained, &args.dataset_options.limits)?;
+    let made = keep_coarse(path, &trained)?;
     let _ = std::fs::remove_file(&point);
     bar.line(&format!("wrote {}: {:.1} CPU s", made.display(), trained.cpu_secs));
     Ok(Some(made))

@@ -1,7 +1,6 @@
 //! `trisplat view FILE`: a window to fly through a scene.
 
 use glam::{DVec3, UVec2, Vec3};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
@@ -143,9 +142,7 @@ fn save_crop(file: &Path, folder: &Path, region: &Region) -> Result<String> {
     let path = (1..10_000).map(named).find(|path| !path.exists()).ok_or_else(|| {
         Error::invalid("screenshots", folder.display(), "a folder with fewer saved regions")
     })?;
-    let mut config = AtomicFile::create(&path)?;
     let text = format!("{:#}\n", serde_json::json!({ "crop": { "crop": [region] } }));
-    config.write_all(text.as_bytes()).map_err(|e| Error::io(&path, e))?;
-    config.commit()?;
+    AtomicFile::create(&path)?.commit_with(text)?;
     Ok(format!("saved {}: trisplat bake {} --config {0} ...", path.display(), file.display()))
 }

@@ -126,9 +126,7 @@ fn look(input: &Path, output: &Path, options: &BakeOptions) -> Result<()> {
     let (asset, placement) = shown(loaded, options)?;
     say("to_view", matrix(&placement));
     let glb = gltf::to_glb_bytes(&asset, &gltf::GltfOptions::default())?;
-    let mut file = AtomicFile::create(output)?;
-    file.write_all(&glb).map_err(|e| Error::io(output, e))?;
-    file.commit().map(drop)
+    AtomicFile::create(output)?.commit_with(glb).map(drop)
 }
 
 /// The map from the frame of a file to that of its asset: three axes and an origin.

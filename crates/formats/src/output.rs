@@ -345,7 +345,8 @@ impl Output {
     ///
     /// Errors: those of the operating system; another program that writes one of them.
     pub fn start(&self) -> Result<OutputFiles> {
-        AtomicFile::create_all(&self.publishing_order()).map(OutputFiles)
+        let start = |path| AtomicFile::create(path);
+        self.publishing_order().into_iter().map(start).collect::<Result<_>>().map(OutputFiles)
     }
 
     /// Files that only count bytes.

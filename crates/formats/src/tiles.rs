@@ -10,10 +10,9 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::{AtomicFile, MadeFolders, sweep_folder};
+use trisplat_scene::atomic::{AtomicFile, MadeFolders, put, sweep_folder};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
-use xxhash_rust::xxh3::xxh3_64;
 
 /// Largest texture side of a tile in texels, the limit of today's phones.
 const LARGEST_TEXTURE: u32 = 4096;
@@ -172,26 +171,9 @@ impl TilesetWriter {
 
     /// Writes one file, unless it exists with these bytes; returns its name relative to the tileset.
     fn put(&mut self, name: &str, ending: &str, bytes: &[u8]) -> Result<String> {
-        let name = format!("{name}-{:016x}.{ending}", xxh3_64(bytes));
-        let path = self.folder.join(&name);
         self.bytes += bytes.len() as u64;
-        match std::fs::read(&path) {
-            _ if self.file.is_dry() => {}
-            Ok(old) if old == bytes => {}
-            Ok(_) => {
-                let reason = "was changed, its name says so; move it to another folder";
-                return Err(Error::unsupported(&path, reason));
-            }
-            Err(_) => {
-                let mut file = AtomicFile::create(&path)?;
-                file.write_all(bytes).map_err(|e| Error::io(&path, e))?;
-                // One that is there but cannot be read may belong to an earlier tileset.
-                if !path.exists() {
-                    self.file.names(&path);
-                }
-                file.commit()?;
-            }
-        }
+        let (_, hash) = put(&self.folder, (name, ending), bytes, Some(&mut self.file))?;
+        let name = format!("{name}-{hash}.{ending}");
         let uri = self.address(&name);
         self.names.insert(name);
         Ok(uri)

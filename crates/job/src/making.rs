@@ -4,7 +4,6 @@ use super::baking::{BakeInput, BakeJob};
 use super::event::{Event, MakePart, Observer, add, stages};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
-use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -288,8 +287,6 @@ impl MakeJob {
 }
 
 fn save(path: &Path, value: &StoredTraining) -> Result<()> {
-    let mut file = AtomicFile::create(path)?;
     let text = serde_json::to_string_pretty(value).unwrap_or_default();
-    writeln!(file, "{text}").map_err(|e| Error::io(path, e))?;
-    file.commit().map(drop)
+    AtomicFile::create(path)?.commit_with(text + "\n").map(drop)
 }

@@ -4,11 +4,11 @@ use crate::region::Region;
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::DatasetOptions;
 use trisplat_formats::{self as formats, ReadOptions, ply};
-use trisplat_scene::atomic::{AtomicFile, folder_of, sweep_folder};
+use trisplat_scene::atomic::{AtomicFile, folder_of, put, sweep_folder};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::ranges::Called;
 use trisplat_scene::{
@@ -203,12 +203,11 @@ impl Manifest {
     /// Writes the plan into `file`, which then names all others, and removes those of an earlier plan in its folder.
     ///
     /// Errors: what the operating system refuses.
-    pub fn write(&self, mut file: AtomicFile) -> Result<()> {
+    pub fn write(&self, file: AtomicFile) -> Result<()> {
         let path = file.path().to_owned();
         let text = serde_json::to_string_pretty(self)
             .map_err(|e| Error::invalid("manifest", e, "numbers JSON can hold"))?;
-        writeln!(file, "{text}").map_err(|e| Error::io(&path, e))?;
-        file.commit()?;
+        file.commit_with(text + "\n")?;
         let named: Vec<&str> = self.sources().map(|source| source.file.as_str()).collect();
         sweep_folder(folder_of(&path), |name| is_of_a_plan(name) && !named.contains(&name));
         Ok(())
@@ -385,34 +384,25 @@ pub(super) fn digits(hash: u64) -> String {
     format!("{hash:016x}")
 }
 
-/// Writes a soup as `NAME-HASH.ply` where `path` is `NAME.ply`; `begun` is called with its final path before it exists.
+/// Writes a soup as `NAME-HASH.ply` where `path` is `NAME.ply`, for the file `naming` that names it.
 ///
 /// Errors: a file of that name with other bytes; what the operating system refuses.
 pub(super) fn write(
     path: &Path,
     (soup, provenance, cameras): (&Soup, &Provenance, &[Camera]),
-    limits: &Limits,
-    begun: impl FnOnce(&Path),
+    naming: Option<&mut AtomicFile>,
 ) -> Result<(PathBuf, Source)> {
-    let io = |e| Error::io(path, e);
     let mut bytes = Vec::new();
-    ply::write_soup(&mut bytes, soup, provenance, cameras).map_err(io)?;
-    let hash = digits(xxh3_64(&bytes));
-    let file = format!("{}{hash}.ply", stem(path));
-    let named = path.with_file_name(&file);
-    if named.exists() && hash_of_file(&named, limits)? != hash {
-        return Err(Error::unsupported(&named, "was changed, its name says so; move it to another folder"));
-    }
-    begun(&named);
-    let mut out = AtomicFile::create(path)?;
-    out.write_all(&bytes).map_err(io)?;
-    out.commit_as(&named)?;
+    ply::write_soup(&mut bytes, soup, provenance, cameras).map_err(|e| Error::io(path, e))?;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let (named, hash) = put(folder_of(path), (&stem, "ply"), &bytes, naming)?;
+    let file = format!("{stem}-{hash}.ply");
     Ok((named, Source { file, hash, triangles: soup.len() as u64 }))
 }
 
 /// The finished coarse scene that was begun as `path`, if it is there and unchanged.
 pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
-    let begin = stem(path);
+    let begin = format!("{}-", path.file_stem().unwrap_or_default().to_string_lossy());
     let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
     let is_it = |found: &PathBuf| {
         let name = found.file_name().and_then(|name| name.to_str()).unwrap_or_default();
@@ -420,11 +410,6 @@ pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
         named.is_some_and(|named| hash_of_file(found, limits).is_ok_and(|hash| hash == named))
     };
     entries.map(|entry| entry.path()).filter(is_it).min()
-}
-
-/// `NAME-`.
-fn stem(path: &Path) -> String {
-    format!("{}-", path.file_stem().unwrap_or_default().to_string_lossy())
 }
 
 /// Reads a soup of the plan, which must be as it was written.

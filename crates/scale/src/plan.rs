@@ -11,7 +11,7 @@ use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::parallel;
 use trisplat_scene::{
-    Error, ImportedScene, Limits, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
+    Error, ImportedScene, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
 };
 use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, Trained};
 
@@ -178,9 +178,9 @@ impl Planner<'_> {
 /// Writes the coarse scene that was begun as `path`; returns the path of the finished file.
 ///
 /// Errors: a file of that name with other bytes; what the operating system refuses.
-pub fn keep_coarse(path: &Path, trained: &Trained, limits: &Limits) -> Result<PathBuf> {
+pub fn keep_coarse(path: &Path, trained: &Trained) -> Result<PathBuf> {
     let parts = (&trained.soup, &trained.provenance, &trained.cameras[..]);
-    manifest::write(path, parts, limits, |_| ()).map(|(path, _)| path)
+    manifest::write(path, parts, None).map(|(path, _)| path)
 }
 
 /// The photos of `dataset` that are not held out, with the hashes of their files.
@@ -371,14 +371,8 @@ impl<'a> Cutter<'a> {
         let mut soup = self.soup.picked(order);
         // The plan says which of these are the block's part of it.
         soup.shell.clear();
-        let mut name = |path: &Path| {
-            if !path.exists() {
-                manifest.names(path);
-            }
-        };
-        let limits = &self.planner.dataset_options.limits;
-        manifest::write(&begun, (&soup, &self.scene.provenance, &[]), limits, &mut name)
-            .map(|(_, source)| source)
+        let parts = (&soup, &self.scene.provenance, &[][..]);
+        crate::manifest::write(&begun, parts, Some(manifest)).map(|(_, source)| source)
     }
 }
 

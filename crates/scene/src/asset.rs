@@ -176,14 +176,8 @@ impl UpAxis {
 
     /// The unit vector along this axis.
     pub fn vector(self) -> DVec3 {
-        match self {
-            UpAxis::X => DVec3::X,
-            UpAxis::NegX => DVec3::NEG_X,
-            UpAxis::Y => DVec3::Y,
-            UpAxis::NegY => DVec3::NEG_Y,
-            UpAxis::Z => DVec3::Z,
-            UpAxis::NegZ => DVec3::NEG_Z,
-        }
+        use DVec3 as V;
+        [V::X, V::NEG_X, V::Y, V::NEG_Y, V::Z, V::NEG_Z][self as usize]
     }
 
     /// The proper rotation (determinant +1) that takes this axis to +Y.

@@ -6,36 +6,27 @@
 //! targets are replaced. Devices and pipes cannot be replaced by renaming, so they (and standard output) are
 //! written directly.
 //!
-//! Among files that belong together one names the others. A few files are a set, [`AtomicFile::create_all`]
-//! and [`publish`]. Many files have names with a hash of their bytes, so they replace nothing:
-//! [`AtomicFile::commit_as`] makes them, [`AtomicFile::names`] ties them to the file that names them, and
-//! [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`]. What later runs may
+//! Among files that belong together one names the others. A few files are a set, [`publish`]. Many files have names with a hash of their bytes, so they replace nothing:
+//! [`put`] makes them and ties them to the file that names them, and [`sweep_folder`] removes those of earlier runs. A whole folder is an [`AtomicFolder`]. What later runs may
 //! replace or remove in a user's folder is in its [`Manifest`].
 
 mod folder;
-mod identity;
-mod inside;
-mod live;
-mod made;
 mod manifest;
 mod names;
-mod place;
 mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
-pub use identity::{FileId, folder_of};
-pub use inside::lies_inside;
-pub use live::remove_temporaries;
-pub use made::MadeFolders;
 pub use manifest::Manifest;
-pub use names::{is_leftover, resolved, temporary_name};
+pub use names::{FileId, folder_of, is_leftover, lies_inside, resolved, temporary_name};
+pub use temporary::{MadeFolders, remove_temporaries};
 
 use crate::error::{Error, Result};
+use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use temporary::Temporary;
-use xxhash_rust::xxh3::Xxh3Default;
+use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
 /// Large enough that most writes are only copies.
 const BUFFER_BYTES: usize = 1 << 20;
@@ -50,10 +41,10 @@ pub struct AtomicFile {
 
 #[derive(Debug)]
 enum Destination {
-    Temporary(BufWriter<Temporary>),
+    Temporary(Temporary),
     Direct(BufWriter<File>),
-    Stdout(BufWriter<std::io::Stdout>),
-    Nowhere,
+    Stdout(BufWriter<io::Stdout>),
+    Nowhere(io::Sink),
 }
 
 impl AtomicFile {
@@ -61,45 +52,26 @@ impl AtomicFile {
     ///
     /// Errors: what the operating system refuses; another program that is writing the same file.
     pub fn create(path: &Path) -> Result<Self> {
-        Self::create_all(&[path]).map(|mut files| files.remove(0))
-    }
-
-    /// Starts files that belong together, ending with the one that names the others. A set half published by
-    /// a killed process is put back first.
-    ///
-    /// Errors: those of [`AtomicFile::create`].
-    pub fn create_all(paths: &[&Path]) -> Result<Vec<Self>> {
-        let Some(last) = paths.last() else { return Ok(Vec::new()) };
-        let interrupted = place::was_interrupted(last);
-        // The last first, because its lock stands for all of them.
-        let mut files = paths.iter().rev().map(|path| Self::start(path)).collect::<Result<Vec<_>>>()?;
-        place::recover(paths, interrupted).map_err(|e| Error::io(last, e))?;
-        files.reverse();
-        Ok(files)
-    }
-
-    fn start(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
         let to = if path.as_os_str() == "-" {
-            Destination::Stdout(BufWriter::with_capacity(BUFFER_BYTES, std::io::stdout()))
+            Destination::Stdout(BufWriter::with_capacity(BUFFER_BYTES, io::stdout()))
         } else if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             let file = File::options().write(true).open(path).map_err(io)?;
             Destination::Direct(BufWriter::with_capacity(BUFFER_BYTES, file))
         } else {
-            let file = Temporary::create(&resolved(path)).map_err(io)?;
-            Destination::Temporary(BufWriter::with_capacity(BUFFER_BYTES, file))
+            Destination::Temporary(Temporary::create(&resolved(path)).map_err(io)?)
         };
         Ok(Self { path: path.to_owned(), bytes: 0, to })
     }
 
     /// Only counts bytes: a dry run.
     pub fn nowhere(path: &Path) -> Self {
-        Self { path: path.to_owned(), bytes: 0, to: Destination::Nowhere }
+        Self { path: path.to_owned(), bytes: 0, to: Destination::Nowhere(io::sink()) }
     }
 
     /// True for a file that only counts bytes.
     pub fn is_dry(&self) -> bool {
-        matches!(self.to, Destination::Nowhere)
+        matches!(self.to, Destination::Nowhere(_))
     }
 
     /// The name it will have.
@@ -116,37 +88,26 @@ impl AtomicFile {
         publish(vec![self]).map(|sizes| sizes.iter().sum())
     }
 
-    /// The same under another name in the same folder, with a hash of the bytes.
+    /// Writes all of it, and then as [`AtomicFile::commit`].
     ///
     /// Errors: those of [`AtomicFile::commit`].
-    pub fn commit_as(mut self, path: &Path) -> Result<u64> {
-        if let Destination::Temporary(file) = &mut self.to {
-            // A file with this name has these bytes.
-            (file.get_mut().target, file.get_mut().is_new) = (path.to_owned(), false);
-        }
+    pub fn commit_with(mut self, bytes: impl AsRef<[u8]>) -> Result<u64> {
+        self.write_all(bytes.as_ref()).map_err(|e| Error::io(&self.path, e))?;
         self.commit()
-    }
-
-    /// Registers `path`, a file that only this one names: it is removed unless this one gets its name.
-    pub fn names(&mut self, path: &Path) {
-        if let Destination::Temporary(file) = &mut self.to {
-            live::register(path);
-            file.get_mut().named.push(path.to_owned());
-        }
     }
 
     /// Registers `folder`, which was made for files that this one names: it is removed if it stays empty.
     pub fn keeps(&mut self, folder: MadeFolders) {
         if let Destination::Temporary(file) = &mut self.to {
-            file.get_mut().folders.push(folder);
+            file.folders.push(folder);
         }
     }
 
     /// Writes the buffer and waits until a file is on its disk.
     fn finish(&mut self) -> Result<()> {
         let finished = match &mut self.to {
-            Destination::Temporary(file) => file.flush().and_then(|()| file.get_ref().sync()),
-            other => other.flush(),
+            Destination::Temporary(file) => file.sync(),
+            other => other.writer().flush(),
         };
         finished.map_err(|e| Error::io(&self.path, e))
     }
@@ -159,12 +120,120 @@ impl AtomicFile {
 pub fn publish(mut files: Vec<AtomicFile>) -> Result<Vec<u64>> {
     files.iter_mut().try_for_each(AtomicFile::finish)?;
     let sizes = files.iter().map(|file| file.bytes).collect();
-    let temporaries = files.into_iter().filter_map(|file| match file.to {
-        Destination::Temporary(temporary) => Some((file.path, temporary)),
+    let temporaries = files.iter_mut().filter_map(|file| match &mut file.to {
+        Destination::Temporary(temporary) => Some((file.path.as_path(), temporary)),
         _ => None,
     });
-    place::place(temporaries.collect())?;
+    let mut set: Vec<(&Path, &mut Temporary)> = temporaries.collect();
+    // Locked while files get their names: a signal waits.
+    let mut list = temporary::list();
+    if let Some((path, _)) = set.iter().find(|(_, file)| file.is_new && file.target.exists()) {
+        let reason = "was written by another program since this one began; it was left as it is";
+        return Err(Error::io(path, io::Error::new(io::ErrorKind::AlreadyExists, reason)));
+    }
+    let to = |file: &Temporary| Move {
+        from: file.path.clone(),
+        target: file.target.clone(),
+        old: names::aside_name(&file.target),
+    };
+    let moves: Vec<Move> = set.iter().map(|(_, file)| to(file)).collect();
+    replace(&moves).map_err(|(at, e)| Error::io(set[at].0, e))?;
+    for (_, file) in &mut set {
+        file.published = true;
+        temporary::forget(&mut list, &file.path);
+        file.named.iter().for_each(|path| temporary::forget(&mut list, path));
+    }
+    // Those of a killed run too. The next run removes what stays.
+    for Move { old, .. } in moves.iter().filter(|_| moves.len() > 1) {
+        let _ = std::fs::remove_file(old);
+    }
+    drop(list);
+    let folders: BTreeSet<&Path> = moves.iter().map(|one| folder_of(&one.target)).collect();
+    folders.into_iter().try_for_each(|folder| sync_folder(folder).map_err(|e| Error::io(folder, e)))?;
     Ok(sizes)
+}
+
+/// A whole file that is to get the name of its target, and a place for the old one meanwhile.
+struct Move {
+    from: PathBuf,
+    target: PathBuf,
+    old: PathBuf,
+}
+
+/// Moves old files away, beginning with the last, and then new ones in: no reader finds an old file beside a new one, and one alone
+/// is replaced at once. After an error, which comes with its index, each name has its old file.
+fn replace(moves: &[Move]) -> std::result::Result<(), (usize, io::Error)> {
+    if let [only] = moves {
+        return std::fs::rename(&only.from, &only.target).map_err(|e| (0, e));
+    }
+    let mut done: Vec<(&Path, &Path)> = Vec::new();
+    let mut rename = |at, from, to| {
+        std::fs::rename(from, to).map_err(|e| (at, e))?;
+        done.push((from, to));
+        Ok(())
+    };
+    let moved = (|| {
+        for (at, one) in moves.iter().enumerate().rev().filter(|(_, one)| one.target.exists()) {
+            if one.target.is_dir() {
+                return Err((at, io::ErrorKind::IsADirectory.into()));
+            }
+            rename(at, &one.target, &one.old)?;
+        }
+        moves.iter().enumerate().try_for_each(|(at, one)| rename(at, &one.from, &one.target))
+    })();
+    if moved.is_err() {
+        // Best effort.
+        for (from, to) in done.iter().rev() {
+            let _ = std::fs::rename(to, from);
+        }
+    }
+    moved
+}
+
+/// Waits until the names in a folder are on the disk. Only Unix lets a program do so; elsewhere the file system's journal
+/// keeps the order.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    // A folder that is writable but not readable cannot be opened.
+    let Some(open) = cfg!(unix).then(|| File::open(folder).ok()).flatten() else { return Ok(()) };
+    match open.sync_all() {
+        // Some file systems do not support this for folders.
+        Err(e) if !matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Err(e),
+        _ => Ok(()),
+    }
+}
+
+/// Writes `STEM-HASH.ENDING` into `folder`, where the hash is that of its bytes (XXH3), unless it is there: it replaces nothing. A new
+/// one is removed unless `naming`, the file that names it, gets its name. Returns its path and the hash.
+///
+/// Errors: a file of that name with other bytes; what the operating system refuses.
+pub fn put(
+    folder: &Path,
+    (stem, ending): (&str, &str),
+    bytes: &[u8],
+    naming: Option<&mut AtomicFile>,
+) -> Result<(PathBuf, String)> {
+    let hash = format!("{:016x}", xxh3_64(bytes));
+    let path = folder.join(format!("{stem}-{hash}.{ending}"));
+    let io = |e| Error::io(&path, e);
+    if naming.as_ref().is_some_and(|naming| naming.is_dry()) {
+        return Ok((path, hash));
+    }
+    match std::fs::read(&path) {
+        Ok(old) if old == bytes => return Ok((path, hash)),
+        Ok(_) => {
+            let reason = "was changed, its name says so; move it to another folder";
+            return Err(Error::unsupported(&path, reason));
+        }
+        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(io(e)),
+        Err(_) => {}
+    }
+    let file = AtomicFile::create(&path)?;
+    if let Some(Destination::Temporary(naming)) = naming.map(|naming| &mut naming.to) {
+        temporary::register(&path);
+        naming.named.push(path.clone());
+    }
+    file.commit_with(bytes)?;
+    Ok((path, hash))
 }
 
 /// Removes files of `folder` whose name `is_stale` and ends with the hash of their bytes, as `start-0001-HASH.ply`,
@@ -189,41 +258,32 @@ fn names_its_bytes(path: &Path) -> bool {
 }
 
 /// Size of a file in bytes, and the hash of its bytes (XXH3).
-fn hash_of(path: &Path) -> std::io::Result<(u64, u64)> {
+fn hash_of(path: &Path) -> io::Result<(u64, u64)> {
     let mut hash = Xxh3Default::new();
-    let bytes = std::io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, File::open(path)?), &mut hash)?;
+    let bytes = io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, File::open(path)?), &mut hash)?;
     Ok((bytes, hash.digest()))
 }
 
+impl Destination {
+    fn writer(&mut self) -> &mut dyn Write {
+        match self {
+            Destination::Temporary(temporary) => &mut temporary.file,
+            Destination::Direct(file) => file,
+            Destination::Stdout(out) => out,
+            Destination::Nowhere(sink) => sink,
+        }
+    }
+}
+
 impl Write for AtomicFile {
-    fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
-        let written = self.to.write(buf)?;
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        let written = self.to.writer().write(buf)?;
         self.bytes += written as u64;
         Ok(written)
     }
 
-    fn flush(&mut self) -> std::io::Result<()> {
-        self.to.flush()
-    }
-}
-
-impl Write for Destination {
-    fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
-        match self {
-            Destination::Temporary(file) => file.write(buf),
-            Destination::Direct(file) => file.write(buf),
-            Destination::Stdout(out) => out.write(buf),
-            Destination::Nowhere => Ok(buf.len()),
-        }
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        match self {
-            Destination::Temporary(file) => file.flush(),
-            Destination::Direct(file) => file.flush(),
-            Destination::Stdout(out) => out.flush(),
-            Destination::Nowhere => Ok(()),
-        }
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.writer().flush()
     }
 }
 
@@ -318,9 +378,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
         let both = |text: &str| {
-            let mut files = AtomicFile::create_all(&[&data, &main]).unwrap();
+            let mut files = [&data, &main].map(|path| AtomicFile::create(path).unwrap());
             files.iter_mut().for_each(|file| file.write_all(text.as_bytes()).unwrap());
-            files
+            Vec::from(files)
         };
         publish(both("old")).unwrap();
         // The second file cannot be published: its temporary file is gone.
@@ -336,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_publication_that_was_cut_short_is_undone() {
+    fn what_a_killed_publication_left_goes_with_the_next_one() {
         let folder = tempfile::tempdir().unwrap();
         let [data, main] = ["a.bin", "a.gltf"].map(|name| folder.path().join(name));
         // As a kill leaves them between the two renames: the data are new, the file that names them is not there.
@@ -344,14 +404,9 @@ mod tests {
         std::fs::write(names::aside_name(&data), "old").unwrap();
         std::fs::write(names::aside_name(&main), "old").unwrap();
         std::fs::write(temporary_name(&main), "new").unwrap();
-        drop(AtomicFile::create_all(&[&data, &main]).unwrap());
+        publish(vec![written(&data, "newer"), written(&main, "newer")]).unwrap();
         let texts = [&data, &main].map(|path| std::fs::read_to_string(path).unwrap());
-        assert_eq!(texts, ["old", "old"]);
-        assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
-        // And after the last rename, before the old ones were removed.
-        std::fs::write(names::aside_name(&data), "older").unwrap();
-        drop(AtomicFile::create_all(&[&data, &main]).unwrap());
-        assert_eq!(std::fs::read_to_string(&data).unwrap(), "old");
+        assert_eq!(texts, ["newer", "newer"]);
         assert_eq!(names(folder.path()), ["a.bin", "a.gltf"]);
     }
 

@@ -169,13 +169,7 @@ impl Viewpoint {
     /// The camera at this viewpoint, for a picture of `size` px.
     pub fn camera(&self, size: UVec2) -> Camera {
         let focal = size.y as f32 / (2.0 * (self.fov.to_radians() / 2.0).tan() as f32);
-        let lens = Camera {
-            rotation: Mat3::IDENTITY,
-            translation: Vec3::ZERO,
-            focal: Vec2::splat(focal),
-            center: size.as_vec2() / 2.0,
-            size,
-        };
+        let lens = Camera { focal: Vec2::splat(focal), ..Camera::at_origin(1.0, size) };
         let [eye, target, up] = [self.eye, self.target, self.up].map(|v| DVec3::from(v).as_vec3());
         lens.looking(eye, target, up)
     }

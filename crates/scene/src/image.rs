@@ -14,7 +14,7 @@ use crate::limits::Limits;
 use decode::{decode, ends_well, header_size};
 use glam::UVec2;
 use shrink::area_average;
-use std::io::{BufReader, Cursor, Seek, Write};
+use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -276,10 +276,8 @@ impl RgbImage {
     }
 
     /// Writes a PNG into a file that was started.
-    pub fn write_png(&self, mut file: AtomicFile) -> Result<()> {
-        let bytes = self.to_png()?;
-        file.write_all(&bytes).map_err(|e| Error::io(file.path(), e))?;
-        file.commit().map(drop)
+    pub fn write_png(&self, file: AtomicFile) -> Result<()> {
+        file.commit_with(self.to_png()?).map(drop)
     }
 }
 

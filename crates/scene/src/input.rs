@@ -96,7 +96,14 @@ pub fn read_large(
     read_all(path, file, len, limits.file_bytes, limits)
 }
 
-fn read_all(path: &Path, file: File, len: u64, most: u64, limits: &Limits) -> Result<Vec<u8>> {
+/// The `len` bytes of an open file, or more if it grows, to just above `most`.
+pub(crate) fn read_all(
+    path: &Path,
+    file: impl Read,
+    len: u64,
+    most: u64,
+    limits: &Limits,
+) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     limits.reserve(path.display(), &mut bytes, len as usize)?;
     // The file may grow during reading.

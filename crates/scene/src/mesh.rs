@@ -1,8 +1,7 @@
 //! A mesh for engines: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
-use crate::math::median::median;
-use crate::math::median::{all_finite, all_in_unit};
+use crate::math::median::{all_finite, all_in_unit, median};
 use crate::parallel::{self, GRAIN};
 use crate::report::Counts;
 use crate::texture::FaceTexture;
@@ -111,7 +110,7 @@ impl Mesh {
     }
 
     /// The same for only its first `faces` faces.
-    pub fn detail_of_first(&self, faces: usize) -> f64 {
+    pub(crate) fn detail_of_first(&self, faces: usize) -> f64 {
         let areas = (0..faces).map(|f| self.area(f)).collect();
         median(areas, f64::total_cmp).unwrap_or(0.0).sqrt()
     }
@@ -181,15 +180,9 @@ impl Mesh {
             Colors::Vertex(colors) if self.indices.is_empty() => *colors = gather_corners(colors, faces),
             Colors::Vertex(_) => {}
         }
-        if !self.opacity.is_empty() {
-            self.opacity = gather(&self.opacity, faces);
-        }
-        if !self.normals.is_empty() {
-            self.normals = gather(&self.normals, faces);
-        }
-        if !self.shell.is_empty() {
-            self.shell = gather(&self.shell, faces);
-        }
+        self.opacity = gather_any(&self.opacity, faces);
+        self.normals = gather_any(&self.normals, faces);
+        self.shell = gather_any(&self.shell, faces);
         if let Some(texture) = &mut self.texture {
             *texture = texture.of_faces(faces);
         }
@@ -197,22 +190,17 @@ impl Mesh {
 
     /// Drops everything.
     pub fn clear(&mut self) {
-        self.positions.clear();
-        self.indices.clear();
-        self.opacity.clear();
-        self.normals.clear();
-        self.shell.clear();
-        self.texture = None;
-        match &mut self.colors {
-            Colors::Face(colors) | Colors::Vertex(colors) => colors.clear(),
-        }
+        let colors = match self.colors {
+            Colors::Face(_) => Colors::Face(Vec::new()),
+            Colors::Vertex(_) => Colors::Vertex(Vec::new()),
+        };
+        *self = Self { colors, ..Self::default() };
     }
 
     /// Some of the faces as a mesh of their own, with the vertices that they use. `faces` ascend. `[F']`
     pub fn part(&self, faces: &[u32]) -> Mesh {
-        let opacity = if self.opacity.is_empty() { Vec::new() } else { gather(&self.opacity, faces) };
-        let normals = if self.normals.is_empty() { Vec::new() } else { gather(&self.normals, faces) };
-        let shell = if self.shell.is_empty() { Vec::new() } else { gather(&self.shell, faces) };
+        let (opacity, normals) = (gather_any(&self.opacity, faces), gather_any(&self.normals, faces));
+        let shell = gather_any(&self.shell, faces);
         let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
         if !self.indices.is_empty() {
@@ -403,14 +391,11 @@ impl Mesh {
         if colors.len() != wants {
             return shape("mesh color count", colors.len(), format!("{wants}"));
         }
-        if !self.opacity.is_empty() && self.opacity.len() != f {
-            return shape("mesh opacity count", self.opacity.len(), format!("{f}"));
-        }
-        if !self.normals.is_empty() && self.normals.len() != f {
-            return shape("mesh normal count", self.normals.len(), format!("{f}"));
-        }
-        if !self.shell.is_empty() && self.shell.len() != f {
-            return shape("mesh shell flag count", self.shell.len(), format!("{f}"));
+        let (opacity, normals, flags) = (self.opacity.len(), self.normals.len(), self.shell.len());
+        for (what, got) in [("opacity", opacity), ("normal", normals), ("shell flag", flags)] {
+            if got != 0 && got != f {
+                return shape(&format!("mesh {what} count"), got, format!("{f}"));
+            }
         }
         if let Some(texture) = &self.texture {
             if texture.uvs.len() != f {
@@ -440,10 +425,7 @@ impl Mesh {
             && all_in_unit(bytemuck::cast_slice(colors))
             && all_in_unit(&self.opacity)
             && all_finite(bytemuck::cast_slice(&self.normals))
-            && self
-                .texture
-                .iter()
-                .all(|texture| all_finite(bytemuck::cast_slice(texture.uvs.as_flattened())));
+            && self.texture.iter().all(|one| all_finite(bytemuck::cast_slice(one.uvs.as_flattened())));
         if valid {
             return Ok(());
         }
@@ -467,6 +449,11 @@ impl Mesh {
 /// `values[order[i]]` for every i.
 fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
     parallel::collect(order.len(), 1 << 13, |at| values[order[at] as usize])
+}
+
+/// [`gather`] for a list that may be empty instead of having a value for each face.
+fn gather_any<T: Copy + Send + Sync>(values: &[T], faces: &[u32]) -> Vec<T> {
+    if values.is_empty() { Vec::new() } else { gather(values, faces) }
 }
 
 /// [`gather`] for three values per face.

@@ -162,31 +162,15 @@ impl Soup {
 
     /// Keeps the triangles for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..self.len()).filter(|i| keep(*i)).collect();
         let k = self.sh_count();
-        let (mut to, mut i) = (0, 0);
-        while i < self.len() {
-            // Runs of kept triangles are moved at once.
-            let start = i;
-            while i < self.len() && keep(i) {
-                i += 1;
-            }
-            if start != to {
-                self.vertices.copy_within(start..i, to);
-                self.opacity.copy_within(start..i, to);
-                self.sigma.copy_within(start..i, to);
-                self.sh.copy_within(start * k..i * k, to * k);
-                if !self.shell.is_empty() {
-                    self.shell.copy_within(start..i, to);
-                }
-            }
-            to += i - start;
-            i += 1;
+        keep_rows(&mut self.vertices, 1, &kept);
+        keep_rows(&mut self.opacity, 1, &kept);
+        keep_rows(&mut self.sigma, 1, &kept);
+        keep_rows(&mut self.sh, k, &kept);
+        if !self.shell.is_empty() {
+            keep_rows(&mut self.shell, 1, &kept);
         }
-        self.vertices.truncate(to);
-        self.opacity.truncate(to);
-        self.sigma.truncate(to);
-        self.sh.truncate(to * k);
-        self.shell.truncate(to);
     }
 
     /// True when every number of triangle `i` is finite.
@@ -264,6 +248,14 @@ impl Soup {
         }
         Error::invalid("soup", "invalid values", "finite values in range")
     }
+}
+
+/// Keeps the rows of these ascending numbers, of `width` values each.
+pub(crate) fn keep_rows<T: Copy>(list: &mut Vec<T>, width: usize, rows: &[usize]) {
+    for (to, from) in rows.iter().enumerate().filter(|(to, from)| to != *from) {
+        list.copy_within(from * width..(from + 1) * width, to * width);
+    }
+    list.truncate(rows.len() * width);
 }
 
 /// sRGB-encoded channel of an SH degree 0 coefficient.

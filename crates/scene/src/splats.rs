@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::median::{all_finite, all_in_unit};
 use crate::scene::{ImportedScene, Scene};
-use crate::soup::{Soup, rgb_from_sh0};
+use crate::soup::{Soup, keep_rows, rgb_from_sh0};
 use glam::{Quat, Vec3};
 
 /// Standard deviations from a Gaussian's middle to the corners of its triangle: the triangle then covers about what the eye sees of it.
@@ -87,16 +87,13 @@ impl Splats {
 
     /// Keeps the Gaussians for which `keep` returns true, in order.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        fn filter<T>(list: &mut Vec<T>, per_splat: usize, keep: &impl Fn(usize) -> bool) {
-            let mut at = 0..;
-            list.retain(|_| at.next().is_some_and(|i| keep(i / per_splat)));
-        }
+        let kept: Vec<usize> = (0..self.len()).filter(|i| keep(*i)).collect();
         let k = self.sh_count();
-        filter(&mut self.positions, 1, &keep);
-        filter(&mut self.scales, 1, &keep);
-        filter(&mut self.rotations, 1, &keep);
-        filter(&mut self.opacity, 1, &keep);
-        filter(&mut self.sh, k, &keep);
+        keep_rows(&mut self.positions, 1, &kept);
+        keep_rows(&mut self.scales, 1, &kept);
+        keep_rows(&mut self.rotations, 1, &kept);
+        keep_rows(&mut self.opacity, 1, &kept);
+        keep_rows(&mut self.sh, k, &kept);
     }
 
     /// Checks the lengths of the lists, and the SH degree.

@@ -16,7 +16,7 @@ use glam::Vec3;
 use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, input, input::guarded};
 use xxhash_rust::xxh3::Xxh3Default;
@@ -102,9 +102,7 @@ pub fn write(path: &Path, checkpoint: &Checkpoint) -> Result<()> {
     let metadata = [("trisplat", FORMAT.to_owned()), ("xxh3", sum), ("run", run)];
     let metadata = metadata.map(|(key, text)| (key.to_owned(), text)).into();
     let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|e| unwritable(&e))?;
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(&bytes).map_err(|e| Error::io(path, e))?;
-    file.commit().map(drop)
+    AtomicFile::create(path)?.commit_with(bytes).map(drop)
 }
 
 /// The XXH3 hash of everything in a checkpoint, sixteen hexadecimal digits.
@@ -335,6 +333,7 @@ pub fn newest(folder: &Path) -> Result<(PathBuf, Checkpoint, Vec<String>)> {
 mod tests {
     use super::*;
     use crate::identity::PhotoIdentity;
+    use std::io::Write;
     use trisplat_scene::Soup;
 
     fn photo(name: &str) -> PhotoIdentity {

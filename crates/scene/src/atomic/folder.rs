@@ -1,38 +1,29 @@
 //! Folders of files that belong together, too many to be open at once.
 //!
 //! They are made in an inner folder, `.folder.trisplat.new`, and moved to their places when all are on the
-//! disk. Old files are moved aside first, and an error puts them back. A list of the moves, written before
-//! the first one, lets the next run undo those of a killed run.
+//! disk. Old files are moved into it first, and an error puts them back. From when its part `new` is called
+//! `whole`, the next run finishes what a killed run began.
 
-use super::live;
-use super::made::MadeFolders;
-use super::names::{aside_folder, aside_name, folder_lock, temporary_name};
-use super::temporary::Temporary;
+use super::temporary::{MadeFolders, Temporary, forget, list, register, unregister};
+use super::{Move, replace, sync_folder};
 use crate::error::{Error, Result};
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The list of moves, each ending with a zero byte. If a killed run leaves it, the moves are undone.
-const LIST: &str = ".moves";
-/// The same after all moves: only old files remain to be removed.
-const DONE: &str = ".moved";
+/// The name of the inner folder.
+pub(super) const ASIDE: &str = ".folder.trisplat.new";
 
 /// Keeps others from writing into a folder while it is held.
 #[derive(Debug)]
-pub struct FolderLock {
-    _file: Temporary,
-    /// A process that held it was killed.
-    interrupted: bool,
-}
+pub struct FolderLock(#[expect(dead_code, reason = "held until it is dropped")] Temporary);
 
 impl FolderLock {
     /// Of an existing folder.
     ///
     /// Errors: another program that writes into it; what the operating system refuses.
     pub fn take(folder: &Path) -> Result<Self> {
-        let lock = folder_lock(folder);
-        let interrupted = temporary_name(&lock).exists();
         let busy = |e: io::Error| match e.kind() {
             io::ErrorKind::ResourceBusy => io::Error::new(
                 io::ErrorKind::ResourceBusy,
@@ -40,8 +31,7 @@ impl FolderLock {
             ),
             _ => e,
         };
-        let file = Temporary::create(&lock).map_err(|e| Error::io(folder, busy(e)))?;
-        Ok(Self { _file: file, interrupted })
+        Temporary::create(&folder.join("folder")).map(Self).map_err(|e| Error::io(folder, busy(e)))
     }
 }
 
@@ -51,38 +41,37 @@ impl FolderLock {
 pub struct AtomicFolder {
     folder: PathBuf,
     aside: PathBuf,
+    new: PathBuf,
     lock: Option<FolderLock>,
     /// New folders. Dropped after the lock, which is inside.
     _made: MadeFolders,
 }
 
 impl AtomicFolder {
-    /// Starts the files of `folder`, which is made if missing. The moves of a killed process are undone.
+    /// Starts the files of `folder`, which is made if missing. What a killed process was moving in is moved in.
     ///
     /// Errors: another program that writes into it; what the operating system refuses.
     pub fn create(folder: &Path) -> Result<Self> {
         let io = |e| Error::io(folder, e);
         let made = MadeFolders::make(folder)?;
         let lock = FolderLock::take(folder)?;
-        let aside = aside_folder(folder);
+        let aside = folder.join(ASIDE);
         if aside.exists() {
-            if lock.interrupted {
-                let finish = |()| remove_old(folder, &read_list(&aside, DONE)?);
-                undo(folder, &aside).and_then(finish).map_err(io)?;
-            }
+            move_in(folder, &aside, "")?;
             std::fs::remove_dir_all(&aside).map_err(io)?;
         }
-        live::register(&aside);
-        let this = Self { folder: folder.to_owned(), aside, lock: Some(lock), _made: made };
-        std::fs::create_dir(&this.aside).map_err(io)?;
+        register(&aside);
+        let new = aside.join("new");
+        let this = Self { folder: folder.to_owned(), aside, new, lock: Some(lock), _made: made };
+        std::fs::create_dir_all(&this.new).map_err(io)?;
         Ok(this)
     }
 
-    /// Undoes the moves that a killed process left half done in `folder`.
+    /// Finishes the moves that a killed process left half done in `folder`.
     ///
     /// Errors: those of [`AtomicFolder::create`].
     pub fn recover(folder: &Path) -> Result<()> {
-        match aside_folder(folder).exists() {
+        match folder.join(ASIDE).exists() {
             true => Self::create(folder).map(drop),
             false => Ok(()),
         }
@@ -90,15 +79,7 @@ impl AtomicFolder {
 
     /// The folder where its files are made, under their final names.
     pub fn path(&self) -> &Path {
-        &self.aside
-    }
-
-    /// Names of the files made so far, sorted.
-    fn names(&self) -> Result<Vec<PathBuf>> {
-        let mut names = Vec::new();
-        collect(&self.aside, Path::new(""), &mut names).map_err(|e| Error::io(&self.folder, e))?;
-        names.sort();
-        Ok(names)
+        &self.new
     }
 
     /// Moves the files to their places when they are on the disk. Those that begin with `naming`, which name
@@ -107,26 +88,18 @@ impl AtomicFolder {
     /// Errors: what the operating system refuses.
     pub fn publish(self, naming: &str) -> Result<()> {
         let io = |e| Error::io(&self.folder, e);
-        let mut names = self.names()?;
-        names.sort_by_key(|name| name.starts_with(naming));
-        names.iter().try_for_each(|name| sync(&self.aside.join(name))).map_err(io)?;
-        let list = self.aside.join(LIST);
-        let moves = moves(&self.folder, &names);
-        write_list(&list, &moves).map_err(io)?;
-        // Locked while files get their names: a signal waits.
-        let live = live::list();
-        let replaced = replace(&self.folder, &self.aside, &names)
-            .and_then(|()| std::fs::rename(&list, self.aside.join(DONE)));
-        if let Err(error) = replaced {
-            // Best effort.
-            let _ = undo(&self.folder, &self.aside);
-            return Err(io(error));
+        let mut names = Vec::new();
+        collect(&self.new, Path::new(""), &mut names).map_err(io)?;
+        names.iter().try_for_each(|name| sync(&self.new.join(name))).map_err(io)?;
+        std::fs::rename(&self.new, self.aside.join("whole")).map_err(io)?;
+        let moved = move_in(&self.folder, &self.aside, naming);
+        if moved.is_err() && holds_files(&self.aside.join("old")) {
+            // They could not be put back, and the next run goes on.
+            std::mem::forget(self);
+            return moved;
         }
-        // Try again after a failure. The next run replaces the rest.
-        let _ = remove_old(&self.folder, &moves).or_else(|_| remove_old(&self.folder, &moves));
-        drop(live);
-        sync_folder(&self.folder);
-        Ok(())
+        moved?;
+        sync_folder(&self.folder).map_err(io)
     }
 }
 
@@ -135,7 +108,7 @@ impl Drop for AtomicFolder {
         // Try again after a failure, because obstacles may be temporary. The next run removes the rest.
         let remove = |_: io::Error| std::fs::remove_dir_all(&self.aside);
         let _ = std::fs::remove_dir_all(&self.aside).or_else(remove);
-        live::unregister(&self.aside);
+        unregister(&self.aside);
         self.lock = None;
     }
 }
@@ -158,92 +131,37 @@ fn sync(path: &Path) -> io::Result<()> {
     File::options().read(true).write(cfg!(not(unix))).open(path)?.sync_all()
 }
 
-/// A name, with `+` for a new file and `=` for a replaced one.
-type Move = (char, PathBuf);
-
-fn moves(folder: &Path, names: &[PathBuf]) -> Vec<Move> {
-    let mark = |name: &PathBuf| if folder.join(name).exists() { '=' } else { '+' };
-    names.iter().map(|name| (mark(name), name.clone())).collect()
+fn holds_files(folder: &Path) -> bool {
+    let mut names = Vec::new();
+    collect(folder, Path::new(""), &mut names).is_ok() && !names.is_empty()
 }
 
-fn write_list(list: &Path, moves: &[Move]) -> io::Result<()> {
-    let line = |(mark, name): &Move| format!("{mark}{}\0", name.display());
-    std::fs::write(list, moves.iter().map(line).collect::<String>())?;
-    sync(list)
-}
-
-/// Moves the old files of all names aside, first those that name others, then new ones in.
-fn replace(folder: &Path, aside: &Path, names: &[PathBuf]) -> io::Result<()> {
-    for target in names.iter().rev().map(|name| folder.join(name)).filter(|target| target.exists()) {
-        std::fs::rename(&target, aside_name(&target))?;
+/// Moves whole files to their places, those that begin with `naming` last, and the old ones out of them.
+fn move_in(folder: &Path, aside: &Path, naming: &str) -> Result<()> {
+    let (whole, old) = (aside.join("whole"), aside.join("old"));
+    let mut names = Vec::new();
+    if whole.exists() {
+        collect(&whole, Path::new(""), &mut names).map_err(|e| Error::io(folder, e))?;
     }
-    for name in names {
-        let target = folder.join(name);
-        std::fs::create_dir_all(target.parent().unwrap_or(folder))?;
-        std::fs::rename(aside.join(name), target)?;
+    // What came after an old file was moved away is not ours.
+    names.retain(|name| !(old.join(name).exists() && folder.join(name).exists()));
+    names.sort();
+    names.sort_by_key(|name| name.starts_with(naming));
+    // The last first, because on drop those inside are to go first.
+    let mut made = VecDeque::new();
+    for inside in names.iter().flat_map(|name| [folder.join(name), old.join(name)]) {
+        made.push_front(MadeFolders::make(inside.parent().unwrap_or(folder))?);
     }
-    Ok(())
-}
-
-/// The moves of the list `name`; none without a list.
-fn read_list(aside: &Path, name: &str) -> io::Result<Vec<Move>> {
-    let text = match std::fs::read_to_string(aside.join(name)) {
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        text => text?,
-    };
-    let moves =
-        text.split_terminator('\0').filter_map(|line| Some((line.chars().next()?, line.get(1..)?.into())));
-    Ok(moves.collect())
-}
-
-/// Puts old files back and removes new ones, by the list; without one nothing was moved.
-fn undo(folder: &Path, aside: &Path) -> io::Result<()> {
-    for (mark, name) in read_list(aside, LIST)? {
-        let (target, waiting) = (folder.join(&name), aside.join(&name));
-        let old = aside_name(&target);
-        if old.exists() {
-            std::fs::rename(&old, &target)?;
-        } else if mark == '+' {
-            if !waiting.exists() && target.exists() {
-                std::fs::remove_file(&target)?;
-            }
-            // Its folder may have been made before the move.
-            remove_empty(folder, target.parent());
-        }
+    let to = |name: &PathBuf| Move { from: whole.join(name), target: folder.join(name), old: old.join(name) };
+    let moves: Vec<Move> = names.iter().map(to).collect();
+    // Locked while files get their names: a signal waits.
+    let mut live = list();
+    let moved = replace(&moves);
+    if moved.is_err() && holds_files(&old) {
+        forget(&mut live, aside);
     }
-    Ok(())
-}
-
-/// Removes old files that were moved aside for new ones which are all in their places, and folders that are
-/// empty without them.
-fn remove_old(folder: &Path, moves: &[Move]) -> io::Result<()> {
-    for (_, name) in moves.iter().filter(|(mark, _)| *mark == '=') {
-        let target = folder.join(name);
-        let old = aside_name(&target);
-        if old.exists() {
-            std::fs::remove_file(old)?;
-        }
-        if !target.exists() {
-            remove_empty(folder, target.parent());
-        }
-    }
-    Ok(())
-}
-
-/// Removes `below` and its parents up to `folder`, while they are empty. Inner ones may be missing.
-fn remove_empty(folder: &Path, below: Option<&Path>) {
-    let mut below = below;
-    let goes = |empty: &Path| std::fs::remove_dir(empty).is_ok() || !empty.exists();
-    while let Some(empty) = below.filter(|empty| *empty != folder && goes(empty)) {
-        below = empty.parent();
-    }
-}
-
-/// Waits until the names are on the disk, if the system supports it.
-fn sync_folder(folder: &Path) {
-    if cfg!(unix) {
-        let _ = File::open(folder).and_then(|open| open.sync_all());
-    }
+    drop(live);
+    moved.map_err(|(at, error)| Error::io(&moves[at].target, error))
 }
 
 #[cfg(test)]
@@ -295,52 +213,61 @@ mod tests {
         let folder = parent.path();
         std::fs::create_dir(folder.join("images")).unwrap();
         std::fs::write(folder.join("images/a"), "mine").unwrap();
-        // The place of a file is a folder that is not empty.
-        std::fs::create_dir_all(aside_name(&folder.join("list")).join("full")).unwrap();
-        std::fs::write(folder.join("list"), "mine").unwrap();
+        // The place of a file is a folder of the user's.
+        std::fs::create_dir(folder.join("list")).unwrap();
+        std::fs::write(folder.join("list/mine"), "mine").unwrap();
         let before = found(folder);
         let made = AtomicFolder::create(folder).unwrap();
         fill(&made, "new");
-        assert!(made.publish("list").is_err());
+        assert!(made.publish("list").unwrap_err().to_string().contains("list"));
         assert_eq!(found(folder), before);
+        assert!(!folder.join("images/b").exists());
     }
 
     #[test]
-    fn what_a_killed_process_began_is_undone() {
-        let parent = tempfile::tempdir().unwrap();
-        let folder = parent.path();
-        std::fs::write(folder.join("list"), "old").unwrap();
-        for moved in 0..4 {
-            let made = AtomicFolder::create(folder).unwrap();
-            fill(&made, "new");
-            let names: Vec<PathBuf> = all("").into_iter().map(|(name, _)| name).collect();
-            write_list(&made.path().join(LIST), &moves(folder, &names)).unwrap();
-            std::fs::rename(folder.join("list"), aside_name(&folder.join("list"))).unwrap();
-            for name in &names[..moved] {
-                std::fs::create_dir_all(folder.join("images")).unwrap();
-                std::fs::rename(made.path().join(name), folder.join(name)).unwrap();
+    fn what_a_killed_process_began_is_finished() {
+        for moved in 0..6 {
+            let parent = tempfile::tempdir().unwrap();
+            let folder = parent.path();
+            std::fs::write(folder.join("list"), "old").unwrap();
+            let at = |name: &str| folder.join(ASIDE).join(name);
+            // As a kill leaves it before the files are known to be whole, and after each move.
+            let new = if moved == 0 { "new" } else { "whole" };
+            for name in ["old/images", &format!("{new}/images")] {
+                std::fs::create_dir_all(at(name)).unwrap();
             }
-            // The folder of the first is made before it is moved.
-            std::fs::create_dir_all(folder.join("images")).unwrap();
-            // As a kill leaves it: nothing is dropped.
-            let (aside, lock) = (made.path().to_owned(), temporary_name(&folder_lock(folder)));
-            let kept = parent.path().with_extension("kept");
-            std::fs::rename(&aside, &kept).unwrap();
-            drop(made);
-            std::fs::rename(&kept, &aside).unwrap();
-            std::fs::write(&lock, "").unwrap();
-            drop(AtomicFolder::create(folder).unwrap());
-            assert_eq!(found(folder), [("list".into(), "old".into())], "{moved} were moved");
-            assert!(!folder.join("images").exists(), "{moved} were moved");
+            for (name, _) in all("") {
+                std::fs::write(at(new).join(name), "new").unwrap();
+            }
+            std::fs::create_dir(folder.join("images")).unwrap();
+            let moves = [
+                ("list", "", "old/"),
+                ("images/a", "whole/", ""),
+                ("images/b", "whole/", ""),
+                ("list", "whole/", ""),
+            ];
+            for (name, from, to) in moves.iter().take((moved as usize).saturating_sub(1)) {
+                let place =
+                    |aside: &str| if aside.is_empty() { folder.join(name) } else { at(aside).join(name) };
+                std::fs::rename(place(from), place(to)).unwrap();
+            }
+            AtomicFolder::recover(folder).unwrap();
+            let wants = if moved == 0 { vec![("list".into(), "old".into())] } else { all("new") };
+            assert_eq!(found(folder), wants, "{moved} were moved");
         }
     }
 
     #[test]
-    fn folders_of_which_only_the_outer_one_was_made_are_undone() {
+    fn what_came_after_a_kill_stays() {
         let parent = tempfile::tempdir().unwrap();
-        std::fs::create_dir(parent.path().join("sparse")).unwrap();
-        remove_empty(parent.path(), Some(&parent.path().join("sparse/0")));
-        assert!(parent.path().exists() && !parent.path().join("sparse").exists());
+        let folder = parent.path();
+        for name in ["old", "whole"] {
+            std::fs::create_dir_all(folder.join(ASIDE).join(name)).unwrap();
+            std::fs::write(folder.join(ASIDE).join(name).join("list"), name).unwrap();
+        }
+        std::fs::write(folder.join("list"), "mine").unwrap();
+        AtomicFolder::recover(folder).unwrap();
+        assert_eq!(found(folder), [("list".into(), "mine".into())]);
     }
 
     #[test]

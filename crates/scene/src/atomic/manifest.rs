@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// A longer file is no manifest.
@@ -137,9 +137,7 @@ impl Manifest {
         let path = self.root.join(self.name);
         let stored = Stored { written_by_trisplat: files.clone() };
         let text = serde_json::to_string_pretty(&stored).unwrap_or_default();
-        let mut file = AtomicFile::create(&path)?;
-        writeln!(file, "{text}").map_err(|e| Error::io(&path, e))?;
-        file.commit()?;
+        AtomicFile::create(&path)?.commit_with(text + "\n")?;
         self.files = files;
         Ok(())
     }

@@ -1,12 +1,10 @@
-//! Names of an output's files during writing.
+//! Names of an output's files during writing, and whether two paths are one file.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Longest file name that works everywhere, bytes.
 const MAX_NAME_BYTES: usize = 255;
-/// See [`aside_folder`].
-const ASIDE_FOLDER: &str = ".folder.trisplat.new";
 /// Most links to follow, as on Linux.
 const MAX_LINKS: usize = 40;
 
@@ -18,20 +16,6 @@ pub fn temporary_name(target: &Path) -> PathBuf {
 /// The name of the replaced file of `target` while its set is published.
 pub(super) fn aside_name(target: &Path) -> PathBuf {
     beside(target, "old")
-}
-
-/// The inner folder of `folder` for making its files.
-pub(super) fn aside_folder(folder: &Path) -> PathBuf {
-    folder.join(ASIDE_FOLDER)
-}
-
-pub(super) fn is_aside_folder(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name == ASIDE_FOLDER)
-}
-
-/// The lock file of a folder's writer.
-pub(super) fn folder_lock(folder: &Path) -> PathBuf {
-    folder.join("folder")
 }
 
 /// The name of a temporary file's target.
@@ -66,4 +50,88 @@ pub fn resolved(path: &Path) -> PathBuf {
         path = path.parent().unwrap_or(Path::new("")).join(to);
     }
     path
+}
+
+/// Identity of a file or folder: equal for all names and links, whether it exists or not.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct FileId(Identity);
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+enum Identity {
+    /// Device and number of an existing file.
+    #[cfg(unix)]
+    Number(u64, u64),
+    /// The full name of a missing file, or on systems without file numbers.
+    Name(PathBuf),
+}
+
+impl FileId {
+    /// That of `path`.
+    pub fn of(path: &Path) -> Self {
+        let path = resolved(path);
+        #[cfg(unix)]
+        if let Ok(meta) = std::fs::metadata(&path) {
+            use std::os::unix::fs::MetadataExt;
+            return Self(Identity::Number(meta.dev(), meta.ino()));
+        }
+        if let Ok(full) = std::fs::canonicalize(&path) {
+            return Self(Identity::Name(full));
+        }
+        let name = path.file_name().unwrap_or_default().to_owned();
+        // Names that differ only in case are one file on most disks of these systems.
+        let name = match cfg!(any(windows, target_os = "macos")) {
+            true => name.to_string_lossy().to_lowercase().into(),
+            false => name,
+        };
+        let folder = folder_of(&path);
+        let folder = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+        Self(Identity::Name(folder.join(name)))
+    }
+}
+
+/// The folder that holds `path`.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// True if `inner` is `outer` or lies below it. Neither needs to exist.
+pub fn lies_inside(inner: &Path, outer: &Path) -> bool {
+    let outer = FileId::of(&full(outer));
+    full(inner).ancestors().any(|path| FileId::of(path) == outer)
+}
+
+/// The absolute path without links; parts that do not exist stay as they are.
+fn full(path: &Path) -> PathBuf {
+    let mut full = std::env::current_dir().unwrap_or_default();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir => drop(full.pop()),
+            part => full.push(part),
+        }
+        full = std::fs::canonicalize(&full).unwrap_or(full);
+    }
+    full
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_compared_without_dots_and_links() {
+        let parent = tempfile::tempdir().unwrap();
+        let at = |name: &str| parent.path().join(name);
+        std::fs::create_dir_all(at("set/images")).unwrap();
+        assert!(lies_inside(&at("set/images"), &at("set")) && lies_inside(&at("set"), &at("set")));
+        assert!(!lies_inside(&at("set"), &at("set/images")) && !lies_inside(&at("settle"), &at("set")));
+        assert!(lies_inside(&at("set/images/../new/a"), &at("set/new")), "what is missing");
+        assert!(!lies_inside(&at("set/images/../../a"), &at("set")));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("set/images"), at("link")).unwrap();
+            assert!(lies_inside(&at("link/a"), &at("set")) && lies_inside(&at("set/images/a"), &at("link")));
+            assert!(lies_inside(&at("link/../b"), &at("set")), "a link is followed before `..`");
+        }
+    }
 }

@@ -1,11 +1,14 @@
-//! The temporary file of a target: one name, one owner.
+//! What this process makes and removes again, unless it is kept: temporary files, one for each target, and new folders.
 
-use super::live;
-use super::made::MadeFolders;
-use super::names::{aside_name, temporary_name};
+use super::BUFFER_BYTES;
+use super::folder::ASIDE;
+use super::names::temporary_name;
+use crate::error::{Error, Result};
+use std::cmp::Reverse;
 use std::fs::{File, TryLockError};
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Number of tries, because others may sweep the same name at the same time.
 const TRIES: usize = 16;
@@ -13,7 +16,7 @@ const TRIES: usize = 16;
 /// A file beside its target that is removed on drop, unless it took the target's name.
 #[derive(Debug)]
 pub(super) struct Temporary {
-    file: File,
+    pub(super) file: BufWriter<File>,
     pub(super) path: PathBuf,
     pub(super) target: PathBuf,
     /// No file had the target's name when this one was started.
@@ -32,19 +35,11 @@ impl Temporary {
         for _ in 0..TRIES {
             match File::options().write(true).create_new(true).open(&path) {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
-                    live::register(&path);
-                    // An older one that was moved aside counts, because it is put back.
-                    let is_new = !target.exists() && !aside_name(target).exists();
-                    let target = target.to_owned();
-                    return Ok(Self {
-                        file,
-                        path,
-                        target,
-                        is_new,
-                        published: false,
-                        named: vec![],
-                        folders: vec![],
-                    });
+                    register(&path);
+                    let (target, is_new) = (target.to_owned(), !target.exists());
+                    let (named, folders) = (Vec::new(), Vec::new());
+                    let file = BufWriter::with_capacity(BUFFER_BYTES, file);
+                    return Ok(Self { file, path, target, is_new, published: false, named, folders });
                 }
                 // Another process removed it before it was locked.
                 Ok(_) => {}
@@ -56,18 +51,9 @@ impl Temporary {
     }
 
     /// Waits until every byte is on the disk.
-    pub(super) fn sync(&self) -> io::Result<()> {
-        self.file.sync_all()
-    }
-}
-
-impl Write for Temporary {
-    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        self.file.write(buf)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+    pub(super) fn sync(&mut self) -> io::Result<()> {
+        self.file.flush()?;
+        self.file.get_ref().sync_all()
     }
 }
 
@@ -77,12 +63,12 @@ impl Drop for Temporary {
         for path in unnamed {
             // The next run removes the rest.
             let _ = std::fs::remove_file(path);
-            live::unregister(path);
+            unregister(path);
         }
         if !self.published {
             let _ = std::fs::remove_file(&self.path);
         }
-        live::unregister(&self.path);
+        unregister(&self.path);
     }
 }
 
@@ -127,4 +113,91 @@ fn is_at(file: &File, path: &Path) -> bool {
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
+}
+
+/// The temporary files of this process. Locked while files get their names, so that a signal cannot
+/// interrupt.
+static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+pub(super) fn list() -> MutexGuard<'static, Vec<PathBuf>> {
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+pub(super) fn register(path: &Path) {
+    list().push(path.to_owned());
+}
+
+pub(super) fn unregister(path: &Path) {
+    forget(&mut list(), path);
+}
+
+pub(super) fn forget(list: &mut Vec<PathBuf>, path: &Path) {
+    if let Some(at) = list.iter().position(|one| one == path) {
+        list.swap_remove(at);
+    }
+}
+
+/// Removes every temporary file of this process and keeps files from getting names: for a process that is about to end
+/// without dropping its values. It must end then.
+pub fn remove_temporaries() {
+    let mut list = list();
+    // Files of a folder are removed before the folder.
+    list.sort_by_key(|path| Reverse(path.components().count()));
+    for path in list.drain(..) {
+        // The next run removes the rest.
+        let _ = match path.ends_with(ASIDE) {
+            true => std::fs::remove_dir_all(&path),
+            // An empty folder that was made for an output.
+            false => std::fs::remove_file(&path).or_else(|_| std::fs::remove_dir(&path)),
+        };
+    }
+    std::mem::forget(list);
+}
+
+/// New folders: on drop, empty ones are removed.
+#[derive(Debug)]
+pub struct MadeFolders {
+    /// Those inside first.
+    folders: Vec<PathBuf>,
+}
+
+impl MadeFolders {
+    /// Makes `folder` and its parents if missing.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn make(folder: &Path) -> Result<Self> {
+        let missing = folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
+        let made = Self { folders: missing.map(Path::to_owned).collect() };
+        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        made.folders.iter().for_each(|path| register(path));
+        Ok(made)
+    }
+}
+
+impl Drop for MadeFolders {
+    fn drop(&mut self) {
+        for folder in &self.folders {
+            // Fails if it is not empty.
+            let _ = std::fs::remove_dir(folder);
+            unregister(folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_in_which_nothing_came_to_be_goes_again() {
+        let parent = tempfile::tempdir().unwrap();
+        let (old, new) = (parent.path().join("old"), parent.path().join("new"));
+        std::fs::create_dir(&old).unwrap();
+        drop([MadeFolders::make(&old).unwrap(), MadeFolders::make(&new.join("a/b")).unwrap()]);
+        assert!(old.exists() && !new.exists(), "what was there stays");
+        let made = MadeFolders::make(&new.join("a/b")).unwrap();
+        std::fs::write(new.join("a/file"), "").unwrap();
+        drop(made);
+        assert!(new.join("a/file").exists() && !new.join("a/b").exists());
+    }
 }

@@ -53,11 +53,7 @@ impl Opened {
     }
 
     fn bytes(self, path: &Path, limits: &Limits) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        limits.reserve(path.display(), &mut bytes, self.len as usize)?;
-        // The file may grow during reading.
-        let read = self.file.take(limits.document_bytes).read_to_end(&mut bytes);
-        read.map(|_| bytes).map_err(|e| Error::io(path, e))
+        input::read_all(path, self.file, self.len, limits.document_bytes, limits)
     }
 }
 

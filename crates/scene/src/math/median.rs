@@ -65,12 +65,12 @@ pub fn all_finite(values: &[f32]) -> bool {
 }
 
 /// True when every value lies in [0, 1].
-pub fn all_in_unit(values: &[f32]) -> bool {
+pub(crate) fn all_in_unit(values: &[f32]) -> bool {
     all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (*x >= 0.0) & (*x <= 1.0)))
 }
 
 /// True when every value is above 0 and finite.
-pub fn all_positive(values: &[f32]) -> bool {
+pub(crate) fn all_positive(values: &[f32]) -> bool {
     all_chunks(values, |chunk| chunk.iter().fold(true, |all, x| all & (*x > 0.0) & (*x <= f32::MAX)))
 }
 

@@ -141,16 +141,6 @@ impl<R: Real> V2<R> {
     pub fn new(x: R, y: R) -> Self {
         Self { x, y }
     }
-    /// (0, 0).
-    #[inline(always)]
-    pub fn zero() -> Self {
-        Self { x: R::of(0.0), y: R::of(0.0) }
-    }
-    /// Every component times `factor`.
-    #[inline(always)]
-    pub fn scale(self, factor: R) -> Self {
-        Self { x: self.x * factor, y: self.y * factor }
-    }
     /// Component-wise product.
     #[inline(always)]
     pub fn mul_components(self, other: Self) -> Self {
@@ -171,11 +161,6 @@ impl<R: Real> V2<R> {
     pub fn perp(self) -> Self {
         Self { x: -self.y, y: self.x }
     }
-    /// Euclidean length.
-    #[inline(always)]
-    pub fn length(self) -> R {
-        self.dot(self).sqrt()
-    }
 }
 
 impl<R: Real> V3<R> {
@@ -183,16 +168,6 @@ impl<R: Real> V3<R> {
     #[inline(always)]
     pub fn new(x: R, y: R, z: R) -> Self {
         Self { x, y, z }
-    }
-    /// (0, 0, 0).
-    #[inline(always)]
-    pub fn zero() -> Self {
-        Self { x: R::of(0.0), y: R::of(0.0), z: R::of(0.0) }
-    }
-    /// Every component times `factor`.
-    #[inline(always)]
-    pub fn scale(self, factor: R) -> Self {
-        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
     /// Scalar product.
     #[inline(always)]
@@ -208,11 +183,6 @@ impl<R: Real> V3<R> {
             z: self.x * other.y - self.y * other.x,
         }
     }
-    /// Euclidean length.
-    #[inline(always)]
-    pub fn length(self) -> R {
-        self.dot(self).sqrt()
-    }
     /// Largest absolute component.
     #[inline(always)]
     pub fn max_abs(self) -> R {
@@ -225,50 +195,51 @@ impl<R: Real> V3<R> {
     }
 }
 
-impl<R: Real> Add for V2<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y }
-    }
+macro_rules! component_wise {
+    ($type:ident, $($c:ident),+) => {
+        impl<R: Real> $type<R> {
+            /// All components 0.
+            #[inline(always)]
+            pub fn zero() -> Self {
+                Self { $($c: R::of(0.0)),+ }
+            }
+            /// Every component times `factor`.
+            #[inline(always)]
+            pub fn scale(self, factor: R) -> Self {
+                Self { $($c: self.$c * factor),+ }
+            }
+            /// Euclidean length.
+            #[inline(always)]
+            pub fn length(self) -> R {
+                self.dot(self).sqrt()
+            }
+        }
+
+        impl<R: Real> Add for $type<R> {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self { $($c: self.$c + other.$c),+ }
+            }
+        }
+
+        impl<R: Real> Sub for $type<R> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self { $($c: self.$c - other.$c),+ }
+            }
+        }
+
+        impl<R: Real> Neg for $type<R> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self { $($c: -self.$c),+ }
+            }
+        }
+    };
 }
 
-impl<R: Real> Sub for V2<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y }
-    }
-}
-
-impl<R: Real> Neg for V2<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { x: -self.x, y: -self.y }
-    }
-}
-
-impl<R: Real> Add for V3<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
-}
-
-impl<R: Real> Sub for V3<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-}
-
-impl<R: Real> Neg for V3<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self { x: -self.x, y: -self.y, z: -self.z }
-    }
-}
+component_wise!(V2, x, y);
+component_wise!(V3, x, y, z);

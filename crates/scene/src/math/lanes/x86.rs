@@ -59,22 +59,47 @@ pub(super) fn run_avx2<W: Work>(work: W) -> W::Output {
 #[derive(Clone, Copy)]
 struct Avx512(__m512);
 
-macro_rules! operator512 {
-    ($trait:ident, $method:ident, $intrinsic:ident) => {
-        impl $trait for Avx512 {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                // SAFETY: see the top of this section.
-                Self(unsafe { $intrinsic(self.0, other.0) })
-            }
+/// A method of one to three values, by an intrinsic of each of their registers.
+macro_rules! lanewise {
+    ($method:ident(self), $intrinsic:ident, $($register:tt),+) => {
+        #[inline(always)]
+        fn $method(self) -> Self {
+            // SAFETY: see the top of this section.
+            unsafe { Self($($intrinsic(self.$register)),+) }
+        }
+    };
+    ($method:ident(self, $b:ident), $intrinsic:ident, $($register:tt),+) => {
+        #[inline(always)]
+        fn $method(self, $b: Self) -> Self {
+            // SAFETY: see the top of this section.
+            unsafe { Self($($intrinsic(self.$register, $b.$register)),+) }
+        }
+    };
+    ($method:ident(self, $b:ident, $c:ident), $intrinsic:ident, $($register:tt),+) => {
+        #[inline(always)]
+        fn $method(self, $b: Self, $c: Self) -> Self {
+            // SAFETY: see the top of this section.
+            unsafe { Self($($intrinsic(self.$register, $b.$register, $c.$register)),+) }
         }
     };
 }
-operator512!(Add, add, _mm512_add_ps);
-operator512!(Sub, sub, _mm512_sub_ps);
-operator512!(Mul, mul, _mm512_mul_ps);
-operator512!(Div, div, _mm512_div_ps);
+
+macro_rules! operator {
+    ($type:ident, $trait:ident, $method:ident, $intrinsic:ident, $($register:tt),+) => {
+        impl $trait for $type {
+            type Output = Self;
+            lanewise!($method(self, other), $intrinsic, $($register),+);
+        }
+    };
+}
+operator!(Avx512, Add, add, _mm512_add_ps, 0);
+operator!(Avx512, Sub, sub, _mm512_sub_ps, 0);
+operator!(Avx512, Mul, mul, _mm512_mul_ps, 0);
+operator!(Avx512, Div, div, _mm512_div_ps, 0);
+operator!(Avx2, Add, add, _mm256_add_ps, 0, 1);
+operator!(Avx2, Sub, sub, _mm256_sub_ps, 0, 1);
+operator!(Avx2, Mul, mul, _mm256_mul_ps, 0, 1);
+operator!(Avx2, Div, div, _mm256_div_ps, 0, 1);
 
 impl Neg for Avx512 {
     type Output = Self;
@@ -91,16 +116,8 @@ impl Real for Avx512 {
     fn of(value: f64) -> Self {
         Self::splat(value as f32)
     }
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: see the top of this section.
-        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, term.0) })
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: see the top of this section.
-        Self(unsafe { _mm512_sqrt_ps(self.0) })
-    }
+    lanewise!(mul_add(self, factor, term), _mm512_fmadd_ps, 0);
+    lanewise!(sqrt(self), _mm512_sqrt_ps, 0);
     #[inline(always)]
     fn exp2(self) -> Self {
         // SAFETY: see the top of this section.
@@ -124,21 +141,9 @@ impl Real for Avx512 {
             horner(&LOG2, t).mul_add(t, Self(_mm512_cvtepi32_ps(exponent)))
         }
     }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: see the top of this section.
-        Self(unsafe { _mm512_abs_ps(self.0) })
-    }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: see the top of this section.
-        Self(unsafe { _mm512_min_ps(self.0, other.0) })
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: see the top of this section.
-        Self(unsafe { _mm512_max_ps(self.0, other.0) })
-    }
+    lanewise!(abs(self), _mm512_abs_ps, 0);
+    lanewise!(min(self, other), _mm512_min_ps, 0);
+    lanewise!(max(self, other), _mm512_max_ps, 0);
     #[inline(always)]
     fn lt(self, other: Self) -> u16 {
         // SAFETY: see the top of this section.
@@ -268,16 +273,8 @@ struct Avx2(__m256, __m256);
 struct Mask2(__m256, __m256);
 
 impl Mask for Mask2 {
-    #[inline(always)]
-    fn and(self, other: Self) -> Self {
-        // SAFETY: see the top of this section.
-        unsafe { Self(_mm256_and_ps(self.0, other.0), _mm256_and_ps(self.1, other.1)) }
-    }
-    #[inline(always)]
-    fn or(self, other: Self) -> Self {
-        // SAFETY: see the top of this section.
-        unsafe { Self(_mm256_or_ps(self.0, other.0), _mm256_or_ps(self.1, other.1)) }
-    }
+    lanewise!(and(self, other), _mm256_and_ps, 0, 1);
+    lanewise!(or(self, other), _mm256_or_ps, 0, 1);
     #[inline(always)]
     fn not(self) -> Self {
         // SAFETY: see the top of this section.
@@ -287,23 +284,6 @@ impl Mask for Mask2 {
         }
     }
 }
-
-macro_rules! operator2 {
-    ($trait:ident, $method:ident, $intrinsic:ident) => {
-        impl $trait for Avx2 {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(self, other: Self) -> Self {
-                // SAFETY: see the top of this section.
-                unsafe { Self($intrinsic(self.0, other.0), $intrinsic(self.1, other.1)) }
-            }
-        }
-    };
-}
-operator2!(Add, add, _mm256_add_ps);
-operator2!(Sub, sub, _mm256_sub_ps);
-operator2!(Mul, mul, _mm256_mul_ps);
-operator2!(Div, div, _mm256_div_ps);
 
 impl Neg for Avx2 {
     type Output = Self;
@@ -337,15 +317,8 @@ impl Real for Avx2 {
     fn of(value: f64) -> Self {
         Self::splat(value as f32)
     }
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        // SAFETY: see the top of this section.
-        unsafe { Self(_mm256_fmadd_ps(self.0, factor.0, term.0), _mm256_fmadd_ps(self.1, factor.1, term.1)) }
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        halves!(self, |x| _mm256_sqrt_ps(x))
-    }
+    lanewise!(mul_add(self, factor, term), _mm256_fmadd_ps, 0, 1);
+    lanewise!(sqrt(self), _mm256_sqrt_ps, 0, 1);
     #[inline(always)]
     fn exp2(self) -> Self {
         let round = Self::splat(12_582_912.0);
@@ -375,16 +348,8 @@ impl Real for Avx2 {
     fn abs(self) -> Self {
         halves!(self, |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x))
     }
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        let (a, b) = halves!(self, other, |x, y| _mm256_min_ps(x, y));
-        Self(a, b)
-    }
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        let (a, b) = halves!(self, other, |x, y| _mm256_max_ps(x, y));
-        Self(a, b)
-    }
+    lanewise!(min(self, other), _mm256_min_ps, 0, 1);
+    lanewise!(max(self, other), _mm256_max_ps, 0, 1);
     #[inline(always)]
     fn lt(self, other: Self) -> Mask2 {
         let (a, b) = halves!(self, other, |x, y| _mm256_cmp_ps::<_CMP_LT_OQ>(x, y));
