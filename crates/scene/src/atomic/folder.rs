@@ -4,6 +4,7 @@
 //! disk. Old files are moved into it first, and an error puts them back. From when its part `new` is called
 //! `whole`, the next run finishes what a killed run began.
 
+use super::names::ASIDE;
 use super::temporary::{MadeFolders, Temporary, forget, list, register, unregister};
 use super::{Move, replace, sync_folder};
 use crate::error::{Error, Result};
@@ -11,9 +12,6 @@ use std::collections::VecDeque;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-
-/// The name of the inner folder.
-pub(super) const ASIDE: &str = ".folder.trisplat.new";
 
 /// Keeps others from writing into a folder while it is held.
 #[derive(Debug)]

@@ -1,8 +1,7 @@
 //! What this process makes and removes again, unless it is kept: temporary files, one for each target, and new folders.
 
 use super::BUFFER_BYTES;
-use super::folder::ASIDE;
-use super::names::temporary_name;
+use super::names::{ASIDE, temporary_name};
 use crate::error::{Error, Result};
 use std::cmp::Reverse;
 use std::fs::{File, TryLockError};
