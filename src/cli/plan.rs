@@ -5,6 +5,7 @@ use super::flags::Sources;
 use super::inputs::Inputs;
 use super::messages::many;
 use super::outputs::Outputs;
+use super::train_args::check_ply;
 use super::train_progress::Bar;
 use super::{Global, messages, signals};
 use clap::ArgMatches;
@@ -175,22 +176,10 @@ fn train_coarse(
     let run = run.start_at(&args.backend_options)?;
     let mut bar = Bar::new(global, *until, run.steps(), None, run.curve())?;
     bar.line("training the coarse scene");
-    run.card.iter().for_each(|card| bar.line(&format!("training on {card}")));
-    run.warnings.iter().for_each(|warning| bar.line(&format!("warning: {warning}")));
+    bar.begun(run.card.as_deref(), &run.warnings);
     let trained = unnamed(run.finish(&mut |event| bar.tell(event))?);
-    let lost = bar.done();
-    match (trained.stopped, &trained.checkpoint) {
-        (true, Some(_)) => {
-            bar.line("stopped; the same command continues");
-            return Ok(None);
-        }
-        (true, None) => {
-            return Err(Error::Incomplete(format!(
-                "the coarse scene was stopped without a checkpoint: {}",
-                lost.join("; ")
-            )));
-        }
-        (false, _) => {}
+    if bar.is_stopped("the coarse scene", &trained)? {
+        return Ok(None);
     }
     let made = keep_coarse(path, &trained)?;
     let _ = std::fs::remove_file(&point);
@@ -247,10 +236,7 @@ pub struct MergeArgs {
 
 /// Merges.
 pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
-    if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
-        let wants = "a name that ends with .ply; bake turns it into .glb";
-        return Err(Error::invalid("--output", args.output.display(), wants));
-    }
+    check_ply(&args.output)?;
     let blocks = Blocks::open(&args.city, &global.limits()?)?;
     let mut files = Outputs::new(inputs, args.force);
     files.claim("--output", &args.output)?;

@@ -302,13 +302,7 @@ fn outputs(args: &TrainArgs) -> RunOptions {
 /// Refuses outputs that would fail, or replace a file, only after the training.
 fn guard<'a>(args: &TrainArgs, inputs: &'a Inputs, outputs: &RunOptions) -> Result<Outputs<'a>> {
     let out = &args.output;
-    if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
-        return Err(Error::invalid(
-            "--output",
-            out.display(),
-            "a name that ends with .ply; bake turns it into .glb",
-        ));
-    }
+    train_args::check_ply(out)?;
     // A default one is claimed when the photos are counted.
     let teacher_file = train_args::beside(out);
     let plan = |source| TeacherPlan::asked(source, args.resume.is_some(), Some(&teacher_file));

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::DatasetOptions;
 use trisplat_job::{MOST_PICTURES, TEACHER_FILE, TeacherSource};
+use trisplat_scene::Error;
 use trisplat_train::budget::Seconds;
 use trisplat_train::{BackendOptions, TrainOptions};
 
@@ -177,6 +178,15 @@ pub struct TeacherArgs {
     /// photos. Two thirds by default.
     #[arg(long, value_name = "SHARE", requires = "teacher", value_parser = share)]
     pub teacher_share: Option<f64>,
+}
+
+/// Refuses a name that is not a soup's.
+pub(super) fn check_ply(output: &Path) -> trisplat_scene::Result<()> {
+    if output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ply")) {
+        let wants = "a name that ends with .ply; bake turns it into .glb";
+        return Err(Error::invalid("--output", output.display(), wants));
+    }
+    Ok(())
 }
 
 /// The path of a teacher that is trained for `output`.

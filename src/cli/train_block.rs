@@ -1,17 +1,17 @@
 //! `trisplat train --block PLAN:BLOCK`: one block of a scene that is trained in blocks.
 
-use super::Global;
 use super::inputs::Inputs;
 use super::messages::many;
 use super::outputs::Outputs;
 use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
+use super::{Global, messages};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
-use trisplat_scene::{Error, Result, atomic::AtomicFile, report::counted};
-use trisplat_train::{PREVIEW, Preview, Trained};
+use trisplat_scene::{Result, atomic::AtomicFile, report::counted};
+use trisplat_train::{PREVIEW, Preview};
 
 /// Trains the block, unless its result exists.
 pub(super) fn run(
@@ -23,18 +23,12 @@ pub(super) fn run(
     let clock = Instant::now();
     let task = Task::open(&block.plan, block.index, &args.dataset_options.limits)?;
     let done = task.output();
-    let say = |text: String| {
-        if global.quiet {
-            Ok(())
-        } else {
-            super::messages::print(&text);
-            Ok(())
-        }
-    };
     if done.is_file() && !args.force {
         // A run that was killed after its last rename leaves it.
         let _ = std::fs::remove_file(task.checkpoint());
-        say(format!("{} already exists", done.display()))?;
+        if !global.quiet {
+            messages::print(&format!("{} already exists", done.display()));
+        }
         return Ok(ExitCode::SUCCESS);
     }
     let mut guard = guard(args, block, &task, inputs)?;
@@ -50,15 +44,10 @@ pub(super) fn run(
     let (run, broken) = task.run(&dataset, outputs)?;
     let run = run.start_at(&args.backend_options)?;
     let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
-    run.card.iter().for_each(|card| bar.line(&format!("training on {card}")));
-    for warning in broken.iter().chain(&run.warnings).chain(&dataset.warnings) {
-        bar.line(&format!("warning: {warning}"));
-    }
+    bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
     let trained = run.finish(&mut |event| bar.tell(event))?;
-    let lost = bar.done();
-    if trained.stopped {
-        drop(file);
-        return stopped(&trained, &bar, lost);
+    if bar.is_stopped("the block", &trained)? {
+        return Ok(signals::ended());
     }
     let trained = task.finished(trained, cameras);
     trained.write_to(&mut file)?;
@@ -84,17 +73,4 @@ fn guard<'a>(args: &TrainArgs, block: &BlockAddress, task: &Task, inputs: &'a In
     args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
     args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
     Ok(files)
-}
-
-/// The end of a stopped run; a missing checkpoint is an error.
-fn stopped(trained: &Trained, bar: &Bar, lost: Vec<String>) -> Result<ExitCode> {
-    match &trained.checkpoint {
-        Some(checkpoint) => {
-            bar.line(&format!("stopped at {}; the same command continues", checkpoint.display()));
-            Ok(signals::ended())
-        }
-        None => {
-            Err(Error::Incomplete(format!("the block was stopped without a checkpoint: {}", lost.join("; "))))
-        }
-    }
 }

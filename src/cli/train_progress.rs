@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use trisplat_dataset::ShrunkSize;
 use trisplat_scene::{Error, Result};
 use trisplat_train::budget::Correction;
-use trisplat_train::{Densified, TrainEvent, TrainSample};
+use trisplat_train::{Densified, TrainEvent, TrainSample, Trained};
 
 /// Shows PSNR, triangles and time left; writes the log; stops on Ctrl-C.
 pub struct Bar {
@@ -78,6 +78,27 @@ impl Bar {
         self.stop = None;
         self.lines.clear();
         std::mem::take(&mut self.lost)
+    }
+
+    /// Names the card, and prints the notes on the start.
+    pub fn begun<'a>(&self, card: Option<&str>, warnings: impl IntoIterator<Item = &'a String>) {
+        card.iter().for_each(|card| self.line(&format!("training on {card}")));
+        warnings.into_iter().for_each(|warning| self.line(&format!("warning: {warning}")));
+    }
+
+    /// Removes the bar; returns whether the training of `what` was stopped.
+    ///
+    /// Errors: it was stopped without a checkpoint.
+    pub fn is_stopped(&mut self, what: &str, trained: &Trained) -> Result<bool> {
+        let lost = self.done().join("; ");
+        match &trained.checkpoint {
+            _ if !trained.stopped => Ok(false),
+            Some(checkpoint) => {
+                self.line(&format!("stopped at {}; the same command continues", checkpoint.display()));
+                Ok(true)
+            }
+            None => Err(Error::Incomplete(format!("{what} was stopped without a checkpoint: {lost}"))),
+        }
     }
 
     /// Outputs that could not be written so far, with their errors.
