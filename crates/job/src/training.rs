@@ -325,8 +325,13 @@ impl TrainJob {
         };
         let (options, how) = (&self.options.options, &mut self.dataset_options);
         let spending = Spending::of_process(budget.clock, began);
-        let speed =
-            budget::speed(&self.dataset, self.from.as_ref(), options, how.background.to_f32(), &spending)?;
+        let speed = trisplat_train::speed(
+            &self.dataset,
+            self.from.as_ref(),
+            options,
+            how.background.to_f32(),
+            &spending,
+        )?;
         let pace = budget::plan(&PlanInput {
             triangles_given,
             size_given: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,

@@ -7,29 +7,24 @@
 //! Timings choose only these numbers: the same numbers without a budget give the same run, bitwise. The number of remaining steps
 //! changes only at a milestone (`timeline.rs`), so that options can describe the run.
 
-use crate::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
+use crate::options::{REFERENCE_STEPS, TrainOptions};
 use crate::pyramid::{MIN_PX, size_at};
-use crate::run::TrainRun;
 use crate::schedule::Schedule;
 use crate::timeline::{MILESTONES, Timeline};
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_dataset::{Dataset, Photo, View};
-use trisplat_scene::{Error, ImportedScene, Result};
+use trisplat_dataset::Dataset;
+use trisplat_scene::{Error, Result};
 
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
 
 /// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only their proportions count, because
-/// [`speed`] measures the machine.
-const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
+/// [`speed`](crate::speed) measures the machine.
+pub(super) const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
 /// Seconds per pixel to decode a photo, and to draw and compare a held-out one, in the same unit.
 const DECODE_SECS: f64 = 10e-9;
 const EVALUATE_SECS: f64 = 0.3e-6;
-/// Photos to measure by, and the seconds and steps that are enough: some clocks advance only every 16 ms.
-const MEASURED_PHOTOS: usize = 3;
-const MEASURED_SECS: f64 = 0.05;
-const MEASURED_STEPS: u64 = 200;
 /// Triangles per step, by the least error at equal cost (docs/benchmarks/history.md).
 const TRIANGLES_PER_STEP: f64 = 14.0;
 /// Least pixels of the training photos per triangle: more triangles overfit the photos.
@@ -142,7 +137,7 @@ pub struct PlanInput<'a> {
     pub budget: Budget,
     /// Seconds spent already.
     pub spent_secs: f64,
-    /// The machine's [`speed`].
+    /// The machine's [`speed`](crate::speed).
     pub speed: f64,
     /// Training photos, and held-out ones.
     pub photos: [u64; 2],
@@ -244,44 +239,6 @@ impl<'a> PlanInput<'a> {
         let wants = format!("{}s or more for this data set", (1.2 * needed).ceil().max(1.0));
         Error::invalid(self.budget.option(), self.budget.seconds, wants)
     }
-}
-
-/// Seconds on the budget's clock per second of [`STEP_SECS`], by soft steps on photos of half size, which are thrown away.
-///
-/// Errors: those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
-pub fn speed(
-    dataset: &Dataset,
-    from: Option<&ImportedScene>,
-    options: &TrainOptions,
-    background: [f32; 3],
-    spending: &Spending,
-) -> Result<f64> {
-    let apart = (dataset.train().count() / MEASURED_PHOTOS).max(1);
-    let some = dataset.train().step_by(apart).take(MEASURED_PHOTOS);
-    let decoded = |view: &View| Ok(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
-    let dataset = Dataset { views: some.map(decoded).collect::<Result<_>>()?, ..dataset.clone() };
-    // Positions of this schedule are steps, so the first ones contain nothing else.
-    let (steps, warmup) =
-        (REFERENCE_STEPS as u64, WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS });
-    let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
-    let mut run = TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
-    run.from = from.cloned();
-    let mut training = run.start()?;
-    // The first step allocates.
-    training.step()?;
-    let before = spending.seconds();
-    let (mut expected, mut taken) = (0.0, 0.0);
-    let [constant, per_triangle, per_pixel] = STEP_SECS[0];
-    while taken < MEASURED_SECS && training.steps() < MEASURED_STEPS {
-        for view in &dataset.views {
-            training.step()?;
-            let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
-            expected += constant + per_triangle * training.triangles() as f64 + per_pixel * pixels;
-        }
-        taken = spending.seconds() - before;
-    }
-    let wants = "a system that reports CPU time, or `budget_wall`";
-    if taken > 0.0 { Ok(taken / expected) } else { Err(Error::invalid("budget", "in CPU time", wants)) }
 }
 
 /// Chooses steps, triangles and the size of photos. The rule: the most steps that fit, with fourteen

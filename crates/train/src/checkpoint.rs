@@ -4,12 +4,11 @@
 //! `__metadata__` has the format (`trisplat`), a JSON text with all other values (`run`), and the XXH3 hash of both (`xxh3`).
 
 use super::budget::Pace;
+use super::eval::TrainSample;
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
-use super::outputs::TrainSample;
-use super::params::{Params, TrainState};
-use super::start::Core;
+use super::params::{Core, Params, TrainState};
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;

@@ -6,9 +6,8 @@
 //! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
 use super::options::{DensifyOptions, SampleWeight};
-use super::params::{Anneal, Params, TrainState};
+use super::params::{Anneal, Core, Params, TrainState};
 use super::relocate::{Relocation, make_room};
-use super::start::Core;
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;

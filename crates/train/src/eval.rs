@@ -225,3 +225,30 @@ impl EvalScene {
 pub(super) fn solid_samples(options: &SoftOptions) -> Option<u32> {
     matches!(options.window, Window::Coverage { .. }).then_some(SOLID_SAMPLES)
 }
+
+/// The state of a run after some step: one point of its curve.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TrainSample {
+    /// Steps made.
+    pub step: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Loss, averaged over the last steps.
+    pub loss: f64,
+    /// PSNR on the training photos as drawn, averaged over the last steps, dB.
+    pub psnr: f64,
+    /// PSNR on the held-out photos, dB; only if measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_psnr: Option<f64>,
+    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test_size: Option<ShrunkSize>,
+    /// Width of the last photo, px.
+    pub width_px: u32,
+    /// CPU seconds of the process, evaluation excluded.
+    pub cpu_secs: f64,
+    /// Wall-clock seconds since this process began training.
+    pub wall_secs: f64,
+    /// Gradients dropped so far because they were not finite.
+    pub dropped: u64,
+}

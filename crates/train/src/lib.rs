@@ -21,6 +21,7 @@ pub mod budget;
 pub mod checkpoint;
 mod cpu;
 mod densify;
+mod device;
 mod eval;
 mod exposure;
 #[cfg(feature = "gpu")]
@@ -42,23 +43,22 @@ mod training;
 mod update;
 mod visibility;
 
-pub use backend::{
-    BackendKind, BackendOptions, BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend,
-};
+pub use backend::{BackendVisibility, PhotoId, StepPhoto, StepStats, TrainBackend};
 pub use checkpoint::Checkpoint;
 pub use cpu::CpuBackend;
 pub use densify::Densified;
-pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES};
+pub use device::{BackendKind, BackendOptions};
+pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
 pub use exposure::ExposureDetails;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::{PhotoIdentity, RunIdentity};
 pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, TrainOptions, TrainPreset};
-pub use outputs::{PREVIEW, Preview, RunOptions, TrainEvent, TrainObserver, TrainSample};
-pub use params::{Anneal, Params, TrainState};
-pub use run::TrainRun;
+pub use outputs::{TrainEvent, TrainObserver};
+pub use params::{Anneal, Core, Params, TrainState};
+pub use run::speed;
 pub use schedule::{EngineShading, Schedule, StepParams};
 pub use shell::shell_around;
-pub use start::{Core, Part};
+pub use start::{PREVIEW, Part, Preview, RunOptions, TrainRun};
 pub use trained::{TrainDetails, Trained};
 pub use training::Training;

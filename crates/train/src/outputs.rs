@@ -3,47 +3,14 @@
 use super::budget::{Correction, Spending};
 use super::checkpoint;
 use super::densify::Densified;
-use super::eval::{Evaluator, PhotoScore, Quality};
+use super::eval::{Evaluator, PhotoScore, Quality, TrainSample};
+use super::start::{PREVIEW, Preview};
 use super::training::Training;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
-use trisplat_dataset::ShrunkSize;
+use std::time::Instant;
 use trisplat_scene::process::cpu_secs;
 use trisplat_scene::{Error, ImportedScene, Result};
-
-/// The outputs during a run; none of them changes the result.
-#[derive(Debug, Clone, Default)]
-pub struct RunOptions {
-    /// Where checkpoints go.
-    pub checkpoint: Option<PathBuf>,
-    /// Number of last checkpoints to keep, in separate files; 0 means 1.
-    pub keep: u32,
-    /// Steps between checkpoints; 0 writes one only when the run is stopped.
-    pub checkpoint_every: u64,
-    /// Steps between samples of the curve; 0 chooses 100 samples per run.
-    pub sample_every: u64,
-    /// Steps between evaluations on the held-out photos; 0 evaluates once, at the end.
-    pub evaluate_every: u64,
-    /// Pictures of the first held-out photo.
-    pub preview: Option<Preview>,
-    /// Stop after this many CPU seconds, as on request; 0 never.
-    pub max_cpu_secs: f64,
-}
-
-/// The beginning of the names of previews.
-pub const PREVIEW: &str = "step-";
-
-/// Pictures of the first held-out photo while a scene trains.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Preview {
-    /// Their folder; files are called `step-000500.png`.
-    pub folder: PathBuf,
-    /// Time between two of them.
-    pub pause: Duration,
-}
 
 /// Measures a run and writes its checkpoints and previews.
 pub(super) struct Recorder<'a> {
@@ -229,33 +196,6 @@ impl<'a> Recorder<'a> {
         }
         Ok(scores)
     }
-}
-
-/// The state of a run after some step: one point of its curve.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct TrainSample {
-    /// Steps made.
-    pub step: u64,
-    /// Triangles.
-    pub triangles: u64,
-    /// Loss, averaged over the last steps.
-    pub loss: f64,
-    /// PSNR on the training photos as drawn, averaged over the last steps, dB.
-    pub psnr: f64,
-    /// PSNR on the held-out photos, dB; only if measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub test_psnr: Option<f64>,
-    /// The size that these photos were shrunk to, "320x213"; absent where they were not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub test_size: Option<ShrunkSize>,
-    /// Width of the last photo, px.
-    pub width_px: u32,
-    /// CPU seconds of the process, evaluation excluded.
-    pub cpu_secs: f64,
-    /// Wall-clock seconds since this process began training.
-    pub wall_secs: f64,
-    /// Gradients dropped so far because they were not finite.
-    pub dropped: u64,
 }
 
 /// What happens in a run.

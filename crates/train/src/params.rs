@@ -7,6 +7,7 @@
 //! (Held et al.'s code, `triangle_model.py`; the floor is that of TS+.)
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 use trisplat_raster::kernel::window::mean_window;
 use trisplat_scene::Soup;
 
@@ -240,6 +241,29 @@ impl TrainState {
         let empty = Params { sh_degree: self.params.sh_degree, ..Params::default() };
         let (pinned, frozen) = (self.pinned, self.frozen);
         Self { params: empty.clone(), first: empty.clone(), second: empty, pinned, frozen }
+    }
+}
+
+/// is full.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Core {
+    /// Lowest coordinates, inclusive; `None`: unbounded.
+    pub low: [Option<f32>; 3],
+    /// Highest coordinates, exclusive; `None`: unbounded.
+    pub high: [Option<f32>; 3],
+    /// Most triangles with their middle in the box.
+    pub triangles: u64,
+}
+
+impl Core {
+    /// Whether triangle `i` has its middle in the box.
+    pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
+        let [a, b, c] = params.vertices[i];
+        let middle: Vec3 = (a + b + c) / 3.0;
+        (0..3).all(|k| {
+            self.low[k].is_none_or(|low| middle[k] >= low) && self.high[k].is_none_or(|high| middle[k] < high)
+        })
     }
 }
 

@@ -1,112 +1,24 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
-use super::backend::{BackendOptions, RunSize, TrainBackend};
-use super::budget::{Paced, Spending};
-use super::checkpoint::{Checkpoint, CheckpointMeta};
+use super::backend::{RunSize, TrainBackend};
+use super::budget::{Paced, STEP_SECS, Spending};
+use super::checkpoint::CheckpointMeta;
 use super::cpu::CpuBackend;
-use super::eval::solid_samples;
+use super::device::BackendOptions;
+use super::eval::{TrainSample, solid_samples};
 use super::exposure::ExposureDetails;
-use super::options::TrainOptions;
-use super::outputs::{Recorder, RunOptions, TrainEvent, TrainObserver, TrainSample};
-use super::start::Part;
+use super::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
+use super::outputs::{Recorder, TrainEvent, TrainObserver};
+use super::pyramid::{MIN_PX, size_at};
+use super::start::TrainRun;
 use super::trained::{Trained, provenance};
 use super::training::Training;
 use std::path::PathBuf;
-use std::time::Instant;
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_dataset::{Dataset, Photo, View};
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Camera, report::generator};
 
-/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
-///
-/// ```
-/// use std::ops::ControlFlow::Continue;
-/// use trisplat_synthetic::SyntheticOptions;
-/// use trisplat_dataset::{Dataset, DatasetOptions};
-/// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
-///
-/// let folder = tempfile::tempdir().unwrap();
-/// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
-/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
-/// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
-///
-/// // A run that writes checkpoints ...
-/// let path = folder.path().join("scene.checkpoint");
-/// let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 10, ..RunOptions::default() };
-/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(()))?;
-///
-/// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
-/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut |_| Continue(()))?;
-/// assert_eq!(trained.soup, resumed.soup);
-/// # Ok::<(), trisplat_scene::Error>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct TrainRun<'a> {
-    /// The photos; those held out evaluate the scene.
-    pub dataset: &'a Dataset,
-    /// The options of the training; a resumed run has those of its checkpoint.
-    pub options: TrainOptions,
-    /// The colour behind everything, sRGB-encoded in [0, 1]; the same as for reading the data set.
-    pub background: [f32; 3],
-    /// Memory for decoded photos, bytes; others are kept on disk.
-    pub photo_bytes: u64,
-    /// The outputs during the run.
-    pub outputs: RunOptions,
-    /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
-    /// those of [`TrainOptions::from_scene`].
-    pub from: Option<ImportedScene>,
-    /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it goes on, by up to a tenth per
-    /// densification, and has some left if it ends before.
-    pub cut_from: bool,
-    /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
-    pub part: Option<Part>,
-    /// End after this step, without finishing the schedule. `None`: after the last step.
-    pub until_step: Option<u64>,
-    /// The checkpoint to resume from.
-    pub resume: Option<Checkpoint>,
-    /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace of its
-    /// checkpoint, and its spending is counted from here.
-    pub paced: Option<Paced>,
-    /// Start of the process that resumes a run with a budget; `None`: now.
-    pub began: Option<Instant>,
-    /// Resume even if photos, cameras, points or the background differ from those of the checkpoint.
-    pub force_resume: bool,
-}
-
 impl<'a> TrainRun<'a> {
-    /// A run from its beginning without outputs, with the background and the memory for photos of
-    /// [`DatasetOptions::default`].
-    pub fn new(dataset: &'a Dataset, options: &TrainOptions) -> Self {
-        let run = Self {
-            dataset,
-            options: options.clone(),
-            background: [0.0; 3],
-            photo_bytes: 0,
-            outputs: RunOptions::default(),
-            from: None,
-            cut_from: false,
-            part: None,
-            until_step: None,
-            resume: None,
-            paced: None,
-            began: None,
-            force_resume: false,
-        };
-        run.with_dataset_options(&DatasetOptions::default())
-    }
-
-    /// The rest of the run of `checkpoint`.
-    pub fn from_checkpoint(dataset: &'a Dataset, checkpoint: Checkpoint) -> Self {
-        let run = Self::new(dataset, &checkpoint.meta.options);
-        Self { resume: Some(checkpoint), ..run }
-    }
-
-    /// With the data set's background and memory for photos.
-    pub fn with_dataset_options(self, options: &DatasetOptions) -> Self {
-        let photo_bytes = options.photo_bytes();
-        Self { background: options.background.to_f32(), photo_bytes, ..self }
-    }
-
     /// Sets the run up on the CPU, with the first triangles and before the first step.
     ///
     /// Errors: options out of range, no training photos, a checkpoint of another run.
@@ -347,4 +259,47 @@ fn with_remedy(error: Error, checkpoint: Option<(u64, PathBuf)>) -> Error {
         },
         (error, _) => error,
     }
+}
+
+/// Photos to measure by, and the seconds and steps that are enough: some clocks advance only every 16 ms.
+const MEASURED_PHOTOS: usize = 3;
+const MEASURED_SECS: f64 = 0.05;
+const MEASURED_STEPS: u64 = 200;
+
+/// Seconds on the budget's clock per second of `STEP_SECS`, by soft steps on photos of half size, which are thrown away.
+///
+/// Errors: those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
+pub fn speed(
+    dataset: &Dataset,
+    from: Option<&ImportedScene>,
+    options: &TrainOptions,
+    background: [f32; 3],
+    spending: &Spending,
+) -> Result<f64> {
+    let apart = (dataset.train().count() / MEASURED_PHOTOS).max(1);
+    let some = dataset.train().step_by(apart).take(MEASURED_PHOTOS);
+    let decoded = |view: &View| Ok(View { photo: Photo::drawn(view.photo.decode()?), ..view.clone() });
+    let dataset = Dataset { views: some.map(decoded).collect::<Result<_>>()?, ..dataset.clone() };
+    // Positions of this schedule are steps, so the first ones contain nothing else.
+    let (steps, warmup) =
+        (REFERENCE_STEPS as u64, WarmupOptions { quarter_until: 0.0, half_until: REFERENCE_STEPS });
+    let options = TrainOptions { steps, milestones: [0; 4], warmup, ..options.clone() };
+    let mut run = TrainRun { background, photo_bytes: u64::MAX, ..TrainRun::new(&dataset, &options) };
+    run.from = from.cloned();
+    let mut training = run.start()?;
+    // The first step allocates.
+    training.step()?;
+    let before = spending.seconds();
+    let (mut expected, mut taken) = (0.0, 0.0);
+    let [constant, per_triangle, per_pixel] = STEP_SECS[0];
+    while taken < MEASURED_SECS && training.steps() < MEASURED_STEPS {
+        for view in &dataset.views {
+            training.step()?;
+            let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
+            expected += constant + per_triangle * training.triangles() as f64 + per_pixel * pixels;
+        }
+        taken = spending.seconds() - before;
+    }
+    let wants = "a system that reports CPU time, or `budget_wall`";
+    if taken > 0.0 { Ok(taken / expected) } else { Err(Error::invalid("budget", "in CPU time", wants)) }
 }

@@ -1,20 +1,21 @@
 //! The state before the first step: triangles at the points of a data set, or those of a scene.
 
+use super::budget::Paced;
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::exposure::ExposureEstimates;
 use super::identity::RunIdentity;
 use super::init::{InitPoint, first_soup};
 use super::options::TrainOptions;
-use super::params::{Params, TrainState};
+use super::params::{Core, Params, TrainState};
 use super::pyramid::Pyramid;
-use super::run::TrainRun;
 use super::schedule::Schedule;
 use super::shell;
 use super::visibility::VisibilityStats;
 use glam::{DVec3, Vec3};
-use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use trisplat_dataset::{DatasetKind, Point, View, random_points};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, random_points};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup, report::generator};
 
@@ -33,6 +34,128 @@ pub struct Part {
     pub core: Option<Core>,
     /// The first step of its schedule; earlier ones trained the whole scene.
     pub first_step: u64,
+}
+
+/// The outputs during a run; none of them changes the result.
+#[derive(Debug, Clone, Default)]
+pub struct RunOptions {
+    /// Where checkpoints go.
+    pub checkpoint: Option<PathBuf>,
+    /// Number of last checkpoints to keep, in separate files; 0 means 1.
+    pub keep: u32,
+    /// Steps between checkpoints; 0 writes one only when the run is stopped.
+    pub checkpoint_every: u64,
+    /// Steps between samples of the curve; 0 chooses 100 samples per run.
+    pub sample_every: u64,
+    /// Steps between evaluations on the held-out photos; 0 evaluates once, at the end.
+    pub evaluate_every: u64,
+    /// Pictures of the first held-out photo.
+    pub preview: Option<Preview>,
+    /// Stop after this many CPU seconds, as on request; 0 never.
+    pub max_cpu_secs: f64,
+}
+
+/// The beginning of the names of previews.
+pub const PREVIEW: &str = "step-";
+
+/// Pictures of the first held-out photo while a scene trains.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Preview {
+    /// Their folder; files are called `step-000500.png`.
+    pub folder: PathBuf,
+    /// Time between two of them.
+    pub pause: Duration,
+}
+
+/// All inputs of a run. [`TrainRun::new`] has the plain values; any field can be set before the start.
+///
+/// ```
+/// use std::ops::ControlFlow::Continue;
+/// use trisplat_synthetic::SyntheticOptions;
+/// use trisplat_dataset::{Dataset, DatasetOptions};
+/// use trisplat_train::{RunOptions, TrainOptions, TrainRun, checkpoint};
+///
+/// let folder = tempfile::tempdir().unwrap();
+/// trisplat_synthetic::write(folder.path(), &SyntheticOptions { views: 8, width: 24, points: 50, seed: 0, ..SyntheticOptions::default() })?;
+/// let dataset = Dataset::load(folder.path(), &DatasetOptions::default())?;
+/// let options = TrainOptions { steps: 20, max_triangles: 100, ..TrainOptions::default() };
+///
+/// // A run that writes checkpoints ...
+/// let path = folder.path().join("scene.checkpoint");
+/// let outputs = RunOptions { checkpoint: Some(path.clone()), checkpoint_every: 10, ..RunOptions::default() };
+/// let trained = TrainRun { outputs, ..TrainRun::new(&dataset, &options) }.run(&mut |_| Continue(()))?;
+///
+/// // ... and one that goes on from the last of them: the same bits, since it was made after the last step.
+/// let resumed = TrainRun::from_checkpoint(&dataset, checkpoint::read(&path)?).run(&mut |_| Continue(()))?;
+/// assert_eq!(trained.soup, resumed.soup);
+/// # Ok::<(), trisplat_scene::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct TrainRun<'a> {
+    /// The photos; those held out evaluate the scene.
+    pub dataset: &'a Dataset,
+    /// The options of the training; a resumed run has those of its checkpoint.
+    pub options: TrainOptions,
+    /// The colour behind everything, sRGB-encoded in [0, 1]; the same as for reading the data set.
+    pub background: [f32; 3],
+    /// Memory for decoded photos, bytes; others are kept on disk.
+    pub photo_bytes: u64,
+    /// The outputs during the run.
+    pub outputs: RunOptions,
+    /// The scene to start from instead of the data set's points, as a reader returns it; suitable options are
+    /// those of [`TrainOptions::from_scene`].
+    pub from: Option<ImportedScene>,
+    /// Whether that scene may have more triangles than `max_triangles`: a solid run cuts it as it goes on, by up to a tenth per
+    /// densification, and has some left if it ends before.
+    pub cut_from: bool,
+    /// The part of that scene to train, if not all; a resumed run has the part of its checkpoint.
+    pub part: Option<Part>,
+    /// End after this step, without finishing the schedule. `None`: after the last step.
+    pub until_step: Option<u64>,
+    /// The checkpoint to resume from.
+    pub resume: Option<Checkpoint>,
+    /// Keeps the run to a budget; `None` makes the steps of the options. A resumed run has the pace of its
+    /// checkpoint, and its spending is counted from here.
+    pub paced: Option<Paced>,
+    /// Start of the process that resumes a run with a budget; `None`: now.
+    pub began: Option<Instant>,
+    /// Resume even if photos, cameras, points or the background differ from those of the checkpoint.
+    pub force_resume: bool,
+}
+
+impl<'a> TrainRun<'a> {
+    /// A run from its beginning without outputs, with the background and the memory for photos of
+    /// [`DatasetOptions::default`].
+    pub fn new(dataset: &'a Dataset, options: &TrainOptions) -> Self {
+        let run = Self {
+            dataset,
+            options: options.clone(),
+            background: [0.0; 3],
+            photo_bytes: 0,
+            outputs: RunOptions::default(),
+            from: None,
+            cut_from: false,
+            part: None,
+            until_step: None,
+            resume: None,
+            paced: None,
+            began: None,
+            force_resume: false,
+        };
+        run.with_dataset_options(&DatasetOptions::default())
+    }
+
+    /// The rest of the run of `checkpoint`.
+    pub fn from_checkpoint(dataset: &'a Dataset, checkpoint: Checkpoint) -> Self {
+        let run = Self::new(dataset, &checkpoint.meta.options);
+        Self { resume: Some(checkpoint), ..run }
+    }
+
+    /// With the data set's background and memory for photos.
+    pub fn with_dataset_options(self, options: &DatasetOptions) -> Self {
+        let photo_bytes = options.photo_bytes();
+        Self { background: options.background.to_f32(), photo_bytes, ..self }
+    }
 }
 
 /// The state of `run` before its first step, from the triangles of a scene or from the points of the data set.
@@ -202,29 +325,6 @@ fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<V
 }
 
 /// A box of training space with its own limit of triangles. The surroundings grow with it, and stop when it
-/// is full.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Core {
-    /// Lowest coordinates, inclusive; `None`: unbounded.
-    pub low: [Option<f32>; 3],
-    /// Highest coordinates, exclusive; `None`: unbounded.
-    pub high: [Option<f32>; 3],
-    /// Most triangles with their middle in the box.
-    pub triangles: u64,
-}
-
-impl Core {
-    /// Whether triangle `i` has its middle in the box.
-    pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
-        let [a, b, c] = params.vertices[i];
-        let middle: Vec3 = (a + b + c) / 3.0;
-        (0..3).all(|k| {
-            self.low[k].is_none_or(|low| middle[k] >= low) && self.high[k].is_none_or(|high| middle[k] < high)
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

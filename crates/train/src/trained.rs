@@ -1,10 +1,9 @@
 //! The result of a run: the scene, its figures, and its file.
 
 use super::budget::{BudgetDetails, Paced};
-use super::eval::{PhotoScore, Quality};
+use super::eval::{PhotoScore, Quality, TrainSample};
 use super::exposure::ExposureDetails;
 use super::options::TrainOptions;
-use super::outputs::TrainSample;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

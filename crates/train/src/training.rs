@@ -3,15 +3,14 @@
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::densify::{self, Densified, densify};
-use super::eval::{EvalScene, solid_samples};
+use super::eval::{EvalScene, TrainSample, solid_samples};
 use super::identity::RunIdentity;
 use super::options::TrainOptions;
-use super::outputs::{RunOptions, TrainSample};
 use super::params::{Anneal, TrainState};
 use super::pyramid::{MIN_PX, Pyramid, order};
-use super::run::TrainRun;
 use super::schedule::Schedule;
 use super::start;
+use super::start::{RunOptions, TrainRun};
 use super::visibility::VisibilityStats;
 use std::sync::Arc;
 use trisplat_dataset::{

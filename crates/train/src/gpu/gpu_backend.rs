@@ -1,13 +1,12 @@
 //! The backend of a training scene on a graphics card.
 
+use super::limits::{COUNTS, REMEDY};
 use super::passes::{Passes, Variants};
-use super::scene::{Photos, REMEDY, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, row_count};
-use super::sequence::{BindGroups, COUNTS, GROUPS, Jobs, Sequence, self_test};
-use super::step_buffers::{GpuLimits, SLOT_PARTS, StepBuffers, StepCapacity};
+use super::scene::{Photos, SceneBuffers, VISIBILITY_NUMBERS, VisibilityBuffer, row_count};
+use super::sequence::{BindGroups, GROUPS, Jobs, Sequence, self_test};
+use super::step_buffers::{GpuLimits, SLOT_PARTS, StepBuffers, StepCapacity, missing_capacity};
 use super::step_passes::StepPasses;
-use super::uniform::{
-    GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts, missing_capacity,
-};
+use super::uniform::{GEOMETRY_SLOT_NUMBERS, Look, PendingStep, StepPlan, StepUniform, first_counts};
 use crate::backend::{BackendVisibility, RunSize, StepPhoto, StepStats, TrainBackend};
 use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;

@@ -8,6 +8,7 @@
 //! the same bits on the same card. Parameters and moments stay on the card between `load` and `store`.
 
 mod gpu_backend;
+mod limits;
 mod passes;
 mod picture;
 mod scene;

@@ -1,5 +1,6 @@
 //! The compiled passes.
 
+use super::limits::{BUCKET, GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS, UPDATE_GROUP};
 use super::uniform::StepPlan;
 use crate::cpu::ERROR_UNITS;
 use crate::params::{SIGMA_MIN, SIGMA_SOLID};
@@ -120,18 +121,6 @@ impl Variants {
     }
 }
 
-/// Invocations of a workgroup.
-pub(super) const GROUP: u32 = 256;
-// Passes over tiles sum over a tile, the others over a group.
-const _: () = assert!(GROUP == TILE * TILE);
-/// Invocations of a workgroup of the update, which needs many registers.
-pub(super) const UPDATE_GROUP: u32 = 64;
-/// Numbers per invocation of a prefix sum.
-pub(super) const SCAN_ITEMS: u32 = 8;
-/// Keys per invocation of a sort.
-pub(super) const SORT_ITEMS: u32 = 8;
-/// Values of a digit.
-pub(super) const RADIX: u32 = 1 << super::sequence::DIGIT_BITS;
 /// Splats that a tile holds in workgroup memory while it draws.
 const BATCH: u32 = 64;
 /// Layers that a pixel takes at a time with its own order.
@@ -139,8 +128,6 @@ const NEAREST: u32 = 8;
 /// Splats of a tile whose gradients are summed at once, and how many of their blocks of 4 x 4 pixels at most.
 const PAIRS_AT_ONCE: u32 = 32;
 const PAIR_BLOCKS: u32 = 128;
-/// Pairs of a bucket: a workgroup sums their gradients.
-pub(super) const BUCKET: u32 = 512;
 // A bucket begins with a batch; an invocation loads an eighth of a pair; the blocks of one pair fit; a sort's totals have a digit each.
 const _: () = assert!(
     BUCKET.is_multiple_of(BATCH) && 8 * PAIRS_AT_ONCE == GROUP && PAIR_BLOCKS >= 16 && RADIX == GROUP

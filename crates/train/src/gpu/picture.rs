@@ -1,8 +1,8 @@
 //! Pictures of a scene on the card: the passes of a step up to the frame.
 
 use super::gpu_backend::GpuBackend;
-use super::step_buffers::{GpuLimits, StepCapacity};
-use super::uniform::{Look, SceneShape, StepPlan, StepUniform, first_counts, missing_capacity};
+use super::step_buffers::{GpuLimits, StepCapacity, missing_capacity};
+use super::uniform::{Look, SceneShape, StepPlan, StepUniform, first_counts};
 use crate::backend::TrainBackend;
 use crate::params::{Params, TrainState};
 use trisplat_gpu::{Gpu, readback::elements};

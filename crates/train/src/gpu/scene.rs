@@ -1,7 +1,7 @@
 //! The scene and Adam's moments, on the card.
 
-use super::passes::GROUP;
-use super::uniform::SceneShape;
+use super::limits::{GROUP, REMEDY};
+use super::uniform::{PhotoSource, SceneShape};
 use crate::backend::{BackendVisibility, PhotoId, StepPhoto};
 use crate::params::{Params, TrainState};
 use glam::Vec3;
@@ -13,10 +13,7 @@ use trisplat_gpu::{Gpu, storage, uniform};
 use trisplat_raster::soft::Importance;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result};
-use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, CommandEncoder};
-
-/// The remedy when a scene does not fit.
-pub(super) const REMEDY: &str = "train on the CPU (`backend` cpu), or with fewer triangles (`max_triangles`) or smaller photos (`max_size`)";
+use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages};
 
 /// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
 pub(super) const VISIBILITY_NUMBERS: usize = 6;
@@ -217,25 +214,6 @@ pub(super) fn append(params: &mut Params, rows: &[f32], n: usize) {
     params.opacity.extend_from_slice(&rows[9 * n..10 * n]);
     params.sigma.extend_from_slice(&rows[10 * n..11 * n]);
     parallel::extend(&mut params.sh, n * k, GRAIN, coefficient);
-}
-
-/// A photo of a step: a pixel's colour and weight in 8 bits each, lowest first.
-#[derive(Debug)]
-pub(super) enum PhotoSource {
-    /// On the card.
-    Held(Buffer),
-    /// In main memory.
-    Packed(Vec<u32>),
-}
-
-impl PhotoSource {
-    /// Copies it to `to`, before all later recorded passes.
-    pub(super) fn copy(&self, gpu: &Gpu, encoder: &mut CommandEncoder, to: &Buffer) {
-        match self {
-            Self::Held(buffer) => encoder.copy_buffer_to_buffer(buffer, 0, to, 0, buffer.size()),
-            Self::Packed(pixels) => gpu.queue.write_buffer(to, 0, bytemuck::cast_slice(pixels)),
-        }
-    }
 }
 
 /// The photos on the card. The one that was used least recently leaves for a new one.

@@ -1,7 +1,7 @@
 //! Passes one after the other.
 
-use super::passes::{GROUP, Passes, RADIX, SCAN_ITEMS, SORT_ITEMS};
-use super::scene::REMEDY;
+use super::limits::{COUNTS, Count, DIGIT_BITS, GROUP, RADIX, REMEDY, SCAN_ITEMS, SORT_ITEMS};
+use super::passes::Passes;
 use glam::UVec2;
 use std::collections::HashMap;
 use trisplat_gpu::readback::elements;
@@ -147,35 +147,6 @@ impl Ordering<'_> {
     }
 }
 
-/// Places in the buffer of counts; the twin of the constants in `passes/step.wgsl`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-#[allow(dead_code, reason = "some are read and written on the card only")]
-pub(super) enum Count {
-    Triangles1,
-    Splats,
-    Splats1,
-    Pairs,
-    Pixels1,
-    Layers,
-    WantedSplats,
-    WantedPairs,
-    WantedLayers,
-    Touched,
-    Dropped,
-    LossL1,
-    LossMse,
-    LossSsim,
-    LossGeometry,
-    SumArea,
-    PhotoTiles,
-    SceneGroups,
-    FrameGroups,
-}
-
-/// Counts in the buffer.
-pub(super) const COUNTS: usize = Count::FrameGroups as usize + 1;
-
 /// The indirect dispatches of a step. The twin of `set_groups` in `passes/plan.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -216,9 +187,6 @@ pub(super) const fn digit(length: Count, shift: u32) -> Job {
 pub(super) const fn sum(place: Count, length: Count, numbers: u32) -> Job {
     [place as u32, length as u32, numbers, 0]
 }
-
-/// Bits of a digit of the sorts.
-pub(super) const DIGIT_BITS: u32 = 8;
 
 /// All jobs, in a buffer that never changes.
 #[derive(Debug)]

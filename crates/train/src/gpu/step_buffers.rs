@@ -1,7 +1,6 @@
 //! The buffers of one step on the card, and their capacity.
 
-use super::passes::{BUCKET, GROUP, RADIX, SCAN_ITEMS, SORT_ITEMS};
-use super::scene::REMEDY;
+use super::limits::{BUCKET, Count, GROUP, RADIX, REMEDY, SCAN_ITEMS, SORT_ITEMS};
 use super::uniform::{SLOT_NUMBERS, StepPlan};
 use glam::UVec2;
 use trisplat_gpu::{Gpu, storage};
@@ -266,9 +265,24 @@ impl GpuLimits {
             },
             pairs_each: Self::PAIRS_EACH,
             pairs_least: 1 << 18,
-            spare_splats: super::passes::GROUP,
+            spare_splats: GROUP,
         }
     }
+}
+
+/// The capacity that a step lacked, with a margin; such a step did nothing.
+pub(super) fn missing_capacity(counts: &[u32]) -> Option<StepCapacity> {
+    let wanted = |count: Count| {
+        let n = counts[count as usize];
+        n.saturating_add(n / 4)
+    };
+    let more = StepCapacity {
+        splats: wanted(Count::WantedSplats),
+        pairs: wanted(Count::WantedPairs),
+        layers: wanted(Count::WantedLayers),
+        ..StepCapacity::default()
+    };
+    (more != StepCapacity::default()).then_some(more)
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! The passes of one step, in order.
 
-use super::passes::{GROUP, Passes, SCAN_ITEMS, TilePasses};
+use super::limits::{Count, DIGIT_BITS, GROUP, SCAN_ITEMS};
+use super::passes::{Passes, TilePasses};
 use super::scene::{SceneBuffers, VisibilityBuffer};
-use super::sequence::{Count, DIGIT_BITS, Groups, Job, Ordering, Sequence, Sort, Spread, all, sum, turn};
+use super::sequence::{Groups, Job, Ordering, Sequence, Sort, Spread, all, sum, turn};
 use super::step_buffers::StepBuffers;
 use super::uniform::StepPlan;
 use wgpu::{BindingResource, Buffer};

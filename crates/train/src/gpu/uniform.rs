@@ -1,19 +1,18 @@
 //! Everything of one step that is not the scene or the photo, as the passes read it.
 
-use super::passes::GROUP;
-use super::scene::PhotoSource;
-use super::sequence::{COUNTS, Count};
-use super::step_buffers::StepCapacity;
+use super::limits::{COUNTS, Count, GROUP};
 use crate::backend::{StepPhoto, StepStats};
 use crate::params::Anneal;
 use crate::schedule::StepParams;
 use bytemuck::{Pod, Zeroable};
 use glam::{UVec2, Vec3};
+use trisplat_gpu::Gpu;
 use trisplat_gpu::readback::Readback;
 use trisplat_raster::kernel::{Rate, loss::Photometric};
 use trisplat_raster::soft::{SoftOptions, Sort, Window, tile_count};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::linear_from_srgb;
+use wgpu::{Buffer, CommandEncoder};
 
 /// Numbers of a slot: gradients of a splat summed over the pixels of a tile, and its weights.
 pub(super) const SLOT_NUMBERS: u32 = 18;
@@ -271,17 +270,21 @@ pub(super) fn first_counts(plan: &StepPlan, shape: SceneShape) -> [u32; COUNTS] 
     counts
 }
 
-/// The capacity that a step lacked, with a margin; such a step did nothing.
-pub(super) fn missing_capacity(counts: &[u32]) -> Option<StepCapacity> {
-    let wanted = |count: Count| {
-        let n = counts[count as usize];
-        n.saturating_add(n / 4)
-    };
-    let more = StepCapacity {
-        splats: wanted(Count::WantedSplats),
-        pairs: wanted(Count::WantedPairs),
-        layers: wanted(Count::WantedLayers),
-        ..StepCapacity::default()
-    };
-    (more != StepCapacity::default()).then_some(more)
+/// A photo of a step: a pixel's colour and weight in 8 bits each, lowest first.
+#[derive(Debug)]
+pub(super) enum PhotoSource {
+    /// On the card.
+    Held(Buffer),
+    /// In main memory.
+    Packed(Vec<u32>),
+}
+
+impl PhotoSource {
+    /// Copies it to `to`, before all later recorded passes.
+    pub(super) fn copy(&self, gpu: &Gpu, encoder: &mut CommandEncoder, to: &Buffer) {
+        match self {
+            Self::Held(buffer) => encoder.copy_buffer_to_buffer(buffer, 0, to, 0, buffer.size()),
+            Self::Packed(pixels) => gpu.queue.write_buffer(to, 0, bytemuck::cast_slice(pixels)),
+        }
+    }
 }
