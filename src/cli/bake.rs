@@ -1,12 +1,12 @@
 //! `trisplat bake IN... -o OUT`.
 
+use super::Global;
 use super::flags::{self, Sources};
 use super::inputs::Inputs;
-use super::messages::{many, thousands};
+use super::messages::{self, many, thousands};
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
-use super::{Global, messages};
 use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

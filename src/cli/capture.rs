@@ -1,18 +1,17 @@
 //! `trisplat capture INPUT -o FOLDER`: photos or a video become a data set with poses.
 
-use super::Global;
-use super::flags;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::signals;
 use super::terminal::Terminal;
+use super::{Global, flags, signals};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails};
 use trisplat_job::MakePart;
-use trisplat_scene::{Result, report::Report};
+use trisplat_scene::Result;
+use trisplat_scene::report::Report;
 
 /// Photos or videos, and the folder to make of them.
 #[derive(Debug, clap::Args)]

@@ -2,8 +2,7 @@
 
 use super::Global;
 use super::inputs::Inputs;
-use super::messages;
-use super::messages::{many, thousands};
+use super::messages::{self, many, thousands};
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::render::Pictures;
@@ -12,7 +11,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
 use trisplat_job::{EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore};
-use trisplat_scene::{Error, Result, image::RgbImage};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::{Error, Result};
 use trisplat_train::BackendOptions;
 use trisplat_view::show;
 

@@ -1,13 +1,11 @@
 //! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page, in one command.
 
-use super::Global;
 use super::capture::advise;
-use super::flags;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::signals;
 use super::terminal::Terminal;
+use super::{Global, flags, signals};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use trisplat_bake::{BackdropOptions, BakeOptions, CropOptions};
@@ -16,7 +14,8 @@ use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
 use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
 use trisplat_scene::{Error, Result, Seconds};
-use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions, budget::BudgetDetails};
+use trisplat_train::budget::BudgetDetails;
+use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions};
 
 /// From here on nothing needs to be done about a scene, dB on held-out photos.
 const GOOD_PSNR: f64 = 28.0;

@@ -1,12 +1,11 @@
 //! `trisplat mesh SCENE|PHOTOS [DATASET] -o OUT`: one connected surface of a scene, or of photos alone.
 
-use super::Global;
 use super::flags::{self, Sources};
 use super::info::is_dataset;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
-use super::signals;
 use super::terminal::Terminal;
+use super::{Global, signals};
 use clap::ArgMatches;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,7 +15,8 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
 use trisplat_formats::output::{self, Beside, Output, OutputFormat};
 use trisplat_job::MeshJob;
-use trisplat_scene::{Error, Result, report::Report};
+use trisplat_scene::report::Report;
+use trisplat_scene::{Error, Result};
 
 /// Files, and the options of every stage.
 #[derive(Debug, clap::Args)]

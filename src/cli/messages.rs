@@ -9,8 +9,7 @@ use indicatif::HumanCount;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::fmt::Write as _;
-use std::io;
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::{Error, Result};
 

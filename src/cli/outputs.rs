@@ -9,10 +9,8 @@ use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::is_camera_file;
 use trisplat_formats::output::Output;
-use trisplat_scene::{
-    Error, Result,
-    atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved},
-};
+use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
+use trisplat_scene::{Error, Result};
 
 /// The inputs and outputs of a command.
 #[derive(Debug)]

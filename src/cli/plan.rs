@@ -3,11 +3,11 @@
 use super::bake::ByteSize;
 use super::flags::Sources;
 use super::inputs::Inputs;
-use super::messages::many;
+use super::messages::{self, many};
 use super::outputs::Outputs;
 use super::train_args::check_ply;
 use super::train_progress::Bar;
-use super::{Global, messages, signals};
+use super::{Global, signals};
 use clap::ArgMatches;
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,10 +1,10 @@
 //! The program: its commands, and the run of one of them.
 
 use super::inputs::Inputs;
-use super::messages::Stdout;
+use super::messages::{self, Stdout};
 use super::{
-    Global, bake, capture, eval, flags, info, make, mesh, messages, plan, render, schema, signals,
-    suggestions, train, train_args, validate,
+    Global, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals, suggestions, train,
+    train_args, validate,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};

@@ -1,8 +1,8 @@
 //! The terminal output during stages: a spinner on a TTY, a bar for stages that report progress, and the
 //! stage table.
 
-use super::messages::{many, thousands};
-use super::{Global, flags, messages};
+use super::messages::{self, many, thousands};
+use super::{Global, flags};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};

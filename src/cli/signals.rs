@@ -7,8 +7,7 @@
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
-use trisplat_scene::atomic;
-use trisplat_scene::process;
+use trisplat_scene::{atomic, process};
 
 /// How many observers listen.
 static LISTENERS: AtomicUsize = AtomicUsize::new(0);

@@ -9,10 +9,8 @@ use clap::Command;
 use std::ops::ControlFlow;
 use std::path::Path;
 use trisplat_job::{Event, MakePart, TrainBegins, TrainPart};
-use trisplat_scene::{
-    Result,
-    report::{StageEvent, counted},
-};
+use trisplat_scene::Result;
+use trisplat_scene::report::{StageEvent, counted};
 
 /// Shows a job, and stops it where a request to stop does not lose work: in captures and trainings.
 pub(super) struct Terminal<'a> {

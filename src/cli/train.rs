@@ -1,18 +1,14 @@
 //! `trisplat train DATASET -o scene.ply`.
 
-use super::Global;
 use super::flags::{self, Sources};
 use super::inputs::Inputs;
-use super::messages;
-use super::messages::many;
+use super::messages::{self, many};
 use super::outputs::Outputs;
 use super::progress::Progress;
-use super::signals;
 use super::terminal::Terminal;
-use super::train_args;
-use super::train_args::TrainArgs;
-use super::train_block;
+use super::train_args::{self, TrainArgs};
 use super::train_progress::Bar;
+use super::{Global, signals, train_block};
 use clap::ArgMatches;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -22,17 +18,14 @@ use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
 use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize};
 use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
-use trisplat_scene::{
-    Error, ImportedScene, Result,
-    layered::Layered,
-    report::{OutputReport, Report, counted},
-};
+use trisplat_scene::layered::Layered;
+use trisplat_scene::report::{OutputReport, Report, counted};
+use trisplat_scene::{Error, ImportedScene, Result};
 use trisplat_teacher as teacher;
+use trisplat_train::budget::{Budget, BudgetDetails, Seconds};
 use trisplat_train::{
     Checkpoint, ExposureDetails, PREVIEW, Preview, Quality, RunOptions, TrainEvent, TrainOptions,
-    TrainSample, Trained,
-    budget::{Budget, BudgetDetails, Seconds},
-    checkpoint,
+    TrainSample, Trained, checkpoint,
 };
 
 /// Trains, with an optional observer; `matches` holds the typed flags. Returns the exit code of a run that

@@ -1,16 +1,17 @@
 //! `trisplat train --block PLAN:BLOCK`: one block of a scene that is trained in blocks.
 
 use super::inputs::Inputs;
-use super::messages::many;
+use super::messages::{self, many};
 use super::outputs::Outputs;
-use super::signals;
 use super::train_args::{BlockAddress, TrainArgs};
 use super::train_progress::Bar;
-use super::{Global, messages};
+use super::{Global, signals};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_scale::Task;
-use trisplat_scene::{Result, atomic::AtomicFile, report::counted};
+use trisplat_scene::Result;
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::report::counted;
 use trisplat_train::{PREVIEW, Preview};
 
 /// Trains the block, unless its result exists.

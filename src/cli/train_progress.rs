@@ -1,8 +1,7 @@
 //! The terminal output of a training: a bar on a TTY, the log, and Ctrl-C.
 
 use super::Global;
-use super::messages::Stdout;
-use super::messages::many;
+use super::messages::{Stdout, many};
 use super::progress::Lines;
 use super::signals::Listener;
 use indicatif::{ProgressBar, ProgressStyle};

@@ -9,13 +9,11 @@
 //! Showing a scene costs a copy, a bake and an upload, and this work slows the training. So each is followed
 //! by a pause of many times its duration.
 
-use super::Global;
 use super::inputs::Inputs;
-use super::train;
-use super::train::Watcher;
+use super::train::{self, Watcher};
 use super::train_args::TrainArgs;
 use super::view::{self, PosedPhotos};
-use super::{messages, signals};
+use super::{Global, messages, signals};
 use clap::ArgMatches;
 use glam::UVec2;
 use std::path::{Path, PathBuf};

@@ -3,11 +3,10 @@
 use super::messages;
 use std::io::{self, Write};
 use std::path::PathBuf;
-use trisplat_formats::{
-    ReadOptions,
-    check::{Checked, Severity, check},
-};
-use trisplat_scene::{Error, Result, report::counted};
+use trisplat_formats::ReadOptions;
+use trisplat_formats::check::{Checked, Severity, check};
+use trisplat_scene::report::counted;
+use trisplat_scene::{Error, Result};
 
 /// What to check.
 #[derive(Debug, clap::Args)]

@@ -7,9 +7,9 @@ use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_formats as formats;
 use trisplat_gpu::AdapterOptions;
 use trisplat_job::{BakedScene, SceneRenderer};
-use trisplat_scene::{
-    Error, ImportedScene, Placement, Region, Result, Splats, atomic::AtomicFile, camera::Camera, placed,
-};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, ImportedScene, Placement, Region, Result, Splats, placed};
 use trisplat_view::window::{
     self, SceneFiles, SceneLoader, SoupSource, WindowOptions, WindowPhoto, WindowScene,
 };

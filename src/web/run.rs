@@ -3,8 +3,7 @@
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
-use std::io;
-use std::io::Write;
+use std::io::{self, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -12,15 +11,12 @@ use std::sync::OnceLock;
 use trisplat_bake::{BakeOptions, TeacherOptions, bake, is_solid};
 use trisplat_formats::{self as formats, ReadOptions, gltf, info};
 use trisplat_job::{BakeInput, BakeJob, Event, HARDEN_STEPS, SceneRenderer, describe};
-use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Result, Scene,
-    atomic::AtomicFile,
-    camera::Viewpoint,
-    input::{self, is_guarded},
-    layered::Layers,
-    placed,
-    report::StageEvent,
-};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Viewpoint;
+use trisplat_scene::input::{self, is_guarded};
+use trisplat_scene::layered::Layers;
+use trisplat_scene::report::StageEvent;
+use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, placed};
 use trisplat_train::TrainEvent;
 
 /// The folder for temporary files, because this target names none.

@@ -17,7 +17,7 @@ use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::geometry::{face_count, octasphere};
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::report::Outcome;
 
 mod known;
 mod sky;
@@ -70,11 +70,7 @@ impl BackdropOptions {
     }
 }
 
-impl Default for BackdropOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(BackdropOptions);
 
 /// Measurements of holes.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -87,9 +83,7 @@ pub struct BackdropDetails {
     pub kept: bool,
 }
 
-impl StageDetails for BackdropDetails {
-    const STAGE: &'static str = "backdrop";
-}
+trisplat_scene::stage!(BackdropDetails, "backdrop");
 
 /// Puts a sphere behind `mesh` when `views` see holes in it.
 ///

@@ -7,10 +7,8 @@ use super::teacher::{HAS_PHOTOS, soft_soup, viewpoints};
 use std::fmt;
 use std::str::FromStr;
 use trisplat_dataset::Background as Color;
-use trisplat_scene::{
-    ImportedScene, Scene,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{ImportedScene, Scene};
 use trisplat_teacher::Background;
 
 /// Where the colour of the background comes from.
@@ -97,9 +95,7 @@ impl BackgroundDetails {
     }
 }
 
-impl StageDetails for BackgroundDetails {
-    const STAGE: &'static str = "background";
-}
+trisplat_scene::stage!(BackgroundDetails, "background");
 
 /// Drops the triangles of a soft `scene` that show only its background, unless there are `photos`.
 pub fn background(

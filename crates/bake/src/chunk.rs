@@ -5,10 +5,8 @@ mod cut;
 
 use super::order::{FaceOrder, faces_along_curve};
 pub(super) use cut::cut;
-use trisplat_scene::{
-    Asset, Chunk, Error, Result, parallel,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 
 /// Most faces of a chunk: 65,535 vertices when no corner is shared, the most that 16-bit indices can address
 /// (65,535 itself restarts a primitive).
@@ -31,11 +29,7 @@ impl ChunkOptions {
     pub const FAST: Self = Self { chunk_triangles: 0 };
 }
 
-impl Default for ChunkOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(ChunkOptions);
 
 /// How the scene was cut.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -49,9 +43,7 @@ pub struct ChunkDetails {
     pub ordered: bool,
 }
 
-impl StageDetails for ChunkDetails {
-    const STAGE: &'static str = "chunk";
-}
+trisplat_scene::stage!(ChunkDetails, "chunk");
 
 /// Sets `asset.chunks` and puts the faces in their order. A scene of one chunk is left unchanged. A backdrop
 /// becomes the last chunk, because its box surrounds everything and could never be culled. `within` is

@@ -5,13 +5,11 @@
 mod subject;
 
 use glam::{DVec3, Vec3};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Error, Region, Result, Scene, Soup, UpAxis,
-    camera::Camera,
-    mesh::Mesh,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Error, Region, Result, Scene, Soup, UpAxis};
 
 pub(crate) use subject::SubjectVolume;
 
@@ -47,9 +45,7 @@ pub struct CropDetails {
     pub cut: u64,
 }
 
-impl StageDetails for CropDetails {
-    const STAGE: &'static str = "crop";
-}
+trisplat_scene::stage!(CropDetails, "crop");
 
 /// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame; `up` is that of its file, if it names one.
 ///

@@ -5,11 +5,9 @@ use super::views::{SAMPLES, Views};
 use std::sync::Arc;
 use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Verdict, compared_size, judge, solve};
 use trisplat_raster::solid::SolidRasterizer;
-use trisplat_scene::{
-    Result,
-    mesh::Mesh,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::Result;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::Outcome;
 
 /// Fewer photos do not determine a mean exposure.
 const LEAST_PHOTOS: usize = 4;
@@ -42,9 +40,7 @@ pub struct ExposureDetails {
     pub exposures: Exposures,
 }
 
-impl StageDetails for ExposureDetails {
-    const STAGE: &'static str = "exposure";
-}
+trisplat_scene::stage!(ExposureDetails, "exposure");
 
 /// Corrects `views` by comparing them with drawings of `mesh`.
 ///

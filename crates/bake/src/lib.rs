@@ -58,23 +58,21 @@ pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lo
 pub use merge::merge;
 pub use mesh::{MeshOptions, mesh};
 pub use options::{BakeOptions, BakePreset};
-pub use order::ArrangeDetails;
-pub use order::{FaceOrder, OrderDetails, OrderOptions, order};
+pub use order::{ArrangeDetails, FaceOrder, OrderDetails, OrderOptions, order};
 pub use place::up::Evidence;
 pub use place::words::UpChoice;
 pub use place::{PlaceDetails, PlaceOptions, place, placement};
 pub use prune::{PruneDetails, PruneOptions, REACH, prune};
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 pub use run::{Bake, bake};
-pub use solid::{ColorDetails, color};
 pub use solid::{
-    SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, contour_factor, shrink, solid,
+    ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color, contour_factor,
+    shrink, solid,
 };
 pub use teacher::{TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher};
 pub use texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
 pub use tiles::{TilesDetails, TilesOptions, tiles};
 pub use unseen::visible_px;
 pub use viewpoint::ViewpointDetails;
-pub use views::SAMPLES;
-pub use views::Views;
+pub use views::{SAMPLES, Views};
 pub use weld::{WeldDetails, WeldOptions, WeldWhen, weld};

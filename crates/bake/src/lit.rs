@@ -8,13 +8,11 @@
 use glam::{IVec3, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::Result;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Result,
-    camera::Camera,
-    mesh::Mesh,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::report::Outcome;
 use trisplat_surface::SurfaceOptions;
 
 /// Whether the scene gets normals and a lit material.
@@ -66,9 +64,7 @@ pub struct LitDetails {
     pub median_angle: f32,
 }
 
-impl StageDetails for LitDetails {
-    const STAGE: &'static str = "lit";
-}
+trisplat_scene::stage!(LitDetails, "lit");
 
 /// Most cameras that are asked.
 const CAMERAS: usize = 100;

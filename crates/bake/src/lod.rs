@@ -7,12 +7,10 @@
 use super::decimate::{self, Decimation};
 use super::views::SAMPLES;
 use crate::unseen::visible_px;
-use trisplat_scene::{
-    Asset, Error, Result,
-    camera::Camera,
-    mesh::Mesh,
-    report::{Outcome, StageDetails, StageProgress},
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, StageProgress};
+use trisplat_scene::{Asset, Error, Result};
 
 /// Most levels beside the scene itself.
 const MOST_LEVELS: usize = 8;
@@ -61,9 +59,7 @@ pub struct LodDetails {
     pub levels: Vec<LevelDetails>,
 }
 
-impl StageDetails for LodDetails {
-    const STAGE: &'static str = "lod";
-}
+trisplat_scene::stage!(LodDetails, "lod");
 
 /// How the triangles of levels are ranked.
 #[derive(

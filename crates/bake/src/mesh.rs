@@ -14,12 +14,11 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_formats::output::OutputOptions;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, Report, StageObserver, generator};
 use trisplat_scene::{
-    Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
-    camera::Camera,
-    mesh::Mesh,
-    placed,
-    report::{Outcome, Report, StageObserver, generator},
+    Asset, Chunk, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, placed,
 };
 use trisplat_surface::{Part, SurfaceDetails, SurfaceOptions, surface_of_part};
 

@@ -3,7 +3,10 @@
 use super::views::Views;
 use std::sync::Arc;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
-use trisplat_scene::{Result, image::RgbImage, math::metric, mesh::Mesh};
+use trisplat_scene::Result;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
 
 /// Photos looked at.
 const VIEWS: usize = 8;

@@ -23,10 +23,8 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_formats::OutputTarget;
 use trisplat_formats::output::{Beside, Output, OutputFormat, OutputOptions};
-use trisplat_scene::{
-    Error, Result,
-    ranges::{self, Called},
-};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{Error, Result};
 use trisplat_surface::CollisionOptions;
 
 /// A complete set of options to start from.

@@ -4,9 +4,9 @@
 use glam::{DVec3, Vec3};
 use trisplat_scene::math::geometry::along_curve;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel::GRAIN;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::{Asset, Chunk, Result, Scene, parallel};
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Asset, Chunk, Result, Scene};
 
 /// The order of faces within a chunk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -33,11 +33,7 @@ impl OrderOptions {
     pub const FAST: Self = Self { order: FaceOrder::None };
 }
 
-impl Default for OrderOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(OrderOptions);
 
 /// What ordering did.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -46,9 +42,7 @@ pub struct OrderDetails {
     pub moved: u64,
 }
 
-impl StageDetails for OrderDetails {
-    const STAGE: &'static str = "order";
-}
+trisplat_scene::stage!(OrderDetails, "order");
 
 /// Orders the faces of every chunk.
 pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetails) -> Result<Outcome<()>> {
@@ -89,9 +83,7 @@ pub struct ArrangeDetails {
     pub moved: u64,
 }
 
-impl StageDetails for ArrangeDetails {
-    const STAGE: &'static str = "arrange";
-}
+trisplat_scene::stage!(ArrangeDetails, "arrange");
 
 /// Arranges the triangles. `is_drawn`: a later stage draws the scene. `order`: the order in which triangles
 /// are written.

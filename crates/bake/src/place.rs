@@ -10,12 +10,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::median::all_finite;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::median::{all_finite, median};
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::Called;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::{Error, Placement, Provenance, Result, UpAxis, UpDirection, parallel, placed, ranges};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Error, Placement, Provenance, Result, UpAxis, UpDirection, parallel, placed};
 use up::{Confidence, Evidence, UpEstimate};
 use words::{KnownLength, UpChoice};
 
@@ -70,11 +69,7 @@ impl PlaceOptions {
     }
 }
 
-impl Default for PlaceOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(PlaceOptions);
 
 /// How the scene was moved.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -100,9 +95,7 @@ pub struct PlaceDetails {
     pub ground: Option<f64>,
 }
 
-impl StageDetails for PlaceDetails {
-    const STAGE: &'static str = "place";
-}
+trisplat_scene::stage!(PlaceDetails, "place");
 
 impl PlaceDetails {
     /// What the user should check, if anything.

@@ -5,14 +5,12 @@
 
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicBool, Ordering};
+use trisplat_scene::math::median::median;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Error, Result, Scene, Soup,
-    math::median::median,
-    mesh::Mesh,
-    ranges::{self, Called},
-    report::{Outcome, StageDetails, counted, to_json},
-};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, counted, to_json};
+use trisplat_scene::{Error, Result, Scene, Soup};
 
 /// Largest permitted coordinate. A few million squares or areas of larger ones overflow an f32 in an engine
 /// or a hierarchy, so such triangles cannot be drawn.
@@ -68,11 +66,7 @@ impl PruneOptions {
     }
 }
 
-impl Default for PruneOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(PruneOptions);
 
 /// Triangles dropped, by cause.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -94,9 +88,7 @@ pub struct PruneDetails {
     pub over_budget: u64,
 }
 
-impl StageDetails for PruneDetails {
-    const STAGE: &'static str = "prune";
-}
+trisplat_scene::stage!(PruneDetails, "prune");
 
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///

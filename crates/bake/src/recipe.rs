@@ -26,15 +26,12 @@ use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
 use super::views::Views;
 use crate::order::arrange;
 use crate::solid::color;
-use pictures::{Cameras, Pictures};
-use pictures::{Seen, Shared};
+use pictures::{Cameras, Pictures, Seen, Shared};
 use std::ops::ControlFlow::Continue;
-use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene,
-    camera::Camera,
-    mesh::Mesh,
-    report::{Outcome, Report, StageDetails, StageEvent, StageObserver},
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObserver};
+use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
 
 /// Calls the stages: what one finds out reaches the next as an argument.

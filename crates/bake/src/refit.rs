@@ -32,7 +32,7 @@ pub(super) use shell_colors::smooth_shell;
 use trisplat_scene::Result;
 use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::report::{Outcome, StageProgress};
 
 mod equations;
 mod options;
@@ -92,9 +92,7 @@ impl RefitDetails {
     }
 }
 
-impl StageDetails for RefitDetails {
-    const STAGE: &'static str = "refit";
-}
+trisplat_scene::stage!(RefitDetails, "refit");
 
 /// What fitting found.
 #[derive(Debug)]

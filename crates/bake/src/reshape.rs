@@ -22,14 +22,11 @@ mod round;
 
 use super::views::Views;
 use reshaped::ReshapedFaces;
-use round::Effort;
-use round::Rounds;
-use trisplat_scene::{
-    Error, Result,
-    mesh::Mesh,
-    ranges::{self, Called},
-    report::{Outcome, StageDetails, StageProgress},
-};
+use round::{Effort, Rounds};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageProgress};
+use trisplat_scene::{Error, Result};
 
 /// Pictures that decide whether the fitted triangles are better.
 const EVALUATION_VIEWS: usize = 12;
@@ -73,11 +70,7 @@ impl ReshapeOptions {
     }
 }
 
-impl Default for ReshapeOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(ReshapeOptions);
 
 /// The result of fitting; empty when nothing was fitted.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -102,9 +95,7 @@ pub struct ReshapeDetails {
     pub cut: Option<u64>,
 }
 
-impl StageDetails for ReshapeDetails {
-    const STAGE: &'static str = "reshape";
-}
+trisplat_scene::stage!(ReshapeDetails, "reshape");
 
 /// Known facts about the scene.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -11,11 +11,9 @@ use super::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell;
-use trisplat_scene::{
-    Result, Scene,
-    camera::Camera,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Result, Scene};
 
 /// Most triangles of a shell that was cut: its surroundings are out of focus, so more gain nothing.
 const MOST_CUT: usize = 8192;

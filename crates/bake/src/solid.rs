@@ -7,7 +7,7 @@ use crate::prune::is_degenerate;
 use glam::Vec3;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::{Outcome, StageDetails};
+use trisplat_scene::report::Outcome;
 use trisplat_scene::{Error, Result, Soup, parallel, rgb_from_sh0};
 
 /// The σ of a solid triangle: at opacity 1 its half contour is the triangle itself to 1 part in 2^10000.
@@ -43,11 +43,7 @@ impl SolidOptions {
     pub const DEFAULT: Self = Self { solid: Solidify::Auto, contour: 0.5 };
 }
 
-impl Default for SolidOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(SolidOptions);
 
 /// What shrinking did.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -60,9 +56,7 @@ pub struct SolidDetails {
     pub area_ratio: f64,
 }
 
-impl StageDetails for SolidDetails {
-    const STAGE: &'static str = "solid";
-}
+trisplat_scene::stage!(SolidDetails, "solid");
 
 /// Shrinks every triangle about its incenter and makes it opaque. Triangles that shrink below the range of an
 /// f32 are dropped; with `contour`, so are triangles without one.
@@ -238,9 +232,7 @@ pub struct ColorDetails {
     pub clamped_channels: u64,
 }
 
-impl StageDetails for ColorDetails {
-    const STAGE: &'static str = "color";
-}
+trisplat_scene::stage!(ColorDetails, "color");
 
 /// A non-indexed mesh with one linear colour per face. Opacity and σ are dropped, and vertices move without a
 /// copy. `details` counts the channels clamped to [0, 1].

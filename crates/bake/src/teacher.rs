@@ -10,16 +10,15 @@ use super::views::{SAMPLES, Views, drawing};
 use crate::solid::color;
 use glam::UVec2;
 use trisplat_formats::info::Softness;
-use trisplat_raster::{soft::SoftOptions, solid::SolidRasterizer};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_raster::solid::SolidRasterizer;
+use trisplat_scene::camera::Camera;
 use trisplat_scene::math::median::evenly_spaced;
-use trisplat_scene::{
-    ImportedScene, Result, Scene, Soup,
-    camera::Camera,
-    math::metric,
-    mesh::Mesh,
-    ranges::{self, Called},
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{ImportedScene, Result, Scene, Soup};
 use trisplat_teacher::{Teacher, ViewpointKind, Viewpoints};
 
 /// Pixels of all pictures together; with many or large cameras not all are drawn.
@@ -71,11 +70,7 @@ impl TeacherOptions {
     }
 }
 
-impl Default for TeacherOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(TeacherOptions);
 
 /// The drawn pictures, and the softness of the scene; empty when it is solid.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -97,9 +92,7 @@ pub struct TeacherDetails {
     pub covered: Option<f64>,
 }
 
-impl StageDetails for TeacherDetails {
-    const STAGE: &'static str = "teacher";
-}
+trisplat_scene::stage!(TeacherDetails, "teacher");
 
 /// Draws the pictures of a soft scene into `views`, unless there are `photos`. With a colour that is
 /// `behind` an object, they are transparent where they show it.

@@ -19,7 +19,7 @@ use texels::{Adding, Texels};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, FaceTexture, ImportedScene, Result, Scene, Texture};
 
 mod atlas;
@@ -91,9 +91,7 @@ impl TextureDetails {
     }
 }
 
-impl StageDetails for TextureDetails {
-    const STAGE: &'static str = "texture";
-}
+trisplat_scene::stage!(TextureDetails, "texture");
 
 /// Gives `mesh` a texture of what `views` show. Texels begin with the colours `unseen`, if there are any, or those of the mesh.
 ///

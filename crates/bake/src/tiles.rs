@@ -14,10 +14,10 @@
 
 use rayon::prelude::*;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel::GRAIN;
-use trisplat_scene::ranges::Called;
-use trisplat_scene::report::{Outcome, StageDetails};
-use trisplat_scene::{Asset, Result, Tile, parallel, ranges};
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Asset, Result, Tile};
 
 /// Most levels below the root: 4^12 tiles of the least size exceed 32-bit counts of triangles.
 const MOST_LEVELS: u32 = 12;
@@ -52,11 +52,7 @@ impl TilesOptions {
     }
 }
 
-impl Default for TilesOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(TilesOptions);
 
 /// The tree of tiles.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -69,9 +65,7 @@ pub struct TilesDetails {
     pub most_triangles: u64,
 }
 
-impl StageDetails for TilesDetails {
-    const STAGE: &'static str = "tiles";
-}
+trisplat_scene::stage!(TilesDetails, "tiles");
 
 /// Cuts the scene and its levels into `asset.tiles`, and takes the levels out. A backdrop is a tile of its own.
 pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetails) -> Result<Outcome<()>> {

@@ -6,14 +6,13 @@
 //! triangles, the visible ones are then ranked by importance (see `decimate`).
 
 use crate::decimate::Decimation;
-use crate::views;
-use crate::views::{SAMPLES, Views};
+use crate::views::{self, SAMPLES, Views};
 use rayon::prelude::*;
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
+use trisplat_scene::report::{Outcome, StageProgress};
 use trisplat_scene::{Error, Result, parallel};
 
 /// Samples per pixel along each axis when only unseen triangles are dropped: a plain bake of our own soup
@@ -59,11 +58,7 @@ impl UnseenOptions {
     pub const DEFAULT: Self = Self { keep_unseen: false, min_seen_px: 0.5, max_error: None, enlarge: true };
 }
 
-impl Default for UnseenOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(UnseenOptions);
 
 /// Measurements of visibility; empty without cameras.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -85,9 +80,7 @@ pub struct UnseenDetails {
     pub corners_moved: Option<u64>,
 }
 
-impl StageDetails for UnseenDetails {
-    const STAGE: &'static str = "unseen";
-}
+trisplat_scene::stage!(UnseenDetails, "unseen");
 
 /// The score of the most important triangles.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

@@ -5,11 +5,9 @@
 
 use glam::Vec3;
 use trisplat_raster::framing::{Scenery, viewpoint as best_viewpoint};
-use trisplat_scene::{
-    Asset,
-    camera::Camera,
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::Asset;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::report::Outcome;
 
 /// What was chosen.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -22,9 +20,7 @@ pub struct ViewpointDetails {
     pub filled: Option<f64>,
 }
 
-impl StageDetails for ViewpointDetails {
-    const STAGE: &'static str = "viewpoint";
-}
+trisplat_scene::stage!(ViewpointDetails, "viewpoint");
 
 /// Chooses the viewpoint of `asset`, which is placed with +y up. `cameras` are those of photos in its frame.
 /// Without any, the input's viewpoint is kept.

@@ -3,13 +3,15 @@
 
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
-use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos, exposure::Exposures};
+use trisplat_dataset::exposure::Exposures;
+use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
-use trisplat_scene::math::median::evenly_spaced;
-use trisplat_scene::{
-    Placement, Result, camera::Camera, image::RgbImage, math::median::median, math::metric, mesh::Mesh,
-    placed,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Placement, Result, placed};
 
 /// Near plane as a share of the median distance from the cameras to the middle of the scene, as in training.
 const NEAR: f32 = 0.01;

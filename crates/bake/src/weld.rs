@@ -2,12 +2,9 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Result,
-    mesh::{Colors, Mesh},
-    report::{Outcome, StageDetails},
-};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Result, parallel};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// When corners are shared.
@@ -37,11 +34,7 @@ impl WeldOptions {
     pub const FAST: Self = Self { weld: WeldWhen::Off };
 }
 
-impl Default for WeldOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(WeldOptions);
 
 /// Measurements of corners.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -51,9 +44,7 @@ pub struct WeldDetails {
     pub unique_corners: Option<f64>,
 }
 
-impl StageDetails for WeldDetails {
-    const STAGE: &'static str = "weld";
-}
+trisplat_scene::stage!(WeldDetails, "weld");
 
 /// Welds `mesh`. With any options, an engine can draw the result: it has no indices, or indices with colours
 /// per vertex. A mesh whose faces share vertices already keeps its indices.

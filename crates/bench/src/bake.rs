@@ -4,8 +4,7 @@
 //! bake's output with plain buffered I/O: no converter can be cheaper. The cases run in turn, round by
 //! round, so that a machine that slows down slows all of them; the median of the rounds is kept.
 
-use super::machine::print_json;
-use super::machine::{self, Usage};
+use super::machine::{self, Usage, print_json};
 use super::scenes;
 use serde::Serialize;
 use std::ffi::OsString;

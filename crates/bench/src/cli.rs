@@ -1,7 +1,7 @@
 //! The command line of the program.
 
-use crate::machine::print_json;
-use crate::{bake, cost, machine, scenes, stress};
+use crate::machine::{self, print_json};
+use crate::{bake, cost, scenes, stress};
 use clap::{Args, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -3,7 +3,8 @@
 //! Every case draws the same frames: the cameras of the data set, or a circle. Before the clock starts, one
 //! frame is read back and compared with the solid rasteriser on the CPU, so that an empty screen cannot win.
 
-use super::{machine::print_json, scenes};
+use super::machine::print_json;
+use super::scenes;
 use glam::{UVec2, Vec3};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -14,10 +15,11 @@ use trisplat_gpu::AdapterOptions;
 use trisplat_job::BakedScene;
 use trisplat_raster::framing::orbit;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
-use trisplat_scene::{
-    Asset, Error, ImportedScene, Result, Scene, camera::Camera, image::RgbImage, math::metric, mesh::Mesh,
-    process,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene, process};
 use trisplat_view::{Canvas, DrawStats, FrameParams, Headless, Model};
 
 /// Background colour: one that no scene is likely to have, so that holes are seen.

@@ -8,10 +8,8 @@ use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
 use std::time::Instant;
-use trisplat_scene::{
-    Error, Result,
-    process::{self, ProcessUsage},
-};
+use trisplat_scene::process::{self, ProcessUsage};
+use trisplat_scene::{Error, Result};
 
 /// The machine and the state of the code.
 #[derive(Debug, Clone, Default, Serialize)]

@@ -8,10 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{
-    Limits, Result,
-    input::{self, files_below},
-};
+use trisplat_scene::input::{self, files_below};
+use trisplat_scene::{Limits, Result};
 
 /// A data set in figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -5,7 +5,8 @@ use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Result, input, report::counted};
+use trisplat_scene::report::counted;
+use trisplat_scene::{Error, Result, input};
 
 /// A data set, from its files.
 pub(super) struct Found {

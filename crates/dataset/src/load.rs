@@ -13,13 +13,10 @@ use glam::{DVec3, UVec2};
 use std::collections::BTreeSet;
 use std::path::Path;
 use trisplat_formats::far_origin;
-use trisplat_scene::{
-    Error, Limits, Result,
-    camera::Camera,
-    image::RgbImage,
-    math::{median::evenly_spaced, median::median},
-    parallel,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::{Error, Limits, Result, parallel};
 
 impl Dataset {
     /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.

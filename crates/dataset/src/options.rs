@@ -6,10 +6,8 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 use trisplat_formats::ReadOptions;
-use trisplat_scene::{
-    Limits, Result,
-    ranges::{self, Called},
-};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{Limits, Result};
 
 /// How a folder of posed photos is read.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

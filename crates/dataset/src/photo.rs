@@ -5,11 +5,11 @@ use super::lens::Undistort;
 use super::options::Background;
 use glam::UVec2;
 use std::fs::File;
-use std::io;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
-use trisplat_scene::{Error, Limits, Result, image::RgbImage};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::{Error, Limits, Result};
 
 /// A photo that is decoded on request, or a picture in memory.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,7 +8,9 @@ use super::photo::{Photo, PictureFile, StoredPicture};
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use trisplat_scene::{Error, Result, image::RgbImage, input::guarded};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::input::guarded;
+use trisplat_scene::{Error, Result};
 
 /// Number of decoding threads, and of the next photos that stay in memory even beyond the budget, so that training does not
 /// wait for the disk.

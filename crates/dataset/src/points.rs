@@ -5,9 +5,10 @@ use super::posed::{Point, View};
 use super::{colmap_binary, colmap_text};
 use glam::{DVec3, Vec2, Vec3};
 use std::path::{Path, PathBuf};
-use trisplat_formats::ply::Column;
-use trisplat_formats::{Source, ply};
-use trisplat_scene::{Limits, Result, Rng, camera, math::median::median};
+use trisplat_formats::Source;
+use trisplat_formats::ply::{self, Column};
+use trisplat_scene::math::median::median;
+use trisplat_scene::{Limits, Result, Rng, camera};
 
 /// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];

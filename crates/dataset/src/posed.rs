@@ -6,11 +6,11 @@ use glam::{DVec3, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use std::fmt;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use trisplat_scene::{Error, Result, UpAxis, camera::Camera, input};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, Result, UpAxis, input};
 
 /// Posed photos of one scene.
 #[derive(Debug, Clone)]

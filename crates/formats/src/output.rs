@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::ranges::{self, Called};
-use trisplat_scene::report::StageDetails;
 use trisplat_scene::{Error, Result};
 
 pub use encode::{OutputFiles, write};
@@ -99,15 +98,9 @@ pub struct WriteDetails {
     pub collapsed_triangles: Option<u64>,
 }
 
-impl StageDetails for WriteDetails {
-    const STAGE: &'static str = "write";
-}
+trisplat_scene::stage!(WriteDetails, "write");
 
-impl Default for OutputOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(OutputOptions);
 
 /// The formats that are written.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

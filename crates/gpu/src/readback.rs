@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use trisplat_scene::{Error, Result};
 use wgpu::{
     Buffer, BufferAsyncError, BufferDescriptor, BufferUsages, CommandEncoder, Extent3d, MapMode, PollType,
+    SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture,
 };
-use wgpu::{SubmissionIndex, TexelCopyBufferInfo, TexelCopyBufferLayout, Texture};
 
 /// The texels of a texture of four bytes per texel, rows from the top. `[H * W]`
 pub fn texels(gpu: &Gpu, texture: &Texture) -> Result<Vec<[u8; 4]>> {

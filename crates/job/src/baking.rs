@@ -9,11 +9,10 @@ use std::time::Instant;
 use trisplat_bake::{BackgroundDetails, Bake, BakeOptions, TeacherWhen, Views, background, merge};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_formats::{
-    Content,
-    output::{self, Output, OutputFiles},
-};
-use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, report::Report};
+use trisplat_formats::Content;
+use trisplat_formats::output::{self, Output, OutputFiles};
+use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result};
 
 /// An input of a bake.
 #[derive(Debug, Clone)]

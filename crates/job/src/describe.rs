@@ -2,14 +2,10 @@
 
 use std::path::Path;
 use trisplat_bake::{PruneDetails, PruneOptions, SolidOptions, prune, softness};
-use trisplat_formats::{
-    Content, ReadOptions,
-    info::{BakeInfo, Info, info_of_content},
-};
-use trisplat_scene::{
-    ImportedScene, Result,
-    report::{self, Outcome},
-};
+use trisplat_formats::info::{BakeInfo, Info, info_of_content};
+use trisplat_formats::{Content, ReadOptions};
+use trisplat_scene::report::{self, Outcome};
+use trisplat_scene::{ImportedScene, Result};
 
 /// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to measure its softness.
 ///

@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, Split, View};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::{Result, image::RgbImage, report::generator};
+use trisplat_scene::Result;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::report::generator;
 use trisplat_train::BackendOptions;
 
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.

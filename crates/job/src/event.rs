@@ -3,10 +3,8 @@
 use super::watched::TrialRun;
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
-use trisplat_scene::{
-    Error, Result,
-    report::{Report, StageEvent, StageReport, counted},
-};
+use trisplat_scene::report::{Report, StageEvent, StageReport, counted};
+use trisplat_scene::{Error, Result};
 use trisplat_train::{TrainEvent, TrainSample, Trained};
 
 /// The part of a training that a step belongs to.

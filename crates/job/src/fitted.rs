@@ -5,11 +5,11 @@
 
 use super::event::{Event, Observer, stages};
 use std::ops::ControlFlow::Continue;
-use trisplat_bake::{
-    Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views, refit::RefitColors,
-};
+use trisplat_bake::refit::RefitColors;
+use trisplat_bake::{Bake, BakeOptions, ReshapeOptions, TeacherOptions, TextureWhen, Views};
 use trisplat_formats::output::{self, Output};
-use trisplat_scene::{Asset, Error, ImportedScene, Result, report::Report};
+use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, ImportedScene, Result};
 
 /// Most bakes, should the later ones be needed.
 const MOST_BAKES: u32 = 6;

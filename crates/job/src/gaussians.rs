@@ -6,9 +6,11 @@ use glam::{UVec2, Vec3};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
-use trisplat_dataset::{Dataset, DatasetOptions, View, exposure::ExposureUse};
+use trisplat_dataset::exposure::ExposureUse;
+use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::math::median::evenly_spaced;
-use trisplat_scene::{Error, ImportedSplats, Result, Soup, camera::Camera, placed};
+use trisplat_scene::{Error, ImportedSplats, Result, Soup, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 

@@ -5,10 +5,8 @@ use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{Views, is_solid, pictures};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_scene::{
-    Error, ImportedScene, Result, Scene,
-    report::{StageDetails, StageReport},
-};
+use trisplat_scene::report::{StageDetails, StageReport};
+use trisplat_scene::{Error, ImportedScene, Result, Scene};
 use trisplat_teacher as teacher;
 use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
 

@@ -11,12 +11,9 @@ use trisplat_bake::BakeOptions;
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output;
-use trisplat_scene::{
-    Error, Limits, Result, Seconds,
-    atomic::{AtomicFile, MadeFolders, Manifest},
-    input,
-    report::{Report, StageReport},
-};
+use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
+use trisplat_scene::report::{Report, StageReport};
+use trisplat_scene::{Error, Limits, Result, Seconds, input};
 use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.

@@ -8,7 +8,8 @@ use std::path::Path;
 use trisplat_bake::{MeshOptions, Views, mesh};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::{Asset, Error, Result, Seconds, report::Report};
+use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
 /// CPU time for a scene of photos alone. More gains nothing: the surface has far fewer triangles than any scene

@@ -5,20 +5,17 @@ use super::evaluate::EvalJob;
 use super::renderer::{BakedScene, SceneRenderer};
 use super::scores::Scores;
 use glam::DVec3;
-use std::ops::ControlFlow;
-use std::ops::Deref;
+use std::ops::{ControlFlow, Deref};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use trisplat_bake::BakeOptions;
 use trisplat_dataset::Dataset;
-use trisplat_formats::{
-    self as formats, Format, ReadOptions, WrittenFiles, gltf,
-    output::{OutputOptions, WriteDetails},
-};
-use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, camera::Camera, image::RgbImage, placed,
-    report::Report,
-};
+use trisplat_formats::output::{OutputOptions, WriteDetails};
+use trisplat_formats::{self as formats, Format, ReadOptions, WrittenFiles, gltf};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Result, Scene, placed};
 use trisplat_train::SOLID_SAMPLES;
 
 const BLACK: [f32; 3] = [0.0; 3];

@@ -4,14 +4,14 @@ use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
 use trisplat_bake::{BakeOptions, TeacherOptions, bake};
 use trisplat_dataset::Dataset;
-use trisplat_raster::{
-    gaussian::{self, GaussianOptions},
-    soft::{Frame, SoftOptions, SoftRasterizer, SoupRef},
-    solid::{NO_FACE, SolidRasterOptions, SolidRasterizer},
-};
+use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
-    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup, Splats,
-    camera::Camera, image::RgbImage, mesh::Mesh, placed,
+    Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup, Splats, placed,
 };
 #[cfg(feature = "gpu")]
 use trisplat_train::CardScene;

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, Split};
 use trisplat_formats::{self as formats, Content, read_cameras};
 use trisplat_raster::framing::{Surroundings, orbit, up_of};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
 use trisplat_scene::{
-    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Scene, UpAxis, camera::Camera,
-    image::RgbImage, placed,
+    Error, ImportedScene, ImportedSplats, Placement, Provenance, Result, Scene, UpAxis, placed,
 };
 use trisplat_train::BackendOptions;
 

@@ -4,7 +4,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
-use trisplat_scene::{image::RgbImage, math::color::ColorMap, math::metric};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::ColorMap;
+use trisplat_scene::math::metric;
 use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.

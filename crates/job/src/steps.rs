@@ -9,11 +9,10 @@ use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_bake::{BakeOptions, bake};
 use trisplat_dataset::Dataset;
-use trisplat_formats::{
-    self as formats, OutputTarget, ReadOptions,
-    output::{self, Output, OutputOptions},
-};
-use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, Scene, Soup, report::Report};
+use trisplat_formats::output::{self, Output, OutputOptions};
+use trisplat_formats::{self as formats, OutputTarget, ReadOptions};
+use trisplat_scene::report::Report;
+use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Result, Scene, Soup};
 
 /// A scene at one step from soup to file.
 #[derive(Debug)]

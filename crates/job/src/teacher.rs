@@ -1,16 +1,17 @@
 //! The teacher: a soft scene that is trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
 use super::event::{Observer, drew};
-use super::harden;
-use super::watched;
+use super::{harden, watched};
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, layered::Layered};
+use trisplat_scene::layered::Layered;
+use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds};
 use trisplat_teacher as teacher;
-use trisplat_train::{Checkpoint, TrainOptions, TrainPreset, budget::StepLimit};
+use trisplat_train::budget::StepLimit;
+use trisplat_train::{Checkpoint, TrainOptions, TrainPreset};
 
 /// Steps and triangles of a teacher, as a share of the run's.
 const STEPS_SHARE: f64 = 0.55;

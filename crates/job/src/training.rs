@@ -7,16 +7,12 @@ use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
-use trisplat_scene::{
-    Budget, Error, ImportedScene, Result, Seconds, Spending,
-    layered::{Layered, Origin},
-    process::cpu_secs,
-    report::{Report, StageDetails, StageReport},
-};
-use trisplat_train::{
-    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained,
-    budget::{self, Pace, Paced, PlanInput, StepLimit},
-};
+use trisplat_scene::layered::{Layered, Origin};
+use trisplat_scene::process::cpu_secs;
+use trisplat_scene::report::{Report, StageDetails, StageReport};
+use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
+use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit};
+use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///

@@ -8,11 +8,10 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, Photo, View};
-use trisplat_scene::{
-    Error, Result,
-    report::{Counts, StageDetails, StageReport, counted, to_json},
-};
-use trisplat_train::{TrainOptions, Trained, budget::part_secs};
+use trisplat_scene::report::{Counts, StageDetails, StageReport, counted, to_json};
+use trisplat_scene::{Error, Result};
+use trisplat_train::budget::part_secs;
+use trisplat_train::{TrainOptions, Trained};
 
 /// Longer side of the photos, px, and most triangles of a scene: a step takes about two milliseconds.
 const LONGEST_PX: u32 = 96;
@@ -55,9 +54,7 @@ pub struct WatchedTraining {
     pub psnr: f64,
 }
 
-impl StageDetails for TrialRun {
-    const STAGE: &str = "watched";
-}
+trisplat_scene::stage!(TrialRun, "watched");
 
 impl TrialRun {
     /// The scenes of two lengths that `train` makes of small copies of `photos`, some of them marked as held out.

@@ -11,9 +11,10 @@ use crate::kernel::window;
 use crate::soft::{Frame, TILE};
 use ellipse::{ALPHA_CAP, Ellipse, LOG2_CUTOFF, MIN_TRANSMITTANCE};
 use glam::{UVec2, Vec2};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch, prefetch};
 use trisplat_scene::math::real::{Mask, Real};
-use trisplat_scene::{Splats, camera::Camera, parallel};
+use trisplat_scene::{Splats, parallel};
 
 /// Lines of a tile.
 const LINES: usize = TILE as usize;

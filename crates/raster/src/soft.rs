@@ -25,7 +25,8 @@ use slots::{GradSlots, WeightSlot};
 use splats::{Projection, ScreenBox, Splats};
 use std::ops::Range;
 use tiles::{KeptPairs, OpenTiles, TileGeometry, TilePixels, Tiles};
-use trisplat_scene::{camera::Camera, parallel};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::parallel;
 
 /// The rasteriser: scratch memory that is reused from frame to frame.
 #[derive(Debug, Default)]

@@ -33,8 +33,12 @@ use fill::FillTile;
 use glam::UVec2;
 use projector::Projector;
 use shade::ShadeTile;
-use trisplat_scene::math::{color::linear_from_srgb, lanes::dispatch};
-use trisplat_scene::{Error, Result, camera::Camera, image::RgbImage, mesh::Mesh, parallel};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::linear_from_srgb;
+use trisplat_scene::math::lanes::dispatch;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Error, Result, parallel};
 
 /// Largest number of samples along an axis of the picture: beyond it f32 cannot resolve 1/256 of a sample.
 const MAX_SAMPLES: u32 = 1 << 15;

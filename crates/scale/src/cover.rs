@@ -7,10 +7,10 @@ use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::Range;
 use trisplat_dataset::View;
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::along_curve;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{
-    Error, Result, SceneNormalization, Soup, camera::Camera, math::geometry::along_curve, sh0_from_rgb,
-};
+use trisplat_scene::{Error, Result, SceneNormalization, Soup, sh0_from_rgb};
 
 /// Longer side of the drawings, px: shares of a picture need no more.
 const LONGEST_PX: u32 = 192;

@@ -20,10 +20,7 @@ mod plan;
 mod region;
 mod task;
 
-pub use manifest::PlanOptions;
-pub use manifest::find_coarse;
-pub use manifest::{Expected, Manifest, NAME};
-pub use merge::Blocks;
-pub use merge::bake_tiles;
+pub use manifest::{Expected, Manifest, NAME, PlanOptions, find_coarse};
+pub use merge::{Blocks, bake_tiles};
 pub use plan::{Planner, check, keep_coarse};
 pub use task::{Task, status, unnamed};

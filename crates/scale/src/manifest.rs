@@ -10,10 +10,8 @@ use trisplat_dataset::DatasetOptions;
 use trisplat_formats::{self as formats, ReadOptions, ply};
 use trisplat_scene::atomic::{AtomicFile, folder_of, put, sweep_folder};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::ranges::Called;
-use trisplat_scene::{
-    Error, ImportedScene, Limits, Provenance, Result, SceneNormalization, Soup, input, ranges,
-};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, SceneNormalization, Soup, input};
 use trisplat_train::{Core, TrainOptions};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
@@ -335,11 +333,7 @@ impl PlanOptions {
     }
 }
 
-impl Default for PlanOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(PlanOptions);
 
 // ---- Soups of a plan: their names end with the hash of their bytes, so that they replace nothing ------
 

@@ -1,7 +1,6 @@
 //! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is in memory at a time.
 
-use crate::manifest;
-use crate::manifest::{Manifest, NAME};
+use crate::manifest::{self, Manifest, NAME};
 use crate::region::{halves, middle};
 use glam::DVec3;
 use std::collections::BTreeMap;

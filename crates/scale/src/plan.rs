@@ -3,16 +3,13 @@
 use super::cover::{Coverage, assign, middles, owners, visible};
 use super::manifest::{Block, BlockPhoto, Expected, FORMAT, Manifest, PlannedPhoto};
 use super::region::{Region, Surroundings, cut, extent};
-use crate::manifest;
-use crate::manifest::PlanOptions;
-use crate::manifest::{Source, digits, hash_of, hash_of_file};
+use crate::manifest::{self, PlanOptions, Source, digits, hash_of, hash_of_file};
 use glam::{UVec2, Vec3};
 use std::path::{Component, Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, View};
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Error, ImportedScene, Result, Scene, SceneNormalization, Soup, atomic::AtomicFile, camera::Camera,
-};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, Soup, parallel};
 use trisplat_train::{REFERENCE_STEPS, RunIdentity, Schedule, TrainOptions, Trained};
 
 /// Where the coarse scene ends and the blocks continue, steps of a 30,000-step run: late, as all photos together show more than those of a

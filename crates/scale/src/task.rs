@@ -8,7 +8,8 @@ use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, camera::Camera};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
 use trisplat_train::{Part, Preview, RunOptions, TrainRun, Trained, checkpoint};
 
 /// Default number of checkpoints that a task writes.

@@ -26,10 +26,8 @@ mod texture;
 
 pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
 pub use error::{Error, Result};
-pub use limits::Limits;
-pub use limits::{Budget, BudgetClock, Seconds, Spending};
-pub use placed::Region;
-pub use placed::SceneNormalization;
+pub use limits::{Budget, BudgetClock, Limits, Seconds, Spending};
+pub use placed::{Region, SceneNormalization};
 pub use raycast::{Hit, RayTree};
 pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};

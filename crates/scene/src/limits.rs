@@ -6,8 +6,7 @@ use bytemuck::Zeroable;
 use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::path::Path;
 use std::str::FromStr;
 use std::time::Instant;
@@ -158,11 +157,7 @@ impl Limits {
     }
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+crate::default!(Limits);
 
 fn pixels(size: UVec2) -> u64 {
     u64::from(size.x) * u64::from(size.y)

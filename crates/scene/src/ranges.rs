@@ -1,7 +1,8 @@
 //! The ranges of numeric options. They stand at the fields, `#[schemars(range(…))]`; each number is checked before any work.
 
 use crate::error::{Error, Result};
-use schemars::{JsonSchema, generate::SchemaSettings};
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::Value;
 

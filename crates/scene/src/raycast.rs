@@ -2,7 +2,8 @@
 //!
 //! `obvhs` finds candidates in f32, in the scene moved to the unit cube; distances are f64 in the scene's own units.
 
-use crate::{Rng, mesh::Mesh};
+use crate::Rng;
+use crate::mesh::Mesh;
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;

@@ -257,3 +257,24 @@ pub fn stage_schema<D: StageDetails>(generator: &mut SchemaGenerator) -> Schema 
 pub fn generator() -> String {
     format!("trisplat {}", env!("CARGO_PKG_VERSION"))
 }
+/// Names the stage that these details are of.
+#[macro_export]
+macro_rules! stage {
+    ($details:ty, $name:literal) => {
+        impl $crate::report::StageDetails for $details {
+            const STAGE: &'static str = $name;
+        }
+    };
+}
+
+/// The default of options whose values are a constant.
+#[macro_export]
+macro_rules! default {
+    ($options:ty) => {
+        impl Default for $options {
+            fn default() -> Self {
+                Self::DEFAULT
+            }
+        }
+    };
+}

@@ -10,9 +10,9 @@ use crate::simplify::{simplify, smooth};
 use glam::Vec3;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::ranges::Called;
-use trisplat_scene::report::{Outcome, StageDetails, StageProgress};
-use trisplat_scene::{Error, ImportedScene, Limits, Result, parallel, ranges};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::report::{Outcome, StageProgress};
+use trisplat_scene::{Error, ImportedScene, Limits, Result, parallel};
 use trisplat_teacher::Viewpoints;
 
 /// Rounds of smoothing before a surface is simplified.
@@ -142,11 +142,7 @@ impl CollisionOptions {
     }
 }
 
-impl Default for CollisionOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(CollisionOptions);
 
 /// The collider; empty when there is none.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -156,9 +152,7 @@ pub struct CollisionDetails {
     pub surface: SurfaceDetails,
 }
 
-impl StageDetails for CollisionDetails {
-    const STAGE: &'static str = "collision";
-}
+trisplat_scene::stage!(CollisionDetails, "collision");
 
 /// Makes the surface of `scene` that `cameras` see, in the scene's frame. Without `cameras`, stored or chosen
 /// ones are used.

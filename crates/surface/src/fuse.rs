@@ -5,8 +5,7 @@ use crate::picture::{DepthPicture, FREE, Observer};
 use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Vec3};
 use std::sync::LazyLock;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::color::srgb8_from_linear;
+use trisplat_scene::math::color::{linear_from_srgb, srgb8_from_linear};
 
 /// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and full
 /// weight would eat it away.

@@ -22,7 +22,5 @@ mod options;
 mod picture;
 mod simplify;
 
-pub use extract::{CollisionDetails, CollisionOptions, collision};
-pub use extract::{Part, surface, surface_of_part};
-pub use options::SurfaceDetails;
-pub use options::SurfaceOptions;
+pub use extract::{CollisionDetails, CollisionOptions, Part, collision, surface, surface_of_part};
+pub use options::{SurfaceDetails, SurfaceOptions};

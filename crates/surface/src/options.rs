@@ -2,9 +2,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::ranges::Called;
-use trisplat_scene::report::StageDetails;
-use trisplat_scene::{Result, ranges};
+use trisplat_scene::Result;
+use trisplat_scene::ranges::{self, Called};
 use trisplat_teacher::ViewpointKind;
 
 /// Cells along the longest side, unless asked for more; ...
@@ -88,11 +87,7 @@ impl SurfaceOptions {
     }
 }
 
-impl Default for SurfaceOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(SurfaceOptions);
 
 // ---- What the making of a surface measured -----------------------------------------------------------
 
@@ -121,9 +116,7 @@ pub struct SurfaceDetails {
     pub simplification_error: Option<f64>,
 }
 
-impl StageDetails for SurfaceDetails {
-    const STAGE: &'static str = "surface";
-}
+trisplat_scene::stage!(SurfaceDetails, "surface");
 
 #[cfg(test)]
 mod tests {

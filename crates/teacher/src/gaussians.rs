@@ -1,8 +1,12 @@
 //! Gaussians as a teacher: their pictures with gaps closed, and the first triangles of the solid scene.
 
 use glam::UVec2;
-use trisplat_raster::{gaussian, gaussian::GaussianOptions, soft::Frame};
-use trisplat_scene::{Soup, Splats, camera::Camera, image::RgbImage, math::median::evenly_spaced};
+use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_raster::soft::Frame;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::median::evenly_spaced;
+use trisplat_scene::{Soup, Splats};
 
 /// A viewpoint sees a Gaussian that contributes this much to its picture, px.
 const LEAST_SEEN_PX: f32 = 0.5;

@@ -8,10 +8,10 @@
 
 use super::survey::{camera, direction};
 use glam::{UVec2, Vec2, Vec3};
-use trisplat_raster::{gaussian, gaussian::GaussianOptions};
-use trisplat_scene::{
-    Rng, Splats, camera::Camera, math::median::evenly_spaced, math::median::median, sh0_from_rgb,
-};
+use trisplat_raster::gaussian::{self, GaussianOptions};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::{Rng, Splats, sh0_from_rgb};
 
 /// Distances of the cameras from the middle, in radii of the object, in turn: parts hide each other differently from near and far.
 const AWAY: [f32; 2] = [1.8, 3.0];

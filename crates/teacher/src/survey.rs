@@ -1,8 +1,10 @@
 //! Measures the view of a scene from a place, on a small picture of fewer, larger triangles.
 
 use glam::{DVec3, UVec2, Vec3};
-use trisplat_raster::{soft::SoftOptions, soft::SoftRasterizer, soft::SoupRef};
-use trisplat_scene::{Soup, camera::Camera, math::geometry::along_curve};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, SoupRef};
+use trisplat_scene::Soup;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::along_curve;
 
 /// Width and height of the survey's pictures, px.
 const SIDE: u32 = 32;

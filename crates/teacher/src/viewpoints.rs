@@ -11,7 +11,9 @@ use glam::{Mat3, Quat, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
-use trisplat_scene::{ImportedScene, Soup, Splats, camera::Camera, math::median::quantile};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::median::quantile;
+use trisplat_scene::{ImportedScene, Soup, Splats};
 
 /// Where viewpoints come from.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

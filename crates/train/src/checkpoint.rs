@@ -17,11 +17,13 @@ use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Limits, Result, SceneNormalization, atomic::AtomicFile, input, input::guarded};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::input::{self, guarded};
+use trisplat_scene::{Error, Limits, Result, SceneNormalization};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: &str = "19";
+const FORMAT: &str = "20";
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";

@@ -3,20 +3,14 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Photos, ShrunkSize, View};
-use trisplat_raster::{
-    soft::{SoftOptions, SoftRasterizer, SoupRef, Window},
-    solid::{SolidRasterOptions, SolidRasterizer},
-};
-use trisplat_scene::{
-    Result, SceneNormalization, Soup,
-    camera::Camera,
-    image::RgbImage,
-    math::color::ColorMap,
-    math::color::linear_from_srgb,
-    math::metric,
-    mesh::{Colors, Mesh},
-    rgb_from_sh0,
-};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, SoupRef, Window};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::{ColorMap, linear_from_srgb};
+use trisplat_scene::math::metric;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Result, SceneNormalization, Soup, rgb_from_sh0};
 
 /// Samples per pixel along each axis wherever solid drawings are compared with photos.
 pub const SOLID_SAMPLES: u32 = 4;

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::{Dataset, View};
-use trisplat_scene::{ImportedScene, camera::Camera};
+use trisplat_scene::ImportedScene;
+use trisplat_scene::camera::Camera;
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// All inputs, apart from training options, that change the result of a run. Contents are kept as XXH3

@@ -3,7 +3,8 @@
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::{Photos, PictureFile, StoredPicture, View};
-use trisplat_scene::{Result, Rng, image::RgbImage};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::{Result, Rng};
 
 /// Least shorter side of the smaller photos of early steps, px.
 pub(crate) const MIN_PX: u32 = 64;

@@ -16,7 +16,9 @@ use super::training::Training;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, Photo, View};
 use trisplat_raster::soft::SoftOptions;
-use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup, camera::Camera, report::generator};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::report::generator;
+use trisplat_scene::{Error, ImportedScene, Provenance, Result, Soup};
 
 impl<'a> TrainRun<'a> {
     /// Sets the run up on the CPU, with the first triangles and before the first step.

@@ -12,14 +12,11 @@ use super::pyramid::{MIN_PX, Pyramid};
 use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_dataset::View;
-use trisplat_scene::{
-    Result, SceneNormalization, Soup,
-    camera::Camera,
-    image::RgbImage,
-    math::geometry::{face_count, octasphere},
-    math::median::median,
-    sh0_from_rgb,
-};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::geometry::{face_count, octasphere};
+use trisplat_scene::math::median::median;
+use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 
 /// Least triangles of a run for each triangle of its shell.
 const PER_SHELL_TRIANGLE: u64 = 10;

@@ -17,7 +17,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, random_points};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup, report::generator};
+use trisplat_scene::report::generator;
+use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;

@@ -9,13 +9,10 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_formats::ply;
-use trisplat_scene::{
-    Error, ImportedScene, Placement, Provenance, Result, Soup,
-    atomic::AtomicFile,
-    camera::Camera,
-    process,
-    report::{Counts, StageDetails, StageReport, generator, to_json},
-};
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::report::{Counts, StageDetails, StageReport, generator, to_json};
+use trisplat_scene::{Error, ImportedScene, Placement, Provenance, Result, Soup, process};
 
 /// A trained scene.
 #[derive(Debug, Clone)]
@@ -90,9 +87,7 @@ pub struct TrainDetails {
     pub held_out: Vec<PhotoScore>,
 }
 
-impl StageDetails for TrainDetails {
-    const STAGE: &str = "train";
-}
+trisplat_scene::stage!(TrainDetails, "train");
 
 impl From<Trained> for ImportedScene {
     /// The scene as a reader returns it after [`Trained::save`].

@@ -9,22 +9,17 @@ use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
 use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
-use super::start;
-use super::start::{RunOptions, TrainRun};
+use super::start::{self, RunOptions, TrainRun};
 use super::visibility::VisibilityStats;
 use std::sync::Arc;
-use trisplat_dataset::{
-    Dataset, DatasetKind, View,
-    exposure::{Cells, compared_size},
-};
-use trisplat_raster::{
-    soft::{SoftOptions, SoftRasterizer, Window},
-    solid::SolidRasterizer,
-};
-use trisplat_scene::{
-    Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending, camera::Camera,
-    image::RgbImage, report::generator,
-};
+use trisplat_dataset::exposure::{Cells, compared_size};
+use trisplat_dataset::{Dataset, DatasetKind, View};
+use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
+use trisplat_raster::solid::SolidRasterizer;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::report::generator;
+use trisplat_scene::{Error, ImportedScene, Provenance, Result, Rng, SceneNormalization, Soup, Spending};
 
 /// A run between two steps. A pure function of the data set, the options and the steps made: stopping,
 /// writing a checkpoint and resuming elsewhere changes no bit.

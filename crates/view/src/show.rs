@@ -1,7 +1,8 @@
 //! Pictures of depth, normals, wires and errors.
 
 use glam::UVec2;
-use trisplat_raster::{soft::Frame, solid::Visibility};
+use trisplat_raster::soft::Frame;
+use trisplat_raster::solid::Visibility;
 use trisplat_scene::image::RgbImage;
 
 /// A pixel with less coverage counts as background.

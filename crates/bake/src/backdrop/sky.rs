@@ -3,10 +3,8 @@
 //! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture has the colours that photos agree on (`known`),
 //! and continues them where nobody looked (`fill`). Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
-use super::known::Known;
-use super::known::fill;
-use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
-use super::surface::{direction, place, surface};
+use super::known::{Known, fill};
+use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
@@ -18,8 +16,8 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::geometry::face_count;
 use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::parallel::GRAIN;
-use trisplat_scene::{Asset, Placement, Result, parallel};
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Asset, Placement, Result};
 
 /// Subdivisions of the octahedron without a shell: a sphere.
 const OF_SPHERE: u32 = 4;

@@ -1,8 +1,9 @@
 //! Where faces are cut into compact runs.
 
 use glam::{Vec3, Vec3A, Vec4};
+use trisplat_scene::Chunk;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Chunk, mesh::Mesh};
 
 /// Cuts the first `faces` into runs of at most `limit`. Returns the order of faces and the runs in that
 /// order; within a run, faces keep their order.

@@ -8,8 +8,11 @@ use crate::place::up::{Confidence, Evidence, estimate};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::median::Sets;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Scene, UpAxis, camera::Camera, math::median::Sets, mesh::Mesh};
+use trisplat_scene::{Scene, UpAxis};
 
 /// What is farther from the middle than this many radii of the subject's ball is not looked at.
 const REACH: f32 = 1.6;

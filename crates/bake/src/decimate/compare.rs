@@ -12,8 +12,7 @@ use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, SolidRasterOptions, So
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::srgb_from_linear;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel;
-use trisplat_scene::parallel::GRAIN;
+use trisplat_scene::parallel::{self, GRAIN};
 
 /// Samples per pixel along each axis.
 const SAMPLES: u32 = 1;

@@ -1,8 +1,7 @@
 //! How high the ground is.
 
 use glam::{DVec3, Vec3};
-use trisplat_scene::camera;
-use trisplat_scene::camera::Camera;
+use trisplat_scene::camera::{self, Camera};
 use trisplat_scene::math::median::median;
 use trisplat_scene::mesh::Mesh;
 

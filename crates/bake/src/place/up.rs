@@ -1,11 +1,13 @@
 //! The up direction, from the rows of the photos, which people hold level, and the largest level surface.
 
-use super::ground;
-use super::ground::{Foreground, Sample};
+use super::ground::{self, Foreground, Sample};
 use glam::{DMat3, DVec3, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::{Rng, camera::Camera, math::geometry::symmetric_eigen, math::median::median};
+use trisplat_scene::Rng;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::symmetric_eigen;
+use trisplat_scene::math::median::median;
 
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;

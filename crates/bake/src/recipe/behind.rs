@@ -5,7 +5,10 @@ use crate::backdrop::{BackdropWhen, Sky, backdrop, closed, is_scattered, keep_ba
 use crate::refit::{RefitColors, smooth_shell};
 use crate::shell::{cut, is_cut, middle, take_shell};
 use crate::views::Views;
-use trisplat_scene::{Asset, Placement, Result, camera::Camera, mesh::Mesh, report::Outcome};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::report::Outcome;
+use trisplat_scene::{Asset, Placement, Result};
 
 impl Recipe<'_> {
     /// The shell counts as backdrop, outside the levels. A scene that is cropped, or baked without a

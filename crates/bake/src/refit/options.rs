@@ -1,9 +1,7 @@
 //! Which colours are fitted, and how.
 
-use trisplat_scene::{
-    Result,
-    ranges::{self, Called},
-};
+use trisplat_scene::Result;
+use trisplat_scene::ranges::{self, Called};
 
 /// Which colours are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -42,8 +40,4 @@ impl RefitOptions {
     }
 }
 
-impl Default for RefitOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(RefitOptions);

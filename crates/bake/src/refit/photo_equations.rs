@@ -7,8 +7,7 @@ use trisplat_raster::solid::{
 };
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::color::srgb8_from_linear;
+use trisplat_scene::math::color::{linear_from_srgb, srgb8_from_linear};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::StageProgress;
 use trisplat_scene::{Result, parallel};

@@ -1,7 +1,6 @@
 //! One round: measures how the pictures change if a triangle is dropped or moved.
 
-use super::reshaped::ReshapedFaces;
-use super::reshaped::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, UNITS, add};
+use super::reshaped::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, ReshapedFaces, UNITS, add};
 use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
 use std::sync::Arc;

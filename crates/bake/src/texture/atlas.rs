@@ -21,8 +21,8 @@ use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::parallel::GRAIN;
-use trisplat_scene::{Error, Result, parallel};
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Error, Result};
 
 /// Most texels along an edge.
 const MOST: u32 = 1024;

@@ -5,10 +5,8 @@
 use super::atlas::Layout;
 use super::options::TextureOptions;
 use glam::{UVec2, Vec2, Vec3};
-use trisplat_scene::{
-    Error, Result,
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, Result};
 use uvunwrap::{Density, MeshInput, Options, Packing};
 
 /// Free texels around each chart: two more mip levels do not bleed.

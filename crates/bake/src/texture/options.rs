@@ -2,10 +2,8 @@
 
 use std::path::Path;
 use trisplat_formats::output::OutputFormat;
-use trisplat_scene::{
-    Error, Result,
-    ranges::{self, Called},
-};
+use trisplat_scene::ranges::{self, Called};
+use trisplat_scene::{Error, Result};
 
 /// Which photos a texture shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -114,8 +112,4 @@ fn when<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Textur
     })
 }
 
-impl Default for TextureOptions {
-    fn default() -> Self {
-        Self::DEFAULT
-    }
-}
+trisplat_scene::default!(TextureOptions);

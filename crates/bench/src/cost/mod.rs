@@ -4,8 +4,7 @@
 mod advice;
 mod grid;
 
-use crate::machine::Machine;
-use crate::machine::print_json;
+use crate::machine::{Machine, print_json};
 use advice::advice;
 use grid::{CostCell, CostRun, Grid, compare};
 use serde::Serialize;
@@ -13,7 +12,8 @@ use std::ops::ControlFlow::Continue;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize};
 use trisplat_job::{TrainJob, watched};
-use trisplat_scene::{Error, Result, Seconds, process::cpu_secs};
+use trisplat_scene::process::cpu_secs;
+use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
 /// What to measure.

@@ -6,12 +6,11 @@ use super::promises::{On, REACH, domain};
 use glam::{DMat3, DQuat, DVec2, DVec3, UVec2, Vec2};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use trisplat_raster::{soft::SoftOptions, solid::SolidRasterOptions};
-use trisplat_scene::{
-    Error, Result, Rng, Soup,
-    camera::Camera,
-    mesh::{Colors, Mesh},
-};
+use trisplat_raster::soft::SoftOptions;
+use trisplat_raster::solid::SolidRasterOptions;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::{Colors, Mesh};
+use trisplat_scene::{Error, Result, Rng, Soup};
 
 /// A case of the stress test.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,11 +4,9 @@ use super::axes::Axis;
 use super::case::{SIDE, StressCase, StressScene};
 use super::kept;
 use super::promises::{PROMISES, Promise};
-use super::reference::{
-    exact::{exact_grad, oracle_camera, plain, rules, soup_grad},
-    oracle::{self, Pixel},
-    ray_caster::wrong_samples,
-};
+use super::reference::exact::{exact_grad, oracle_camera, plain, rules, soup_grad};
+use super::reference::oracle::{self, Pixel};
+use super::reference::ray_caster::wrong_samples;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
@@ -16,7 +14,8 @@ use trisplat_formats::gltf::PositionEncoding;
 use trisplat_raster::kernel::sh;
 use trisplat_raster::soft::{FrameGrad, SoftRasterizer, SoupGrad, SoupRef};
 use trisplat_raster::solid::SolidRasterizer;
-use trisplat_scene::{Result, Rng, math::real::V3};
+use trisplat_scene::math::real::V3;
+use trisplat_scene::{Result, Rng};
 
 /// Distance to a jump below which a pixel is not compared.
 pub(super) const UNDECIDED: f64 = 5e-4;

@@ -5,12 +5,10 @@ use super::case::StressScene;
 use glam::{DVec3, Vec3};
 use std::path::Path;
 use trisplat_bake::{BakeOptions, REACH, TeacherOptions, bake};
-use trisplat_formats::{
-    ReadOptions,
-    gltf::{GltfOptions, PositionEncoding, to_glb_bytes},
-    read,
-};
-use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene, mesh::Mesh};
+use trisplat_formats::gltf::{GltfOptions, PositionEncoding, to_glb_bytes};
+use trisplat_formats::{ReadOptions, read};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::{Asset, Error, ImportedScene, Result, Scene};
 
 /// Steps along an axis of a quantised chunk.
 const STEPS: f64 = u16::MAX as f64;

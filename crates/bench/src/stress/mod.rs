@@ -12,8 +12,7 @@ mod kept;
 mod promises;
 mod reference;
 
-use crate::machine::Machine;
-use crate::machine::print_json;
+use crate::machine::{Machine, print_json};
 use axes::{AXES, Axis};
 use case::{StressCase, Stretch};
 use draw::{Draw, Errors};

@@ -3,18 +3,14 @@
 use super::case::{SIDE, StressScene};
 use super::draw::{UNDECIDED, color_scale};
 use super::promises::domain;
-use super::reference::{
-    exact::{oracle_camera, plain, rules},
-    oracle,
-};
+use super::reference::exact::{oracle_camera, plain, rules};
+use super::reference::oracle;
 use super::*;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec3};
 use trisplat_raster::soft::{SoftRasterizer, SoupRef};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
-use trisplat_scene::{
-    Rng,
-    math::lanes::{SimdLevel, with_at_most},
-};
+use trisplat_scene::Rng;
+use trisplat_scene::math::lanes::{SimdLevel, with_at_most};
 
 fn args(cases: u64) -> StressArgs {
     StressArgs { cases, seed: 1, seeds: 1, replay: None, json: false }

@@ -10,13 +10,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
-use trisplat_scene::{
-    Error, Limits, Result,
-    atomic::{self, AtomicFolder, FolderLock},
-    image::RgbImage,
-    input, parallel,
-    report::{StageDetails, StageEvent, StageObserver},
-};
+use trisplat_scene::atomic::{self, AtomicFolder, FolderLock};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::{Error, Limits, Result, input, parallel};
 
 /// Folder of the logs, the database and the models, below that of a capture.
 pub(super) const WORK: &str = "capture";
@@ -47,9 +44,7 @@ pub struct PhotosDetails {
     pub focal_known: u64,
 }
 
-impl StageDetails for PhotosDetails {
-    const STAGE: &'static str = "photos";
-}
+trisplat_scene::stage!(PhotosDetails, "photos");
 
 /// A photo to be collected.
 struct Opened {

@@ -5,11 +5,9 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
-use trisplat_scene::{
-    Error, Result,
-    process::Running,
-    report::{StageEvent, StageObserver},
-};
+use trisplat_scene::process::Running;
+use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::{Error, Result};
 
 /// Interval between two looks at the log.
 const TICK: Duration = Duration::from_millis(50);

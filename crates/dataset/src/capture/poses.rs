@@ -9,12 +9,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat_scene::{
-    Error, Limits, Result,
-    atomic::{AtomicFolder, MadeFolders},
-    input,
-    report::{StageDetails, StageEvent, StageObserver},
-};
+use trisplat_scene::atomic::{AtomicFolder, MadeFolders};
+use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// Files of a model.
 const MODEL_FILES: [&str; 5] = ["cameras", "images", "points3D", "rigs", "frames"];
@@ -65,17 +62,11 @@ pub struct ModelDetails {
     pub models: u64,
 }
 
-impl StageDetails for FeaturesDetails {
-    const STAGE: &'static str = "features";
-}
+trisplat_scene::stage!(FeaturesDetails, "features");
 
-impl StageDetails for MatchesDetails {
-    const STAGE: &'static str = "matches";
-}
+trisplat_scene::stage!(MatchesDetails, "matches");
 
-impl StageDetails for ModelDetails {
-    const STAGE: &'static str = "model";
-}
+trisplat_scene::stage!(ModelDetails, "model");
 
 /// A pose program and the capture that it works on.
 pub(super) struct Poses<'a> {

@@ -15,11 +15,9 @@ use crate::colmap::tracks;
 use crate::options::DatasetOptions;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_scene::{
-    Error, Result,
-    atomic::lies_inside,
-    report::{Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json},
-};
+use trisplat_scene::atomic::lies_inside;
+use trisplat_scene::report::{Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json};
+use trisplat_scene::{Error, Result};
 
 /// Why a finished step is skipped.
 const DONE: &str = "done before";

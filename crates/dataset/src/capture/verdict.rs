@@ -11,12 +11,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
-use trisplat_scene::parallel;
-use trisplat_scene::{
-    Limits, Result,
-    image::RgbImage,
-    report::{StageDetails, StageEvent, StageObserver},
-};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::{Limits, Result, parallel};
 
 /// Longer side of analysed pictures, px.
 const LOOKED_AT: u32 = 640;
@@ -79,9 +76,7 @@ pub struct VerdictDetails {
     pub advice: Vec<String>,
 }
 
-impl StageDetails for VerdictDetails {
-    const STAGE: &'static str = "verdict";
-}
+trisplat_scene::stage!(VerdictDetails, "verdict");
 
 /// Grade of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema)]

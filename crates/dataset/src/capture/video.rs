@@ -8,10 +8,8 @@ use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use trisplat_scene::{
-    Error, Result,
-    report::{StageEvent, StageObserver},
-};
+use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::{Error, Result};
 
 /// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;

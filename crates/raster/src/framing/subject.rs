@@ -4,10 +4,9 @@
 use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
-use trisplat_scene::{
-    camera, camera::Camera, camera::OrbitRange, camera::Viewpoint, math::median::median,
-    math::median::quantile, mesh::Colors, mesh::Mesh,
-};
+use trisplat_scene::camera::{self, Camera, OrbitRange, Viewpoint};
+use trisplat_scene::math::median::{median, quantile};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Most points to sample.
 pub(super) const MOST_POINTS: usize = 20_000;

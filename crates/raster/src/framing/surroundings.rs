@@ -2,9 +2,10 @@
 
 use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
-use trisplat_scene::{
-    Provenance, Scene, camera::Camera, camera::Viewpoint, math::median::median, parallel, parallel::GRAIN,
-};
+use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::math::median::median;
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Provenance, Scene};
 
 /// A scene, and flags of its far shell.
 #[derive(Debug)]

@@ -1,12 +1,10 @@
 //! The first viewpoint of a scene: the place of a photo, or around the subject, that shows the subject best:
 //! whole, large, level, unobstructed, from somewhat above.
 
-use super::subject::orbit_range;
-use super::subject::{MOST_POINTS, Subject};
-use super::subject::{Sight, Survey};
+use super::subject::{MOST_POINTS, Sight, Subject, Survey, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
-use trisplat_scene::{camera::Camera, camera::Viewpoint};
+use trisplat_scene::camera::{Camera, Viewpoint};
 
 /// Share of the picture that a subject should fill at least.
 const LARGE: f32 = 0.25;

@@ -4,7 +4,9 @@ use crate::kernel::sh;
 use crate::soft::splats::{DepthKey, by_depth};
 use crate::soft::{MARGIN, TILE, tile_count};
 use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
-use trisplat_scene::{Splats, camera::Camera, math::real::V3, parallel};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::real::V3;
+use trisplat_scene::{Splats, parallel};
 
 /// Largest alpha of a layer.
 pub(super) const ALPHA_CAP: f32 = 0.99;

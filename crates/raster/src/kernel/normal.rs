@@ -7,8 +7,8 @@
 //! ```
 //! Pixels on the border, or next to one whose coverage is below `MIN_COVERAGE`, have no N and no loss.
 
+use trisplat_scene::math::real::{Real, V3};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{math::real::Real, math::real::V3};
 
 /// The least coverage A of a pixel with a depth.
 pub(super) const MIN_COVERAGE: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! View-dependent colour: real spherical harmonics of degree 0 to 3 (as in Kerbl et al. 2023).
 #![allow(clippy::excessive_precision, reason = "as published")]
 
-use trisplat_scene::{math::real::Real, math::real::V3};
+use trisplat_scene::math::real::{Real, V3};
 
 /// Largest number of coefficients, (3 + 1)².
 pub const MAX_COEFFICIENTS: usize = 16;

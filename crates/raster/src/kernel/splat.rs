@@ -1,7 +1,6 @@
 //! A triangle seen by one camera (Held et al. 2025, section 3), and its pieces in front of the near plane.
 
-use trisplat_scene::math::real::{Mask, Real};
-use trisplat_scene::math::real::{V2, V3};
+use trisplat_scene::math::real::{Mask, Real, V2, V3};
 
 /// A triangle in camera space as a corner and two differences, so that a small far triangle keeps its precision.
 #[derive(Debug, Clone, Copy, PartialEq)]

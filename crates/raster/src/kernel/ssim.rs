@@ -3,7 +3,8 @@
 use std::ops::AddAssign;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
 use trisplat_scene::math::metric::{Factors, TAPS, factors};
-use trisplat_scene::{math::real::Real, parallel};
+use trisplat_scene::math::real::Real;
+use trisplat_scene::parallel;
 
 /// The number type of the loss: f32 for training, f64 for testing the gradient.
 pub trait LossNumber: Real<Mask = bool> + Default + Send + Sync + PartialOrd + Into<f64> + AddAssign {

@@ -7,8 +7,7 @@
 //! Also the window of an engine: the covered part of each pixel.
 
 use std::f64::consts::LN_2;
-use trisplat_scene::math::real::V2;
-use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::math::real::{Mask, Real, V2};
 
 /// Smallest window ratio that is drawn. A solid triangle (σ towards 0) loses a rim of this fraction of its inradius;
 /// in exchange no logarithm or quotient of a ratio can overflow.

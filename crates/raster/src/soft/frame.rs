@@ -2,7 +2,8 @@
 
 use glam::{UVec2, Vec3};
 use std::ops::Range;
-use trisplat_scene::{image::RgbImage, math::color::linear_from_srgb};
+use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::color::linear_from_srgb;
 
 /// The order of blending the layers of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

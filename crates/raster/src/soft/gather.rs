@@ -7,13 +7,14 @@ use super::splats::{
     direction, flat, load2, load3, put, triangles, vec3,
 };
 use super::tiles::Tiles;
-use crate::kernel::splat::{CameraTriangle, DepthPlaneGrad, SplatGrad};
-use crate::kernel::{sh, splat};
+use crate::kernel::sh;
+use crate::kernel::splat::{self, CameraTriangle, DepthPlaneGrad, SplatGrad};
 use glam::Vec3;
+use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::{decode, srgb_from_linear};
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
 use trisplat_scene::math::real::{V2, V3};
-use trisplat_scene::{camera::Camera, parallel};
+use trisplat_scene::parallel;
 
 /// Gradient of the corners of every splat; arbitrary for one that was not drawn.
 struct CornerGrads<'a> {

@@ -7,7 +7,8 @@
 use super::frame::{SoftOptions, Window};
 use super::splats::{SplatRecord, Splats};
 use super::tiles::{LANE_X, LANE_Y, TileEntry, block_corner};
-use crate::kernel::{splat::DepthPlane, window};
+use crate::kernel::splat::DepthPlane;
+use crate::kernel::window;
 use glam::UVec2;
 use trisplat_scene::math::lanes::{LANES, Lanes};
 use trisplat_scene::math::real::{Mask, V2, V3};

@@ -3,7 +3,8 @@
 use super::splats::{CHUNK, ProjectedSplat, Projection};
 use super::tiles::{self, Tiles};
 use glam::UVec2;
-use trisplat_scene::{math::lanes::LANES, math::lanes::prefetch, parallel};
+use trisplat_scene::math::lanes::{LANES, prefetch};
+use trisplat_scene::parallel;
 
 /// Gradients of a splat summed over the pixels of a tile; the constants name the entries.
 #[derive(Debug, Clone, Copy, Default)]

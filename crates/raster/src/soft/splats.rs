@@ -2,8 +2,9 @@
 
 use crate::kernel::splat::{self, CameraTriangle, DepthPlane, Piece, PieceCorner};
 use glam::{Mat3, Vec3};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lanes::{LANES, Lanes};
-use trisplat_scene::{camera::Camera, math::real::V2, math::real::V3};
+use trisplat_scene::math::real::{V2, V3};
 
 /// Triangles that one task projects; also the unit of the gradient gather.
 pub(super) const CHUNK: usize = 1024;

@@ -5,7 +5,8 @@ use super::splats::{ScreenBox, SplatRecord, Splats};
 use glam::UVec2;
 use std::ops::Range;
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
-use trisplat_scene::{math::real::Mask, parallel};
+use trisplat_scene::math::real::Mask;
+use trisplat_scene::parallel;
 
 /// Tile width and height, px.
 pub const TILE: u32 = 16;

@@ -9,7 +9,8 @@ use super::projector::{GRID, GUARD, Projector, SnappedTriangle, clip, snap_group
 use glam::{UVec2, Vec3};
 use std::ops::{Range, RangeInclusive};
 use trisplat_scene::math::lanes::{LANES, Lanes, Work, dispatch};
-use trisplat_scene::{mesh::Mesh, parallel};
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel;
 
 /// Faces that are projected together.
 const GROUP: usize = LANES;

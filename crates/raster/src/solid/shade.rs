@@ -3,13 +3,11 @@
 use super::bin::{LANE, STRIDE, SampleKeys, TILE_HEIGHT, TILE_WIDTH, face_of};
 use super::projector::Projector;
 use super::visibility::{FaceBarycentrics, NO_FACE};
+use trisplat_scene::FaceTexture;
 use trisplat_scene::math::color::srgb8_from_linear;
-use trisplat_scene::{
-    FaceTexture,
-    math::lanes::{LANES, Lanes, Work, prefetch},
-    math::real::{Mask, Real},
-    mesh::{Colors, Mesh},
-};
+use trisplat_scene::math::lanes::{LANES, Lanes, Work, prefetch};
+use trisplat_scene::math::real::{Mask, Real};
+use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Writes the pixels of a tile.
 pub(super) struct ShadeTile<'a, 'b> {

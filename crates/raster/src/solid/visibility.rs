@@ -3,7 +3,8 @@
 use super::bin::{STRIDE, SampleKey, SampleKeys, face_of};
 use super::projector::Projector;
 use glam::{DVec3, UVec2, Vec2, Vec3};
-use trisplat_scene::{camera::Camera, mesh::Mesh};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
 
 /// The face number of an empty sample.
 pub const NO_FACE: u32 = u32::MAX;

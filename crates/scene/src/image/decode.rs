@@ -1,10 +1,8 @@
 //! Decodes picture files; their stated sizes are checked before memory is allocated.
 
-use super::png;
-use super::png::PNG_START;
+use super::png::{self, PNG_START};
 use crate::error::{Error, Result};
-use crate::input;
-use crate::input::guarded;
+use crate::input::{self, guarded};
 use crate::limits::Limits;
 use glam::UVec2;
 use std::fs::File;

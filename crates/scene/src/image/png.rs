@@ -8,8 +8,7 @@ use crate::limits::Limits;
 use glam::UVec2;
 use image::DynamicImage;
 use png::{BitDepth, ColorType, DecodingError, InterlaceInfo, Reader, Transformations};
-use std::io;
-use std::io::{BufRead, Read, Seek, SeekFrom};
+use std::io::{self, BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
 pub(super) const PNG_START: [u8; 8] = *b"\x89PNG\r\n\x1a\n";

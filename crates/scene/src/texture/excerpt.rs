@@ -3,8 +3,7 @@
 //! Rectangles around faces are copied, with free texels around them. They begin at even texels, so that the next mip level stays as clean as
 //! it was. Rectangles of faces that belong together, such as those of a chart, become one where that has fewer texels.
 
-use super::FaceTexture;
-use super::Texture;
+use super::{FaceTexture, Texture};
 use crate::image::RgbImage;
 use crate::math::median::Sets;
 use crate::parallel::{self, GRAIN};

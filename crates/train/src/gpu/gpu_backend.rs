@@ -12,13 +12,11 @@ use crate::params::{Params, TrainState};
 use crate::schedule::StepParams;
 use std::borrow::Cow;
 use std::collections::VecDeque;
-use trisplat_gpu::{
-    Gpu,
-    readback::{Readback, elements},
-    storage, uniform,
-};
+use trisplat_gpu::readback::{Readback, elements};
+use trisplat_gpu::{Gpu, storage, uniform};
 use trisplat_raster::soft::{Frame, SoftOptions};
-use trisplat_scene::{Error, Result, camera::Camera};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Error, Result};
 use wgpu::{Buffer, CommandEncoder};
 
 /// Storage buffers that one pass binds.

@@ -5,9 +5,11 @@ use super::step_buffers::{GpuLimits, StepCapacity, missing_capacity};
 use super::uniform::{Look, SceneShape, StepPlan, StepUniform, first_counts};
 use crate::backend::TrainBackend;
 use crate::params::{Params, TrainState};
-use trisplat_gpu::{Gpu, readback::elements};
+use trisplat_gpu::Gpu;
+use trisplat_gpu::readback::elements;
 use trisplat_raster::soft::{Frame, SoftOptions};
-use trisplat_scene::{Result, Soup, camera::Camera};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::{Result, Soup};
 
 /// A soup on a graphics card, for drawing.
 #[derive(Debug)]

@@ -1,8 +1,9 @@
 //! Events in, pictures out.
 
-use super::scene;
-use super::scene::{Message, MessageSender, SceneMessage, ShownScene};
-use super::scene::{SceneFiles, SceneLoader, SoupSource, WindowOptions};
+use super::scene::{
+    self, Message, MessageSender, SceneFiles, SceneLoader, SceneMessage, ShownScene, SoupSource,
+    WindowOptions,
+};
 use super::screen::Screen;
 use super::session::{self, PhotoPlacement, Session};
 use glam::{UVec2, Vec2};

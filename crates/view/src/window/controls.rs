@@ -4,11 +4,8 @@ use crate::model::Aabb;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use std::collections::HashSet;
 use std::f32::consts::FRAC_PI_2;
-use trisplat_scene::{
-    Placement,
-    camera::{Camera, OrbitRange, Viewpoint},
-    placed,
-};
+use trisplat_scene::camera::{Camera, OrbitRange, Viewpoint};
+use trisplat_scene::{Placement, placed};
 use winit::keyboard::KeyCode;
 
 /// A drag across the whole height of the window turns the camera by this, rad.

@@ -1,10 +1,8 @@
 //! How a window looks, its content, and what loads it.
 
 use super::crop::CropEditor;
-use crate::model::Aabb;
-use crate::model::Model;
-use crate::renderer::Canvas;
-use crate::renderer::{FrameParams, Renderer};
+use crate::model::{Aabb, Model};
+use crate::renderer::{Canvas, FrameParams, Renderer};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

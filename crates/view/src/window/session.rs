@@ -3,15 +3,16 @@
 use super::super::model::Model;
 use super::super::renderer::{DrawStats, FrameParams};
 use super::controls::{CameraControls, Pane};
-use super::scene::ShownScene;
-use super::scene::{SceneFiles, WindowOptions};
+use super::scene::{SceneFiles, ShownScene, WindowOptions};
 use crate::model::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use trisplat_scene::{Region, camera::Camera, image::RgbImage};
+use trisplat_scene::Region;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
 use winit::keyboard::KeyCode;
 
 /// Duration of a note.
