@@ -66,7 +66,7 @@ bakes() {
     run mesh-texture mesh "$samples/soups/trained.ply" "$samples/dataset" -o surface.glb --texture --max-triangles 1000
     run render render "$samples/soups/trained.ply" -o pictures --dataset "$samples/dataset" --split test
     run orbit render "$samples/soups/trained.ply" -o pictures --orbit 4 --width 200
-    run eval eval "$samples/soups/trained.ply" "$samples/dataset" --report report.json --sheet sheet.png
+    run eval eval "$samples/soups/trained.ply" "$samples/dataset" --report report.json
     run info info "$samples/soups/trained.ply"
     run validate validate "$work/bake-photos/scene.glb"
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Scores every way from photos to a file on held-out photos, the file read back and drawn as an engine does (files.md):
 #   LPIPS="python3 samples/score_lpips.py" docs/benchmarks/files.sh PROGRAM FOLDER DATA_SET... >files.txt
-# FOLDER gets scenes, files, reports and contact sheets; what is there already is not made again. LPIPS is a command that is called as
+# FOLDER gets scenes, files, reports and drawings; what is there already is not made again. LPIPS is a command that is called as
 # `$LPIPS DRAWINGS PHOTOS --json OUT` and writes {"mean": {"lpips": FIGURE}}; without it that column is empty.
 # One thread, so that user seconds are those of the work.
 set -euo pipefail
@@ -36,7 +36,7 @@ row() {
     local scene=$1 way=$2 file=$3 kind=$4 name=${3%.*} seconds
     shift 4
     if [ ! -s "$name.json" ]; then
-        "$program" eval "$file" "$data" --as "$kind" --ssaa 4 --json --sheet "$name.png" --save-renders "$name.drawings" --force >"$name.json" 2>"$name.messages"
+        "$program" eval "$file" "$data" --as "$kind" --ssaa 4 --json --save-renders "$name.drawings" --force >"$name.json" 2>"$name.messages"
     fi
     if [ -n "${LPIPS:-}" ] && [ ! -s "$name.lpips" ]; then
         $LPIPS "$name.drawings" "$data/images" --json "$name.lpips" >/dev/null

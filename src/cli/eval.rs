@@ -6,21 +6,12 @@ use super::messages::{self, many, thousands};
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::render::Pictures;
-use glam::UVec2;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
 use trisplat_job::{EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore};
-use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Error, Result};
 use trisplat_train::BackendOptions;
-use trisplat_view::show;
-
-/// Most rows of a contact sheet.
-const ROWS: usize = 12;
-/// Widest cell of a contact sheet, and the space between cells, px.
-const CELL: u32 = 480;
-const GAP: u32 = 6;
 
 /// What to evaluate.
 #[derive(Debug, clap::Args)]
@@ -45,10 +36,6 @@ pub struct EvalArgs {
     /// step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
     pub save_renders: Option<PathBuf>,
-    /// Write a contact sheet as PNG: one row per photo (12 at most) with the photo, then each drawing and a map of its
-    /// FLIP error, black for none.
-    #[arg(long, value_name = "FILE")]
-    pub sheet: Option<PathBuf>,
     /// Write all scores as JSON (schema: trisplat schema eval).
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -69,24 +56,23 @@ pub struct EvalArgs {
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
 pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
     let mut outputs = Outputs::new(inputs, args.force);
-    for (option, path) in [("--report", &args.report), ("--sheet", &args.sheet)] {
-        path.as_deref().map_or(Ok(()), |path| outputs.claim(option, path))?;
-    }
+    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     outputs.spare_photos(&dataset)?;
     let mut ready = args.job().prepare(&dataset)?;
-    let mut pictures = EvalPictures::new(args, ready.steps(), ready.views(), &mut outputs)?;
+    let folders = folders(args, ready.steps(), ready.views(), &mut outputs)?;
 
     let progress = Progress::new(global);
     ready.draw_on(|card, warnings| progress.drawing_on(card, warnings))?;
     let table = Table::new(ready.views().iter().map(|v| v.name.as_str()), global, args);
     progress.suspend(|| table.header(out))?;
-    let report = ready.run(|photo, drawn| {
+    let mut photo = 0..;
+    let report = ready.run(|drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
-        pictures.add(photo, drawn)
+        let photo = photo.next().unwrap_or(0);
+        folders.iter().zip(drawn).try_for_each(|(folder, one)| folder.save(photo, &one.picture))
     })?;
     progress.done();
-    pictures.save_sheet(args.sheet.as_deref(), &mut outputs)?;
     for warning in &report.warnings {
         progress.warn(warning);
     }
@@ -178,109 +164,18 @@ fn remark(step: &StepScore, report: &EvalReport) -> String {
     remark
 }
 
-/// The pictures that are written.
-struct EvalPictures {
-    /// One folder per step; none when no drawings are kept.
-    folders: Vec<Pictures>,
-    /// Rows of the contact sheet.
-    sheet: Option<Vec<Vec<RgbImage>>>,
-    views: usize,
-    /// Views added so far.
-    added: usize,
-}
-
-impl EvalPictures {
-    /// Refuses to replace pictures before any is drawn.
-    fn new(args: &EvalArgs, steps: Vec<&str>, views: &[&View], outputs: &mut Outputs) -> Result<Self> {
-        let folders: Vec<PathBuf> = match &args.save_renders {
-            None => Vec::new(),
-            Some(folder) if steps.len() == 1 => vec![folder.clone()],
-            Some(folder) => steps.iter().map(|step| folder.join(step)).collect(),
-        };
-        let names = || views.iter().map(|v| v.name.as_str());
-        let folders = folders
-            .iter()
-            .map(|folder| Pictures::plan("--save-renders", folder, names(), outputs))
-            .collect::<Result<Vec<Pictures>>>()?;
-        Ok(Self { folders, sheet: args.sheet.is_some().then(Vec::new), views: views.len(), added: 0 })
-    }
-
-    fn add(&mut self, photo: &RgbImage, drawn: &[ScoredPicture]) -> Result<()> {
-        for (folder, one) in self.folders.iter().zip(drawn) {
-            folder.save(self.added, &one.picture)?;
-        }
-        // Of many photos, the first of each equal part.
-        let part = |photo: usize| photo * ROWS / self.views.max(ROWS);
-        if let Some(rows) = self.sheet.as_mut().filter(|rows| rows.len() == part(self.added)) {
-            let error = |d: &ScoredPicture| show::heat(d.picture.size, &d.flip);
-            let pairs = drawn.iter().flat_map(|d| [cell(&d.picture), cell(&error(d))]);
-            rows.push(std::iter::once(cell(photo)).chain(pairs).collect());
-        }
-        self.added += 1;
-        Ok(())
-    }
-
-    fn save_sheet(&self, path: Option<&Path>, outputs: &mut Outputs) -> Result<()> {
-        match (&self.sheet, path) {
-            (Some(rows), Some(path)) => sheet(rows).write_png(outputs.take(path)?),
-            _ => Ok(()),
-        }
-    }
-}
-
-/// A picture as a cell of the contact sheet.
-fn cell(picture: &RgbImage) -> RgbImage {
-    let plain = RgbImage { alpha: None, ..picture.clone() };
-    let UVec2 { x: width, y: height } = picture.size;
-    if width <= CELL { plain } else { plain.downscaled(UVec2::new(CELL, (height * CELL / width).max(1))) }
-}
-
-/// The contact sheet, row by row.
-fn sheet(rows: &[Vec<RgbImage>]) -> RgbImage {
-    let width = |row: &Vec<RgbImage>| row.iter().map(|cell| cell.size.x + GAP).sum();
-    let height = |row: &Vec<RgbImage>| row.iter().map(|cell| cell.size.y).max().unwrap_or(0) + GAP;
-    let size = UVec2::new(rows.iter().map(width).max().unwrap_or(0), rows.iter().map(height).sum()) + GAP;
-    let mut rgb = vec![[236; 3]; size.element_product() as usize];
-    let mut at = UVec2::splat(GAP);
-    for row in rows {
-        for cell in row {
-            for (line, y) in cell.rgb.chunks(cell.size.x as usize).zip(at.y..) {
-                let start = (y * size.x + at.x) as usize;
-                rgb[start..start + line.len()].copy_from_slice(line);
-            }
-            at.x += cell.size.x + GAP;
-        }
-        at = UVec2::new(GAP, at.y + height(row));
-    }
-    RgbImage { size, rgb, alpha: None }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn flat(width: u32, height: u32, code: u8) -> RgbImage {
-        let rgb = vec![[code; 3]; (width * height) as usize];
-        RgbImage { size: UVec2::new(width, height), rgb, alpha: None }
-    }
-
-    #[test]
-    fn cells_are_laid_out_in_rows_with_gaps_between() {
-        let rows = [vec![flat(4, 3, 1), flat(4, 2, 2)], vec![cell(&flat(960, 100, 3))]];
-        let picture = sheet(&rows);
-        assert_eq!(picture.size.to_array(), [CELL + 2 * GAP, 3 + 50 + 3 * GAP]);
-        let at = |x: u32, y: u32| picture.rgb[(y * picture.size.x + x) as usize][0];
-        assert_eq!([at(0, 0), at(6, 6), at(9, 8), at(10, 6), at(16, 6), at(16, 8)], [236, 1, 1, 236, 2, 236]);
-        assert_eq!([at(6, 15), at(485, 64), at(486, 64)], [3, 3, 236]);
-        assert_eq!(sheet(&[]).size.to_array(), [GAP, GAP]);
-    }
-
-    #[test]
-    fn at_most_a_screenful_of_photos_is_shown() {
-        for views in [1, 11, 12, 13, 25, 300] {
-            let mut pictures = EvalPictures { folders: Vec::new(), sheet: Some(Vec::new()), views, added: 0 };
-            (0..views).for_each(|_| pictures.add(&flat(1, 1, 0), &[]).unwrap());
-            assert_eq!(pictures.sheet.unwrap().len(), views.min(ROWS), "of {views}");
-        }
-    }
+/// The folders of drawings, one per step; none when no drawings are kept. Refuses to replace pictures before any is drawn.
+fn folders(
+    args: &EvalArgs,
+    steps: Vec<&str>,
+    views: &[&View],
+    outputs: &mut Outputs,
+) -> Result<Vec<Pictures>> {
+    let folders: Vec<PathBuf> = match &args.save_renders {
+        None => Vec::new(),
+        Some(folder) if steps.len() == 1 => vec![folder.clone()],
+        Some(folder) => steps.iter().map(|step| folder.join(step)).collect(),
+    };
+    let names = || views.iter().map(|v| v.name.as_str());
+    folders.iter().map(|folder| Pictures::plan("--save-renders", folder, names(), outputs)).collect()
 }

@@ -8,7 +8,7 @@ use trisplat_scene::Limits;
 
 /// The options that name outputs: files, and folders for files. A path of any other option is read, so that a new
 /// option cannot be forgotten.
-pub const OUTPUTS: [&str; 11] = [
+pub const OUTPUTS: [&str; 10] = [
     "checkpoint",
     "folder",
     "log",
@@ -18,7 +18,6 @@ pub const OUTPUTS: [&str; 11] = [
     "report",
     "save_renders",
     "screenshots",
-    "sheet",
     "work",
 ];
 /// The option that names what a run goes on from and then replaces: the command guards it itself.

@@ -117,7 +117,7 @@ const SHOWN: &[(&str, &str)] = &[
         "train",
         "output force preset budget steps max_triangles max_size masks from teacher resume backend view report config sets",
     ),
-    ("eval", "as split save_renders sheet report json force max_size"),
+    ("eval", "as split save_renders report json force max_size"),
     ("render", "output dataset split orbit width show as force max_size"),
     ("plan", "output force status blocks memory steps max_triangles preset config sets max_size"),
     ("merge", "output force"),

@@ -193,32 +193,6 @@ fn a_file_is_drawn_like_the_scene_it_was_made_from() {
     assert!(alike(&renders.join("soft"), &renders.join("solid")) < 35.0, "soft is another picture");
 }
 
-#[test]
-fn a_sheet_shows_photos_drawings_and_errors() {
-    let (soup, dataset, folder) = inputs();
-    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (sheet, renders) = (path("sheet.png"), path("renders"));
-    let common = ["eval", &soup, &dataset, "--as", "solid", "--sheet", &sheet, "--save-renders", &renders];
-    succeed(&common);
-    fail(&common, &["--sheet", "sheet.png", "--force"]);
-    let (gap, cell) = (6, [160, 120]);
-    let picture = RgbImage::load(Path::new(&sheet)).unwrap();
-    assert_eq!(picture.size.to_array(), [3 * (cell[0] + gap) + gap, 5 * (cell[1] + gap) + gap]);
-    let cut = |column: u32, row: u32| -> Vec<[u8; 3]> {
-        let (left, top) = (gap + column * (cell[0] + gap), gap + row * (cell[1] + gap));
-        let line = |y: u32| ((top + y) * picture.size.x + left) as usize;
-        (0..cell[1]).flat_map(|y| picture.rgb[line(y)..line(y) + cell[0] as usize].to_vec()).collect()
-    };
-    let loaded = Dataset::load(Path::new(&dataset), &DatasetOptions::default()).unwrap();
-    for (row, view) in (0..).zip(loaded.test()) {
-        let photo = RgbImage::load(&view.photo.path).unwrap();
-        let drawn = RgbImage::load(&Path::new(&renders).join(&view.name)).unwrap();
-        let flip = metric::flip_map(photo.size, &photo.rgb, &drawn.rgb);
-        let heat = trisplat_view::show::heat(photo.size, &flip);
-        assert!(cut(0, row) == photo.rgb && cut(1, row) == drawn.rgb && cut(2, row) == heat.rgb, "{row}");
-    }
-}
-
 /// The same pictures judged by a program that shares no code with ours.
 fn independent(renders: &Path, photos: &Path, ours: &StepScore) {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/metrics/compare.py");

@@ -130,7 +130,6 @@ fn attempts(folder: &Path) -> Vec<Attempt> {
     add("train", "preview", "train --block begun:0 --preview {} -f", &["photos/images"]);
     add("plan", "output", "plan photos --config q/manifest.json -o {} --blocks 2 -f", &["q"]);
     add("eval", "report", "eval g.gltf photos --report {} -f", &of_dataset(&["g.gltf", "m.bin"]));
-    add("eval", "sheet", "eval a.ply photos --sheet {} -f", &of_dataset(&["a.ply"]));
     let eval = "eval a.ply photos --as solid --split all --save-renders {} -f";
     add("eval", "save_renders", eval, &["photos/images"]);
     add("render", "output", "render a.ply --dataset photos --split all -o {} -f", &["photos/images"]);

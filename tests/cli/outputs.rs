@@ -75,7 +75,7 @@ fn what_cannot_be_written_is_refused_before_work_starts() {
         &["bake", "a.ply", "-o", "b.glb", "--report", "photos"],
         &["--report", "this is a folder"],
     );
-    refused(folder.path(), &["eval", "a.ply", "photos", "--sheet", "no/a.png"], &["--sheet", "no/a.png"]);
+    refused(folder.path(), &["eval", "a.ply", "photos", "--report", "no/a.json"], &["--report", "no/a.json"]);
     assert_eq!(state(folder.path()), before);
 }
 

@@ -166,8 +166,6 @@ pub(crate) fn eval() -> Case {
         "in/photos",
         "--report",
         "out/report.json",
-        "--sheet",
-        "out/sheet.png",
         "--save-renders",
         "out/renders",
         "--split",

@@ -94,8 +94,6 @@ pub struct ScoredPicture {
     pub step: &'static str,
     /// The drawing.
     pub picture: RgbImage,
-    /// FLIP error of every pixel. `[H * W]`
-    pub flip: Vec<f32>,
     /// How close it comes.
     pub score: ImageScore,
 }
@@ -118,12 +116,10 @@ fn measure_with(
     let Quality { psnr, ssim } = Quality::of(&picture, photo);
     let corrected = RgbImage { size: picture.size, rgb: corrected(&picture), alpha: None };
     let Quality { psnr: psnr_corrected, ssim: ssim_corrected } = Quality::of(&corrected, photo);
-    let flip = metric::flip_map(photo.size, &photo.rgb, &picture.rgb);
-    let mean = metric::mean_error(&flip, photo.alpha.as_deref());
-    let score = Scores { psnr, ssim, flip: mean, psnr_corrected, ssim_corrected };
+    let flip = metric::flip(photo.size, &photo.rgb, &picture.rgb, photo.alpha.as_deref());
+    let score = Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
-    let score = ImageScore { name, size, score };
-    ScoredPicture { step, picture, flip, score }
+    ScoredPicture { step, picture, score: ImageScore { name, size, score } }
 }
 
 /// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is
@@ -144,8 +140,7 @@ pub(super) fn measure_cut(
     };
     let (black, white) = (over(0, black), over(255, white));
     let mean = mean([&black.score.score, &white.score.score].into_iter());
-    let flip = black.flip.iter().zip(&white.flip).map(|(a, b)| (a + b) / 2.0).collect();
-    ScoredPicture { flip, score: ImageScore { score: mean, ..black.score }, ..black }
+    ScoredPicture { score: ImageScore { score: mean, ..black.score }, ..black }
 }
 
 /// Colours and opacity, from drawings over black and over white.
@@ -161,24 +156,22 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
 /// The mean of some scores; zeros without any.
 pub(super) fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores {
     let count = scores.len().max(1) as f64;
-    let mean = |of: fn(&Scores) -> f64| scores.clone().map(of).sum::<f64>() / count;
-    Scores {
-        psnr: mean(|s| s.psnr),
-        ssim: mean(|s| s.ssim),
-        flip: mean(|s| s.flip),
-        psnr_corrected: mean(|s| s.psnr_corrected),
-        ssim_corrected: mean(|s| s.ssim_corrected),
-    }
+    Scores::each(|of| scores.clone().map(of).sum::<f64>() / count)
 }
 
 impl Scores {
     pub(super) fn minus(&self, before: &Self) -> Self {
+        Self::each(|of| of(self) - of(before))
+    }
+
+    /// Scores whose every number is `number` of its getter.
+    fn each(number: impl Fn(fn(&Self) -> f64) -> f64) -> Self {
         Self {
-            psnr: self.psnr - before.psnr,
-            ssim: self.ssim - before.ssim,
-            flip: self.flip - before.flip,
-            psnr_corrected: self.psnr_corrected - before.psnr_corrected,
-            ssim_corrected: self.ssim_corrected - before.ssim_corrected,
+            psnr: number(|s| s.psnr),
+            ssim: number(|s| s.ssim),
+            flip: number(|s| s.flip),
+            psnr_corrected: number(|s| s.psnr_corrected),
+            ssim_corrected: number(|s| s.ssim_corrected),
         }
     }
 }

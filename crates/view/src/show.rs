@@ -54,12 +54,6 @@ pub fn wires(seen: &Visibility, size: UVec2) -> RgbImage {
     RgbImage { size, rgb: ink.iter().map(code).collect(), alpha: None }
 }
 
-/// Errors in [0, 1] as heat: black for none, white for 1; NaN is white.
-pub fn heat(size: UVec2, errors: &[f32]) -> RgbImage {
-    let shown = |error: &f32| ramp(if error.is_nan() { 1.0 } else { error.clamp(0.0, 1.0) });
-    RgbImage::from_rgb(size, &errors.iter().map(shown).collect::<Vec<_>>())
-}
-
 fn picture(frame: &Frame, at: impl Fn(usize) -> [f32; 3]) -> RgbImage {
     let count = frame.size.x as usize * frame.size.y as usize;
     RgbImage::from_rgb(frame.size, &(0..count).map(at).collect::<Vec<_>>())

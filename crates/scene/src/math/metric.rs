@@ -36,23 +36,12 @@ pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -
 /// Mean FLIP error in [0, 1], 0 for equal pictures (Andersson et al. 2020, LDR, 67 pixels per degree).
 /// Not symmetric: the photo is the reference. NaN when the size does not match the pictures.
 pub fn flip(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
-    mean_error(&flip_map(size, reference, test), weights)
-}
-
-/// FLIP error of every pixel; all NaN when the size does not match the pictures. `[H * W]`
-pub fn flip_map(size: UVec2, reference: &[[u8; 3]], test: &[[u8; 3]]) -> Vec<f32> {
     let picture = |rgb: &[[u8; 3]]| {
         flip_rs::RgbImage::new(size.x as usize, size.y as usize, rgb.as_flattened().to_vec())
     };
-    let unknown = || vec![f32::NAN; reference.len()];
-    let (Ok(reference), Ok(test)) = (picture(reference), picture(test)) else { return unknown() };
-    flip_rs::ldr_flip(&reference, &test, flip_rs::DEFAULT_PPD)
-        .map_or_else(|_| unknown(), |map| map.into_pixels())
-}
-
-/// The mean of an error of every pixel; weights per pixel as for the other metrics.
-pub fn mean_error(errors: &[f32], weights: Option<&[u8]>) -> f64 {
-    weighted_mean(errors.iter().map(|&error| f64::from(error)), weights)
+    let (Ok(reference), Ok(test)) = (picture(reference), picture(test)) else { return f64::NAN };
+    let map = flip_rs::ldr_flip(&reference, &test, flip_rs::DEFAULT_PPD);
+    map.map_or(f64::NAN, |map| weighted_mean(map.into_pixels().into_iter().map(f64::from), weights))
 }
 
 /// The SSIM of every pixel of row `y`, mean over channels. `[W]`
