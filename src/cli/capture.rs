@@ -65,9 +65,4 @@ pub fn run(args: &CaptureArgs, global: &Global, inputs: &Inputs) -> Result<ExitC
 /// Prints what to do about a capture.
 pub(super) fn advise(verdict: &VerdictDetails, progress: &Progress) {
     verdict.advice.iter().for_each(|advice| progress.line(&format!("           {advice}")));
-    if let Some(picture) = &verdict.picture {
-        progress.line(&format!(
-            "           {picture} shows where: the photo before, one without a pose, the photo after"
-        ));
-    }
 }

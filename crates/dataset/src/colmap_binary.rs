@@ -46,10 +46,8 @@ fn read_images(bytes: &mut BinaryFile, observations: bool, model: &mut Model) ->
         let translation = DVec3::from(bytes.floats::<3>()?);
         let camera = u32::from_le_bytes(bytes.take()?);
         let name = bytes.name()?;
-        let rotation =
-            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
-                bytes.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
-            })?;
+        let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
+        let rotation = rotation.map_err(|reason| bytes.malformed(reason))?;
         let seen = bytes.count("2D points", 24)?;
         let observations = match observations {
             true => read_observations(bytes, seen)?,

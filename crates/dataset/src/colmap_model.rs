@@ -33,11 +33,13 @@ pub(super) struct PointRow {
     pub(super) error: f64,
 }
 
-/// The rotation of a quaternion (w, x, y, z) of any length except zero.
-pub(super) fn rotation(wxyz: [f64; 4]) -> Option<DMat3> {
+/// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero; otherwise what is wrong.
+pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> std::result::Result<DMat3, String> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
     let length = q.length();
-    (length > 1e-6 && length.is_finite()).then(|| DMat3::from_quat(q * (1.0 / length)))
+    let good = length > 1e-6 && length.is_finite() && moved.is_finite();
+    let rotation = good.then(|| DMat3::from_quat(q * (1.0 / length)));
+    rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {moved}"))
 }
 
 /// COLMAP's camera models: number in binary files, name in text files, number of parameters.

@@ -42,10 +42,8 @@ fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()
         if name.is_empty() {
             return Err(lines.malformed(format!("image {id} has no name")));
         }
-        let rotation =
-            colmap_model::rotation(quaternion).filter(|_| translation.is_finite()).ok_or_else(|| {
-                lines.malformed(format!("image {id} `{name}` has no pose: {quaternion:?}, {translation}"))
-            })?;
+        let rotation = colmap_model::rotation(quaternion, translation, format!("{id} `{name}`"));
+        let rotation = rotation.map_err(|reason| lines.malformed(reason))?;
         let mut observations = Vec::new();
         if lines.next_line()? {
             let mut words = lines.words();

@@ -10,7 +10,7 @@ use super::log::tell;
 use super::poses::{self, FeaturesDetails, MatchesDetails, ModelDetails, Poses};
 use super::program::{CaptureOptions, Program};
 use super::source::Sources;
-use super::verdict::{VerdictDetails, judge, sheet};
+use super::verdict::{VerdictDetails, judge};
 use crate::colmap::tracks;
 use crate::options::DatasetOptions;
 use std::path::{Path, PathBuf};
@@ -145,11 +145,6 @@ impl Run<'_> {
             let images = folder.join("images");
             let tracks = tracks(folder, &DatasetOptions::default())?;
             *details = judge(&images, photos, &tracks, model, run.observer)?;
-            if !details.gaps.is_empty() {
-                let picture = folder.join(collect::WORK).join("gaps.png");
-                sheet(&images, &details.gaps)?.save_png(&picture)?;
-                details.picture = Some(picture.display().to_string());
-            }
             Ok((details.clone(), None))
         })
     }

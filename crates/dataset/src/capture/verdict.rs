@@ -33,13 +33,6 @@ const REGISTERED: [f64; 2] = [0.95, 0.6];
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
 /// ... and range of exposures, stops.
 const STOPS: f64 = 0.5;
-/// Most gaps on the sheet.
-const ROWS: usize = 6;
-/// Size of a cell and the space between cells, px.
-const CELL: UVec2 = UVec2::new(320, 240);
-const SPACE: u32 = 8;
-const GROUND: [u8; 3] = [24; 3];
-
 /// Verdict on a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -69,9 +62,6 @@ pub struct VerdictDetails {
     pub weak: Vec<String>,
     /// Places where photos are missing.
     pub gaps: Vec<Gap>,
-    /// Contact sheet of the gaps: the photo before, one without a pose, the photo after.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub picture: Option<String>,
     /// Advice, one sentence each.
     pub advice: Vec<String>,
 }
@@ -291,27 +281,17 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
             model.models
         ));
     }
-    if !details.weak.is_empty() {
-        advice.push(format!(
-            "{} few points ({}): more overlap there, or more texture",
-            match details.weak.len() {
-                1 => "1 photo holds".to_owned(),
-                count => format!("{count} photos hold"),
-            },
-            details.weak.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
-        ));
-    }
-    if !details.blurred.is_empty() {
-        advice.push(format!(
-            "{} blurred beside the others ({}): more light, slower steps, or leave them out",
-            if details.blurred.len() == 1 {
-                "1 photo is".to_owned()
-            } else {
-                format!("{} photos are", details.blurred.len())
-            },
-            details.blurred.iter().take(3).cloned().collect::<Vec<_>>().join(", ")
-        ));
-    }
+    let mut of_photos = |names: &[String], [one, several]: [&str; 2], what: &str, remedy: &str| {
+        let named = names.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+        match names.len() {
+            0 => {}
+            1 => advice.push(format!("1 photo {one} {what} ({named}): {remedy}")),
+            count => advice.push(format!("{count} photos {several} {what} ({named}): {remedy}")),
+        }
+    };
+    of_photos(&details.weak, ["holds", "hold"], "few points", "more overlap there, or more texture");
+    let remedy = "more light, slower steps, or leave them out";
+    of_photos(&details.blurred, ["is", "are"], "blurred beside the others", remedy);
     if let Some(stops) = details.exposure_stops.filter(|stops| *stops > STOPS) {
         advice.push(format!("exposures are {stops:.1} stops apart: lock the exposure of the camera"));
     }
@@ -321,40 +301,6 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
         ));
     }
     advice
-}
-
-/// Draws three photos from `images` per gap: the one before it, one without a pose, the one after it.
-///
-/// Errors: photos that cannot be read.
-pub(super) fn sheet(images: &Path, gaps: &[Gap]) -> Result<RgbImage> {
-    let rows = gaps.len().min(ROWS) as u32;
-    let size = UVec2::new(3, rows) * (CELL + SPACE) + SPACE;
-    let mut all = RgbImage { size, rgb: vec![GROUND; (size.x * size.y) as usize], alpha: None };
-    for (gap, row) in gaps.iter().zip(0..rows) {
-        for (name, column) in [&gap.after, &gap.example, &gap.before].into_iter().zip(0..) {
-            let Some(name) = name else { continue };
-            let corner = UVec2::new(column, row) * (CELL + SPACE) + SPACE;
-            put(&mut all, corner, &fitting(&images.join(name))?);
-        }
-    }
-    Ok(all)
-}
-
-/// A photo scaled to fit a cell.
-fn fitting(path: &Path) -> Result<RgbImage> {
-    let full = RgbImage::size_of(path, &Limits::DEFAULT)?;
-    let ratio = (CELL.as_dvec2() / full.as_dvec2()).min_element().min(1.0);
-    let size = (full.as_dvec2() * ratio).floor().as_uvec2().max(UVec2::ONE);
-    Ok(RgbImage::load_reduced(path, size, &Limits::DEFAULT)?.0.over(GROUND).downscaled(size))
-}
-
-/// Centres a picture in the cell at `corner`.
-fn put(sheet: &mut RgbImage, corner: UVec2, picture: &RgbImage) {
-    let at = corner + (CELL - picture.size) / 2;
-    for (row, y) in picture.rgb.chunks_exact(picture.size.x as usize).zip(at.y..) {
-        let start = (y * sheet.size.x + at.x) as usize;
-        sheet.rgb[start..start + row.len()].copy_from_slice(row);
-    }
 }
 
 #[cfg(test)]

@@ -22,8 +22,8 @@ pub fn psnr(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     -10.0 * (mean / (255.0 * 255.0)).max(LEAST_SQUARED_ERROR).log10()
 }
 
-/// Structural similarity in [-1, 1], 1 for equal pictures. The mean over pixels and channels of the SSIM of
-/// [`super::ssim`].
+/// Structural similarity in [-1, 1], 1 for equal pictures. The mean over pixels and channels of
+/// Wang et al. 2004, with a Gaussian window as 3DGS has it.
 pub fn ssim(size: UVec2, a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
     let width = size.x as usize;
     assert_eq!(a.len(), width * size.y as usize, "the size is not the picture's");
