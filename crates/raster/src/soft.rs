@@ -244,7 +244,7 @@ mod tests {
         let (mut soft, mut grad) = (SoftRasterizer::new(), SoupGrad::default());
         soft.pairs_per_slab = Some(pairs);
         soft.render(&soup, &camera, options);
-        let mut importance = Importance::new(soup.len());
+        let mut importance = Importance::new(soup.count());
         soft.accumulate_importance(&mut importance);
         let pixels = (SIZE.x * SIZE.y) as usize;
         let d = FrameGrad { d_rgb: vec![[0.3, -0.2, 0.1]; pixels], ..FrameGrad::default() };

@@ -101,7 +101,7 @@ impl Teacher {
     /// a triangle that no camera sees. `[N]`
     pub(super) fn shares(&mut self, cameras: &[Camera], values: &[Vec<f32>]) -> Vec<f32> {
         let (soup, options) = (SoupRef::from(&self.soup), SoftOptions { importance: true, ..self.options });
-        let (mut weights, mut sums) = (Importance::new(soup.len()), vec![0.0; soup.len()]);
+        let (mut weights, mut sums) = (Importance::new(soup.count()), vec![0.0; soup.count()]);
         let mut of_picture = SoupGrad::default();
         for (camera, values) in cameras.iter().zip(values) {
             let camera = self.space.camera_to_training(camera);

@@ -55,7 +55,7 @@ impl<'a> TrainRun<'a> {
     /// The clock of its budget, if it has one.
     pub(super) fn spending(&self) -> Option<Spending> {
         if let Some(paced) = &self.paced {
-            return Some(paced.spending.clone());
+            return Some(paced.spending);
         }
         let pace = self.resumed()?.pace.as_ref()?;
         let clock = pace.budget.clock;
@@ -236,7 +236,7 @@ impl Training<'_> {
 
     /// At a milestone, chooses the remaining steps anew.
     fn keep_pace(&mut self, record: &mut Recorder<'_>) -> Result<()> {
-        let Some(spending) = self.spending.clone() else { return Ok(()) };
+        let Some(spending) = self.spending else { return Ok(()) };
         let (step, triangles, spent) = (self.steps(), self.triangles() as u64, spending.seconds());
         let is_last = self.options().milestones.last() == Some(&step);
         let reserve = is_last.then(|| record.evaluation_secs(self, &spending)).transpose()?;

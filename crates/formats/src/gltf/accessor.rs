@@ -334,6 +334,9 @@ fn number(layout: &ElementLayout, cell: &[u8]) -> f64 {
 /// The warning about a texture that cannot be read.
 pub(crate) const UNREAD: &str = "a texture is not read, its triangles have the base colour of their material";
 
+/// Image index and texture coordinates, or why they cannot be read.
+type Coordinates = std::result::Result<(usize, Vec<[Vec2; 3]>), String>;
+
 /// Image index and texture coordinates of `faces` faces, or why they cannot be read. `corner` maps a corner to
 /// its vertex in the primitive.
 pub(crate) fn texture_coordinates(
@@ -342,7 +345,7 @@ pub(crate) fn texture_coordinates(
     (info, coordinates): (&TextureInfo, Option<usize>),
     faces: usize,
     corner: impl Fn(usize) -> usize,
-) -> Result<std::result::Result<(usize, Vec<[Vec2; 3]>), String>> {
+) -> Result<Coordinates> {
     let image = document.textures.get(info.index).and_then(|texture| texture.source);
     let (Some(image), Some(coordinates)) = (image, coordinates) else {
         return Ok(Err(format!(

@@ -165,7 +165,7 @@ pub struct SoupRef<'a> {
 
 impl<'a> SoupRef<'a> {
     /// Number of triangles.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.vertices.len()
     }
 

@@ -122,7 +122,7 @@ pub(super) fn gather(
     options: &SoftOptions,
     out: &mut SoupGrad,
 ) {
-    let (n, k) = (soup.len(), soup.sh_count());
+    let (n, k) = (soup.count(), soup.sh_count());
     let fits = out.vertices.len() == n && out.sh.len() == n * k;
     if !fits {
         *out = SoupGrad {

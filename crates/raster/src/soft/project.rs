@@ -18,10 +18,10 @@ impl Projection {
     /// Projects the triangles of a soup, chunk by chunk.
     pub(super) fn project(&mut self, soup: &SoupRef, camera: &Camera, options: &SoftOptions) {
         let camera = KernelCamera::new(camera);
-        self.triangles = soup.len();
-        self.chunks.resize_with(soup.len().div_ceil(CHUNK), SplatChunk::default);
+        self.triangles = soup.count();
+        self.chunks.resize_with(soup.count().div_ceil(CHUNK), SplatChunk::default);
         parallel::for_each(&mut self.chunks, |c, chunk| {
-            let triangles = c * CHUNK..((c + 1) * CHUNK).min(soup.len());
+            let triangles = c * CHUNK..((c + 1) * CHUNK).min(soup.count());
             dispatch(ProjectChunk { chunk, triangles, soup, camera: &camera, options });
         });
     }
