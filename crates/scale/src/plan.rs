@@ -79,7 +79,7 @@ impl Planner<'_> {
     }
 
     /// The name of the coarse scene's file while it is made, with a hash of what it is made of. The finished file has
-    /// a hash of its bytes behind that: [`keep_coarse`], [`find_coarse`].
+    /// a hash of its bytes behind that: [`keep_coarse`], [`find_coarse`](super::find_coarse).
     ///
     /// Errors: photos that cannot be read.
     pub fn coarse_name(&self, coarse: &(TrainOptions, u64), photos: &[PlannedPhoto]) -> Result<String> {

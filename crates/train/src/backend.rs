@@ -64,6 +64,7 @@ pub struct BackendVisibility {
 
 /// The final size of a run, which determines its memory.
 #[derive(Debug, Clone, Copy)]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code))]
 pub(crate) struct RunSize {
     /// Triangles at most.
     pub(crate) triangles: u64,

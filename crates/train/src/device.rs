@@ -42,13 +42,13 @@ impl BackendOptions {
     ///
     /// Errors: `gpu`.
     pub fn of_budget(&self) -> Result<Self> {
-        match self.backend {
-            BackendKind::Auto | BackendKind::Cpu => Ok(Self { backend: BackendKind::Cpu, ..self.clone() }),
-            BackendKind::Gpu => {
-                let wants = "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget";
-                Err(Error::invalid("backend", "gpu", wants))
-            }
+        if self.backend == BackendKind::Gpu {
+            let wants = "auto or cpu with a budget, because steps timed on the CPU plan it; or `steps` instead of the budget";
+            return Err(Error::invalid("backend", "gpu", wants));
         }
+        let mut cpu = self.clone();
+        cpu.backend = BackendKind::Cpu;
+        Ok(cpu)
     }
 
     /// For a crate that was built without `gpu`.
