@@ -34,15 +34,15 @@ pub fn message(error: &Error, command: &Command) -> String {
     match error {
         Error::Invalid { option, .. } => {
             let name = typed(command, option).unwrap_or_else(|| option.clone());
-            format!("{name}{}", spell(&text[option.len()..], command))
+            format!("{name}{}", as_flags(&text[option.len()..], command))
         }
-        _ => spell(&text, command),
+        _ => as_flags(&text, command),
     }
 }
 
 /// `text` with every field in backticks replaced by its flag in `command`. Two backticks stand for a printed
 /// one.
-pub fn spell(text: &str, command: &Command) -> String {
+pub fn as_flags(text: &str, command: &Command) -> String {
     let mut parts = text.split('`').peekable();
     let mut out = parts.next().unwrap_or_default().to_owned();
     // A quoted word stands between an odd backtick and the next, if any.
@@ -236,8 +236,11 @@ mod tests {
             message(&Error::invalid("draw.near", 0, "> 0"), &command()),
             "draw.near is 0: expected > 0"
         );
-        assert_eq!(spell("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
-        assert_eq!(spell("the key ``max_edge``, `max_edge`", &command()), "the key `max_edge`, --max-edge");
+        assert_eq!(as_flags("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
+        assert_eq!(
+            as_flags("the key ``max_edge``, `max_edge`", &command()),
+            "the key `max_edge`, --max-edge"
+        );
     }
 }
 

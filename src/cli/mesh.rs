@@ -13,7 +13,7 @@ use std::time::Instant;
 use trisplat_bake::MeshOptions;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats as formats;
-use trisplat_formats::output::{self, Beside, Output, OutputFormat};
+use trisplat_formats::output::{self, Output, OutputFormat, SideFiles};
 use trisplat_job::MeshJob;
 use trisplat_scene::report::Report;
 use trisplat_scene::{Error, Result};
@@ -103,7 +103,7 @@ fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
         return Err(Error::invalid("output", args.output.display(), wants));
     }
     options.texture.check_format(&args.output, format)?;
-    let beside = Beside { texture: options.texture.is_wanted(), ..Beside::default() };
+    let beside = SideFiles { texture: options.texture.is_wanted(), ..SideFiles::default() };
     Output::of_scene(&args.output, Some(format), &options.output, &beside)
 }
 

@@ -107,7 +107,7 @@ impl Progress {
 
     /// Prints a warning of the library.
     pub fn warn(&self, warning: &str) {
-        self.line(&format!("warning: {}", flags::spell(warning, &self.command)));
+        self.line(&format!("warning: {}", flags::as_flags(warning, &self.command)));
     }
 
     /// Names the files that were written.
@@ -176,7 +176,7 @@ impl Progress {
         if !self.lines.verbose && !is_told(stage) {
             return;
         }
-        self.line(&flags::spell(&row(stage), &self.command));
+        self.line(&flags::as_flags(&row(stage), &self.command));
         if self.lines.verbose {
             for (key, value) in &stage.details {
                 self.line(&format!("           {key}: {value}"));

@@ -75,9 +75,9 @@ pub fn run(
         terminal.hint = " (--teacher off skips it)";
     }
     let (written, failed) = (None, None);
-    let mut shown = Shown { args, terminal, files, teacher_file, watcher, warnings, written, failed };
+    let mut shown = TrainTerminal { args, terminal, files, teacher_file, watcher, warnings, written, failed };
     let done = job.run(&mut |event| shown.tell(event));
-    let Shown { mut terminal, mut files, mut warnings, written, failed, mut watcher, .. } = shown;
+    let TrainTerminal { mut terminal, mut files, mut warnings, written, failed, mut watcher, .. } = shown;
     if let Some(error) = failed {
         return Err(error);
     }
@@ -123,7 +123,7 @@ pub trait Watcher {
 }
 
 /// Shows the training, and writes its teacher.
-struct Shown<'a, 'b> {
+struct TrainTerminal<'a, 'b> {
     args: &'a TrainArgs,
     terminal: Terminal<'a>,
     files: Outputs<'b>,
@@ -137,7 +137,7 @@ struct Shown<'a, 'b> {
     failed: Option<Error>,
 }
 
-impl Shown<'_, '_> {
+impl TrainTerminal<'_, '_> {
     fn tell(&mut self, event: Event<'_>) -> ControlFlow<()> {
         match event {
             Event::Begins(begins) => {
@@ -181,7 +181,7 @@ impl Shown<'_, '_> {
         for warning in self.warnings.iter().chain(begins.warnings) {
             self.terminal.line(&format!(
                 "warning: {}",
-                flags::spell(warning, &flags::command_of::<TrainArgs>("train"))
+                flags::as_flags(warning, &flags::command_of::<TrainArgs>("train"))
             ));
         }
         // What was decided for the user, and how to decide otherwise.

@@ -16,7 +16,7 @@ fn layout(bytes: usize) -> Layout {
 #[unsafe(no_mangle)]
 extern "C" fn _Znwm(bytes: usize) -> *mut u8 {
     let layout = layout(bytes);
-    // SAFETY: the size is not 0; the first word of what was given, which is aligned, takes a number, and what is behind it is inside.
+    // SAFETY: size > 0; the block is aligned for `usize` and holds the header and `bytes` after it.
     unsafe {
         let place = alloc(layout);
         if place.is_null() {

@@ -85,7 +85,7 @@ fn a_texture_is_a_picture_in_the_archive() {
 #[test]
 fn it_is_one_file_that_is_written_and_not_read() {
     let options = OutputOptions::default();
-    let beside = formats::output::Beside { levels: 2, ..Default::default() };
+    let beside = formats::output::SideFiles { levels: 2, ..Default::default() };
     let several = formats::output::Output::of_scene(Path::new("a.usdz"), None, &options, &beside);
     assert!(several.expect_err("two files").to_string().contains(".glb, .gltf, .obj or .ply"));
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -22,7 +22,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_formats::OutputTarget;
-use trisplat_formats::output::{Beside, Output, OutputFormat, OutputOptions};
+use trisplat_formats::output::{Output, OutputFormat, OutputOptions, SideFiles};
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::{Error, Result};
 use trisplat_surface::CollisionOptions;
@@ -199,7 +199,7 @@ impl BakeOptions {
         self.texture.check_format(path, format)?;
         self.tiles.tiles = format == OutputFormat::Tiles;
         self.validate()?;
-        let beside = Beside {
+        let beside = SideFiles {
             levels: self.lod.lod.len(),
             backdrop: self.backdrop.backdrop == BackdropWhen::File,
             sky: self.backdrop.backdrop == BackdropWhen::Sky,

@@ -1,7 +1,7 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
 use super::colmap_model::{ImageRow, Model, PointRow};
-use super::found::{Found, FoundPhoto, LensClaim, NamedFiles};
+use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::options::DatasetOptions;
 use super::points::PointFile;
 use super::posed::{DatasetKind, Reprojection};
@@ -31,7 +31,7 @@ pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
 }
 
 /// Reads the model and finds its photos.
-pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<Found> {
+pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<FoundDataset> {
     let mut warnings = Vec::new();
     let (model, points) = (files.model(&options.limits, false)?, files.points(&mut warnings));
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
@@ -46,7 +46,7 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
     if files.folder.parent().is_some_and(|sparse| sparse.join("1").is_dir()) {
         warnings.push("the reconstruction fell into several models; only sparse/0 is used".into());
     }
-    Ok(Found {
+    Ok(FoundDataset {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
         points,
         root,

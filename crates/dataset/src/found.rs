@@ -9,7 +9,7 @@ use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, input};
 
 /// A data set, from its files.
-pub(super) struct Found {
+pub(super) struct FoundDataset {
     pub(super) kind: DatasetKind,
     /// Folder of `test.txt` and `masks`.
     pub(super) root: PathBuf,

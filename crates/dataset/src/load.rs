@@ -2,7 +2,7 @@
 //! photos, plan their undistortion, shrink, split.
 
 use super::colmap_model::FoundPoint;
-use super::found::{Found, FoundPhoto};
+use super::found::{FoundDataset, FoundPhoto};
 use super::lens::{Lens, Undistort};
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
@@ -74,7 +74,7 @@ impl Dataset {
 }
 
 /// Reads the files at `path`, of any kind.
-fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
+fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
     if meta.is_file() {
@@ -99,7 +99,7 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<Found> {
 /// Makes a data set of all photos found, or of the named ones.
 fn finish(
     path: &Path,
-    mut found: Found,
+    mut found: FoundDataset,
     options: &DatasetOptions,
     some: Option<(&BTreeSet<String>, Option<DVec3>)>,
 ) -> Result<Dataset> {
@@ -137,7 +137,7 @@ fn finish(
 }
 
 /// Keeps the photos of these names, none of them held out.
-fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
+fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) -> Result<()> {
     found.photos.retain(|photo| names.contains(&photo.name));
     found.photos.iter_mut().for_each(|photo| photo.held_out = false);
     let there: BTreeSet<&String> = found.photos.iter().map(|photo| &photo.name).collect();
@@ -151,7 +151,7 @@ fn keep_named(found: &mut Found, names: &BTreeSet<String>) -> Result<()> {
 }
 
 /// Reads the header of every photo and makes it a view.
-fn open_views(found: &mut Found, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
+fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
     let opened: Vec<Result<(View, Option<String>)>> =
         parallel::map(&found.photos, |_, photo| open_view(photo, origin, options));
     let total = opened.len();
@@ -281,7 +281,7 @@ fn shrunk(size: UVec2, max_size: Option<u32>) -> UVec2 {
 }
 
 /// Looks for `masks/NAME.png` and `masks/NAME.jpg.png` (as COLMAP names them) where no mask is named.
-fn find_masks(found: &mut Found, options: &DatasetOptions) {
+fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
     if options.masks == Masks::Off {
         found.photos.iter_mut().for_each(|photo| photo.mask = None);
         return;
@@ -305,7 +305,7 @@ fn find_masks(found: &mut Found, options: &DatasetOptions) {
 
 /// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
 /// points. Also returns the number of points.
-fn origin_of(found: &Found, limits: &Limits) -> Result<(DVec3, usize)> {
+fn origin_of(found: &FoundDataset, limits: &Limits) -> Result<(DVec3, usize)> {
     let centers: Vec<DVec3> =
         found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
     let count = centers.len().max(1) as f64;

@@ -7,7 +7,7 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
-use super::found::{Found, FoundPhoto, LensClaim, NamedFiles};
+use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Distortion;
 use super::options::DatasetOptions;
 use super::points::PointFile;
@@ -65,7 +65,7 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 
 /// Reads `file`, and beside it the held-out frames of `transforms_test.json`, or else of
 /// `transforms_val.json`.
-pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let transforms = parse(file, &options.limits)?;
     let mut files = NamedFiles::new(file, &root, options.allow_outside);
@@ -86,7 +86,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<Found> {
         return Err(Error::malformed(file, "frames", "is empty; a data set needs at least one photo"));
     }
     let (kind, list, photos) = (DatasetKind::Transforms, file.to_owned(), frames);
-    Ok(Found { kind, root, list, photos, points, warnings })
+    Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 
 /// The cloud that `file` names.

@@ -155,7 +155,7 @@ const COLLISION_NODE: &str = "collision";
 
 /// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Beside {
+pub struct SideFiles {
     /// How many levels of detail.
     pub levels: usize,
     /// The backdrop in a separate file.
@@ -208,7 +208,7 @@ impl Output {
         path: &Path,
         format: Option<OutputFormat>,
         options: &OutputOptions,
-        beside: &Beside,
+        beside: &SideFiles,
     ) -> Result<Self> {
         let mut output = Self::plan(path, format, options)?;
         let gltf = matches!(output.format, OutputFormat::Glb | OutputFormat::Gltf);
@@ -300,7 +300,7 @@ impl Output {
     /// Every file that will be written.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
         self.parts().flat_map(|output| {
-            let all = output.beside_main().into_iter().chain(output.of_levels());
+            let all = output.beside_main().into_iter().chain(output.level_files());
             std::iter::once(output.main.as_path()).chain(all.flatten())
         })
     }
@@ -330,7 +330,7 @@ impl Output {
     fn publishing_order(&self) -> Vec<&Path> {
         let beside = self.parts().flat_map(Self::beside_main);
         let parts = self.parts().skip(1).map(|part| Some(part.main.as_path()));
-        let last = std::iter::once(Some(self.main.as_path())).chain(self.of_levels());
+        let last = std::iter::once(Some(self.main.as_path())).chain(self.level_files());
         beside.chain(parts).chain(last).flatten().collect()
     }
 
@@ -348,7 +348,7 @@ impl Output {
     }
 
     /// The files that name all levels, in the order of publication.
-    fn of_levels(&self) -> impl Iterator<Item = Option<&Path>> {
+    fn level_files(&self) -> impl Iterator<Item = Option<&Path>> {
         [self.tileset.as_deref(), self.engine_levels.as_ref().map(|(path, _)| path.as_path())].into_iter()
     }
 

@@ -1,6 +1,6 @@
 //! Reads a file of any format, triangles or Gaussians; the plain case of writing.
 
-use crate::output::{self, Beside, Output, OutputOptions};
+use crate::output::{self, Output, OutputOptions, SideFiles};
 use crate::source::is_packed;
 use crate::{Format, ReadOptions, Source, format, gltf, html, obj, off, ply, pt, splats};
 use std::ops::ControlFlow::Continue;
@@ -233,7 +233,7 @@ pub struct WrittenFiles {
 /// `Invalid` for a name without a known ending, or standard output for several files; `TooLarge` for a scene
 /// that exceeds the format; `Io`.
 pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<WrittenFiles> {
-    let beside = Beside {
+    let beside = SideFiles {
         levels: asset.levels.len(),
         backdrop: asset.backdrop_apart,
         sky: asset.sky.is_some(),

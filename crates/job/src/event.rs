@@ -117,7 +117,7 @@ pub(super) fn stages(observer: Observer<'_>) -> impl FnMut(StageEvent<'_>) -> Co
 }
 
 /// The observer of drawings. No drawing is stopped: the training after it is.
-pub(super) fn drew(observer: Observer<'_>) -> impl FnMut(usize, usize) {
+pub(super) fn on_drawn(observer: Observer<'_>) -> impl FnMut(usize, usize) {
     |done, all| {
         let _ = observer(Event::Drew { done, all });
     }

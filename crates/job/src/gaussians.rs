@@ -1,6 +1,6 @@
 //! Gaussian splats become a solid scene: triangles in their place are trained on pictures drawn of them.
 
-use super::event::{Observer, drew};
+use super::event::{Observer, on_drawn};
 use super::harden::{Hardened, train};
 use glam::{UVec2, Vec3};
 use std::path::Path;
@@ -111,7 +111,7 @@ pub(super) fn solid(
         None => effort.cameras(path, splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
-    let (max_bytes, mut drawn) = (how.photo_bytes(), drew(observer));
+    let (max_bytes, mut drawn) = (how.photo_bytes(), on_drawn(observer));
     let dataset = match photos {
         Some(photos) => {
             // What each Gaussian contributes to the photos.

@@ -1,6 +1,6 @@
 //! Hardening: a soft scene is trained solid before its bake.
 
-use super::event::{Observer, TrainBegins, begin, drew};
+use super::event::{Observer, TrainBegins, begin, on_drawn};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{Views, is_solid, pictures};
@@ -78,7 +78,7 @@ pub(super) fn harden(
         Some(_) => None,
         None => {
             let made =
-                teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), &mut drew(observer))?;
+                teacher::dataset(path, &soft, &drawing, behind, how.photo_bytes(), &mut on_drawn(observer))?;
             own = Some(pictures(&soft, behind, made.views.iter().map(|view| view.camera).collect()));
             Some(made)
         }

@@ -1,6 +1,6 @@
 //! The teacher: a soft scene that is trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
-use super::event::{Observer, drew};
+use super::event::{Observer, on_drawn};
 use super::{harden, watched};
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -173,7 +173,7 @@ pub(super) fn with_pictures(
     observer: Observer<'_>,
 ) -> Result<Dataset> {
     let drawing = options.drawing(how.background.to_f32());
-    teacher::beside(photos, scene, &drawing, share, how.photo_bytes(), &mut drew(observer))
+    teacher::beside(photos, scene, &drawing, share, how.photo_bytes(), &mut on_drawn(observer))
 }
 
 /// The soft scene of a file.

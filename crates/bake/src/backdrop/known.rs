@@ -19,7 +19,7 @@ const TRUSTED: f32 = 0.1;
 
 /// Colours of a picture with twice as many columns as rows.
 #[derive(Debug, Clone)]
-pub(super) struct Known {
+pub(super) struct KnownColors {
     pub(super) rows: usize,
     /// sRGB-encoded, 0 to 255. `[H * W]`
     pub(super) values: Vec<[f32; 3]>,
@@ -27,7 +27,7 @@ pub(super) struct Known {
     pub(super) weights: Vec<f32>,
 }
 
-impl Known {
+impl KnownColors {
     pub(super) fn nothing(rows: usize) -> Self {
         let texels = 2 * rows * rows;
         Self { rows, values: vec![[0.0; 3]; texels], weights: vec![0.0; texels] }
@@ -51,7 +51,7 @@ impl Known {
             let photo = views.photo(view)?;
             let camera = views.camera(view);
             let visible = solid.visibility(mesh, camera, &drawing);
-            let shown = Shown { mesh, behind, uvs, rows, camera, photo: &photo, face: &visible.face };
+            let shown = VisiblePhoto { mesh, behind, uvs, rows, camera, photo: &photo, face: &visible.face };
             seen.extend(shown.texels());
         }
         seen.par_sort_unstable();
@@ -145,7 +145,7 @@ fn rgb(packed: u64) -> [u8; 3] {
 }
 
 /// A photo and what is visible in it.
-struct Shown<'a> {
+struct VisiblePhoto<'a> {
     mesh: &'a Mesh,
     behind: usize,
     uvs: &'a [[Vec2; 3]],
@@ -156,7 +156,7 @@ struct Shown<'a> {
     face: &'a [u32],
 }
 
-impl Shown<'_> {
+impl VisiblePhoto<'_> {
     /// The mean colour of each texel, once for pixels beside the scene and once for others.
     fn texels(&self) -> Vec<u64> {
         let mut pixels: Vec<u64> = parallel::map(0..self.photo.size.y, |_, y| self.row(y)).concat();
@@ -217,7 +217,7 @@ const ROUNDS: usize = 16;
 const LEAST_ROWS: usize = 8;
 
 /// The whole picture, sRGB-encoded, 0 to 255. `known` has twice as many columns as rows, a power of two. `[H * W]`
-pub(super) fn fill(known: Known) -> Vec<[f32; 3]> {
+pub(super) fn fill(known: KnownColors) -> Vec<[f32; 3]> {
     let mut sizes = vec![known];
     while let Some(finest) = sizes.last().filter(|known| known.rows > LEAST_ROWS) {
         sizes.push(finest.halved());
@@ -280,7 +280,7 @@ impl Links {
 }
 
 /// Solves every second texel for its neighbours.
-fn relax(values: &mut [[f32; 3]], known: &Known, links: &Links, parity: usize) {
+fn relax(values: &mut [[f32; 3]], known: &KnownColors, links: &Links, parity: usize) {
     let (rows, columns) = (known.rows, 2 * known.rows);
     for row in 0..rows {
         let (along, above, below) = (links.along[row], links.above[row], links.below[row]);
@@ -326,7 +326,7 @@ mod fill_tests {
     #[test]
     fn what_is_known_stays_and_the_rest_has_no_edge() {
         let rows = 64;
-        let mut known = Known::nothing(rows);
+        let mut known = KnownColors::nothing(rows);
         // A bright cap above, a dark one below, and a red patch between them.
         for row in 0..rows {
             for column in 0..2 * rows {
@@ -362,6 +362,6 @@ mod fill_tests {
 
     #[test]
     fn nothing_known_is_one_colour() {
-        assert!(fill(Known::nothing(16)).iter().all(|value| *value == [0.0; 3]));
+        assert!(fill(KnownColors::nothing(16)).iter().all(|value| *value == [0.0; 3]));
     }
 }

@@ -3,7 +3,7 @@
 //! A smooth `surface` stands where the shell of a training is, or behind everything. Its picture has the colours that photos agree on (`known`),
 //! and continues them where nobody looked (`fill`). Without photos or pictures of a soft scene it has the shell's colours, blurred.
 
-use super::known::{Known, fill};
+use super::known::{KnownColors, fill};
 use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
 use crate::views::Views;
 use crate::weld::place_bits;
@@ -62,7 +62,7 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
     let mut all = Mesh { shell: Vec::new(), texture: None, ..mesh.clone() };
     all.append(behind)?;
     let rows = rows(views);
-    let mut known = Known::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
+    let mut known = KnownColors::of_photos(&all, mesh.face_count(), &uvs, rows as usize, views)?;
     if let Some(shell) = shell {
         known.add(&panorama(shell, center, rows), shell_weight(rows));
     }
@@ -79,7 +79,7 @@ fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
         true => mean(&mut shell.positions.iter().copied()),
         false => mean(&mut cameras.iter().map(Camera::position)),
     };
-    let mut known = Known::nothing(ROWS[0] as usize);
+    let mut known = KnownColors::nothing(ROWS[0] as usize);
     known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
     filled(known)
 }
@@ -89,7 +89,7 @@ fn shell_weight(rows: u32) -> f32 {
     (BLUR * rows as f32).powi(-2)
 }
 
-fn filled(known: Known) -> RgbImage {
+fn filled(known: KnownColors) -> RgbImage {
     let rows = known.rows as u32;
     let rgb = fill(known).into_iter().map(|value| value.map(|code| (code + 0.5) as u8)).collect();
     RgbImage { size: UVec2::new(2 * rows, rows), rgb, alpha: None }

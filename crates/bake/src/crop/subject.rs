@@ -75,7 +75,7 @@ const RINGS: usize = 20;
 const WHOLE: f32 = 0.95;
 /// Least share of the outline up to which the rings of a soup must be whole: less of a support looks like crumbs.
 const LEAST_WHOLE: f32 = 0.5;
-/// Cells along the radius of the support that tell what is there.
+/// Number of cells along the radius of the ground disc.
 const CELLS_OF_SUPPORT: usize = 40;
 
 impl SubjectVolume {

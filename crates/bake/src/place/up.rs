@@ -111,7 +111,7 @@ pub(crate) fn estimate(scene: Foreground, known: Evidence) -> Option<UpEstimate>
 }
 
 /// What cameras alone say.
-struct Held {
+struct CameraUp {
     up: DVec3,
     /// Median angle between rows and the horizontal, degrees.
     tilt: f64,
@@ -119,7 +119,7 @@ struct Held {
     open: bool,
 }
 
-fn from_cameras(cameras: &[Camera]) -> Option<Held> {
+fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
     let row = |i: usize| cameras.iter().map(move |c| c.rotation.row(i).as_dvec3());
     let rights: Vec<DVec3> = row(0).collect();
     let mean_up = -row(1).sum::<DVec3>().normalize_or_zero();
@@ -148,7 +148,7 @@ fn from_cameras(cameras: &[Camera]) -> Option<Held> {
     let up = if sign < 0.0 { -up } else { up };
     let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
     let tilt = median(rights.iter().map(tilt).collect(), f64::total_cmp)?;
-    Some(Held { up, tilt, open })
+    Some(CameraUp { up, tilt, open })
 }
 
 /// The direction with the least sum of limited tilts, and the spread of the rows.

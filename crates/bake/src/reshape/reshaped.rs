@@ -68,7 +68,7 @@ impl ReshapedFaces {
     }
 
     /// Gives every visible face the mean colour of the pixels that show it.
-    pub(super) fn recolor(&mut self, found: &Found) {
+    pub(super) fn recolor(&mut self, found: &Measures) {
         for (i, color) in self.colors.iter_mut().enumerate() {
             let face = found.face(i);
             if face.samples > 0.0 {
@@ -80,7 +80,7 @@ impl ReshapedFaces {
     }
 
     /// Moves corners if this lowers the error; returns how many.
-    pub(super) fn keep_moves(&mut self, found: &Found, candidates: Vec<[Vec3; 3]>) -> u64 {
+    pub(super) fn keep_moves(&mut self, found: &Measures, candidates: Vec<[Vec3; 3]>) -> u64 {
         let mut moves = 0;
         for (i, candidate) in candidates.into_iter().enumerate() {
             if found.face(i).moving < 0.0 && !self.shell[i] {
@@ -92,7 +92,7 @@ impl ReshapedFaces {
     }
 
     /// Drops faces if the error is lower without them; returns how many. Faces not in `found` stay.
-    pub(super) fn drop_harmful(&mut self, found: &Found) -> u64 {
+    pub(super) fn drop_harmful(&mut self, found: &Measures) -> u64 {
         let before = self.len();
         let stays = |i: usize| i >= found.len() || self.shell[i] || !found.face(i).is_harmful();
         let kept: Vec<usize> = (0..before).filter(|&i| stays(i)).collect();
@@ -108,7 +108,7 @@ impl ReshapedFaces {
 
     /// Cuts faces in two across their longest edge, those with the largest error first: at most the share
     /// `most` of all, and at most `budget` faces afterwards. New faces come last. Returns how many.
-    pub(super) fn cut(&mut self, found: &Found, budget: usize, most: f64) -> u64 {
+    pub(super) fn cut(&mut self, found: &Measures, budget: usize, most: f64) -> u64 {
         let is_good = |i: &usize| !self.shell[*i] && !found.face(*i).is_harmful();
         let staying = (0..self.len()).filter(|i| self.shell[*i] || is_good(i)).count();
         let room = budget.saturating_sub(staying).min((most * staying as f64) as usize);
@@ -157,7 +157,7 @@ fn halves(corners: [Vec3; 3]) -> [[Vec3; 3]; 2] {
 pub(super) const UNITS: f64 = (1u64 << 24) as f64;
 
 /// Measurements of all faces.
-pub(super) struct Found {
+pub(super) struct Measures {
     pub(super) rows: Vec<FaceRow>,
     /// Squared error of all samples.
     pub(super) error: f64,
@@ -187,7 +187,7 @@ impl FoundFace {
     }
 }
 
-impl Found {
+impl Measures {
     /// Nothing yet.
     pub(super) fn new(faces: usize) -> Self {
         Self { rows: (0..faces).map(|_| FaceRow::default()).collect(), error: 0.0, weight: 0.0 }

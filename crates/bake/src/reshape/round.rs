@@ -1,6 +1,6 @@
 //! One round: measures how the pictures change if a triangle is dropped or moved.
 
-use super::reshaped::{COUNT, ERROR, FaceRow, Found, MOVING, REMOVING, RGB, ReshapedFaces, UNITS, add};
+use super::reshaped::{COUNT, ERROR, FaceRow, MOVING, Measures, REMOVING, RGB, ReshapedFaces, UNITS, add};
 use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
 use std::sync::Arc;
@@ -44,8 +44,8 @@ impl<'v> Rounds<'v> {
         effort: Effort,
         faces: &ReshapedFaces,
         candidates: &[[glam::Vec3; 3]],
-    ) -> Result<Found> {
-        let mut found = Found::new(faces.len());
+    ) -> Result<Measures> {
+        let mut found = Measures::new(faces.len());
         let groups: Vec<u8> = faces.ids().iter().map(|&id| group_of("reshape", id, round)).collect();
         let moved = groups.iter().map(|g| g + GROUPS as u8).take(candidates.len());
         let planes: Vec<u8> = groups.iter().copied().chain(moved).collect();

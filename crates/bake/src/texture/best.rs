@@ -82,7 +82,7 @@ impl Candidates {
     pub(super) fn best(self, mesh: &Mesh) -> Best {
         let vertices = welded(mesh);
         let costs: Vec<[f32; CANDIDATES]> = self.costs();
-        let beside = beside(&vertices);
+        let beside = links(&vertices);
         let label = propagated(&self.of_face, &costs, &beside);
         let view = label.iter().zip(&self.of_face).map(|(label, of_face)| of_face[*label as usize].view);
         Best { view: view.collect(), vertices }
@@ -181,14 +181,14 @@ fn welded(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// Pairs of faces with a common edge, both ways, by the first of them: where those of each face begin, and the second.
-struct Beside {
+struct Links {
     first: Vec<u32>,
     other: Vec<u32>,
     /// Where the same pair is, the other way.
     back: Vec<u32>,
 }
 
-fn beside(vertices: &[u32]) -> Beside {
+fn links(vertices: &[u32]) -> Links {
     let edge = |at: usize| {
         let (face, k) = (at / 3, at % 3);
         let (a, b) = (vertices[at], vertices[3 * face + (k + 1) % 3]);
@@ -208,27 +208,27 @@ fn beside(vertices: &[u32]) -> Beside {
     let faces = vertices.len() / 3;
     let first = (0..=faces as u32).map(|face| pairs.partition_point(|pair| pair.0 < face) as u32).collect();
     let back = pairs.iter().map(|(a, b)| pairs.binary_search(&(*b, *a)).unwrap_or_default() as u32).collect();
-    Beside { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
+    Links { first, other: pairs.into_iter().map(|pair| pair.1).collect(), back }
 }
 
 /// The number of the candidate that every face takes.
-fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], beside: &Beside) -> Vec<u32> {
-    // What a face is told about its own candidates, by pair of the teller and it.
-    let mut told = vec![[0.0f32; CANDIDATES]; beside.other.len()];
+fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], beside: &Links) -> Vec<u32> {
+    // Belief-propagation messages, one per directed pair of neighbours.
+    let mut messages = vec![[0.0f32; CANDIDATES]; beside.other.len()];
     let pairs = |face: usize| beside.first[face] as usize..beside.first[face + 1] as usize;
-    let belief = |told: &[[f32; CANDIDATES]], face: usize| {
+    let belief = |messages: &[[f32; CANDIDATES]], face: usize| {
         let mut sum = costs[face];
         for pair in pairs(face) {
-            let from = &told[beside.back[pair] as usize];
+            let from = &messages[beside.back[pair] as usize];
             (0..CANDIDATES).for_each(|l| sum[l] += from[l]);
         }
         sum
     };
     for _ in 0..ROUNDS {
         let of_pairs = |face: usize| {
-            let (all, told) = (belief(&told, face), &told);
+            let (all, messages) = (belief(&messages, face), &messages);
             pairs(face).map(move |pair| {
-                let back = &told[beside.back[pair] as usize];
+                let back = &messages[beside.back[pair] as usize];
                 let without: [f32; CANDIDATES] = std::array::from_fn(|l| all[l] - back[l]);
                 let least = without.iter().copied().filter(|x| x.is_finite()).fold(f32::INFINITY, f32::min);
                 let other = &of_face[beside.other[pair] as usize];
@@ -243,10 +243,10 @@ fn propagated(of_face: &[[Candidate; CANDIDATES]], costs: &[[f32; CANDIDATES]], 
         };
         let next =
             parallel::ranges(of_face.len(), 1 << 10, |faces| faces.flat_map(of_pairs).collect::<Vec<_>>());
-        told = next.concat();
+        messages = next.concat();
     }
     let best = |face: usize| {
-        let sum = belief(&told, face);
+        let sum = belief(&messages, face);
         (1..CANDIDATES).fold(0, |best, l| if sum[l] < sum[best] { l } else { best }) as u32
     };
     parallel::collect(of_face.len(), GRAIN, best)

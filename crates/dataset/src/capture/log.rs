@@ -119,12 +119,12 @@ impl Log {
     }
 
     /// Notes a command. Returns what its output will be read from.
-    fn begin(&mut self, command: &Command) -> Result<News> {
+    fn begin(&mut self, command: &Command) -> Result<Tail> {
         self.write(&format!("$ {}", shown(command)))?;
         let io = |e| Error::io(&self.path, e);
         let mut file = File::open(&self.path).map_err(io)?;
         file.seek(SeekFrom::End(0)).map_err(io)?;
-        Ok(News { path: self.path.clone(), file: BufReader::new(file), line: Vec::new(), said: Vec::new() })
+        Ok(Tail { path: self.path.clone(), file: BufReader::new(file), line: Vec::new(), said: Vec::new() })
     }
 
     fn start(&self, command: &mut Command) -> Result<Running> {
@@ -145,7 +145,7 @@ impl Log {
 }
 
 /// The part of a log that a program writes.
-struct News {
+struct Tail {
     path: PathBuf,
     file: BufReader<File>,
     /// The begun line.
@@ -154,7 +154,7 @@ struct News {
     said: Vec<String>,
 }
 
-impl News {
+impl Tail {
     /// Passes on what was written since the last call; the begun line too, if the program has `ended`.
     fn hear(&mut self, ended: bool, mut hear: impl FnMut(&str) -> Result<()>) -> Result<()> {
         loop {

@@ -28,7 +28,7 @@ pub struct Written {
 ///
 /// ```
 /// use trisplat_scene::Asset;
-/// use crate::gltf::{GltfOptions, to_glb_bytes};
+/// use trisplat_formats::gltf::{GltfOptions, to_glb_bytes};
 /// use trisplat_scene::mesh::{Colors, Mesh};
 ///
 /// let mesh = Mesh {
