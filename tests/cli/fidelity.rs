@@ -272,7 +272,6 @@ fn what_cannot_be_drawn_says_why() {
     fail(&["eval", &soup, &mesh], &["mesh.glb", "not a data set"]);
     fail(&["eval", &soup, &dataset, "--test-every", "0"], &["--split", "train or all"]);
     fail(&["render", &soup, "-o", &out], &["--dataset"]);
-    fail(&["render", &soup, "-o", &out, "--orbit", "1", "--share", "2"], &["--share", "from 0 to 1"]);
     succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"]);
     fail(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8"], &["orbit_0000.png", "--force"]);
     succeed(&["render", &soup, "-o", &out, "--orbit", "1", "--width", "8", "--force"]);

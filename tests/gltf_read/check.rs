@@ -206,9 +206,7 @@ fn info_is_printed_as_text_and_as_json() {
         String::from_utf8(out).expect("text")
     };
     let text = print(false);
-    for word in
-        ["PLY", "triangles", "bounds", "up axis", "a trainer", "opacity", "sigma", "####", "colors", "bake"]
-    {
+    for word in ["PLY", "triangles", "bounds", "up axis", "a trainer", "opacity", "sigma", "colors", "bake"] {
         assert!(text.contains(word), "{word}:\n{text}");
     }
     let parsed: Info = serde_json::from_str(&print(true)).expect("JSON of the documented shape");

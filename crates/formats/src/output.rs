@@ -13,7 +13,7 @@ use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::{Error, Result};
 
-pub use encode::{OutputFiles, write};
+pub use encode::write;
 
 /// Options of the files written.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -152,6 +152,19 @@ const SCENE_NODE: &str = "scene";
 
 /// Name of the node in a file of the collider.
 const COLLISION_NODE: &str = "collision";
+
+/// The files of an output, started but incomplete.
+#[derive(Debug)]
+pub struct OutputFiles(Vec<AtomicFile>);
+
+impl OutputFiles {
+    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
+        match self.0.iter().position(|file| file.path() == path) {
+            Some(at) => Ok(self.0.swap_remove(at)),
+            None => AtomicFile::create(path),
+        }
+    }
+}
 
 /// The kinds of files beside the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

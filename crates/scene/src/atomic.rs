@@ -25,11 +25,8 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use temporary::Temporary;
+use temporary::{BUFFER_BYTES, Temporary};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
-
-/// Large enough that most writes are only copies.
-const BUFFER_BYTES: usize = 1 << 20;
 
 /// A buffered file under construction.
 #[derive(Debug)]

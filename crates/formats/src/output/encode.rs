@@ -1,6 +1,6 @@
 //! Writes the files of an output: each in its format, then the files that name all levels.
 
-use super::{Output, OutputFormat, OutputOptions, WriteDetails};
+use super::{Output, OutputFiles, OutputFormat, OutputOptions, WriteDetails};
 use crate::gltf::{self as gltf, GltfOptions, from_file_name, node_names};
 use crate::levels::{EngineLevels, EngineScene, LevelFile};
 use crate::tiles::{self, TilesetTile, TilesetWriter};
@@ -15,19 +15,6 @@ use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 /// The note for a file that does not hold its scene's texture.
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
-
-/// The files of an output, started but incomplete.
-#[derive(Debug)]
-pub struct OutputFiles(pub(super) Vec<AtomicFile>);
-
-impl OutputFiles {
-    fn take(&mut self, path: &Path) -> Result<AtomicFile> {
-        match self.0.iter().position(|file| file.path() == path) {
-            Some(at) => Ok(self.0.swap_remove(at)),
-            None => AtomicFile::create(path),
-        }
-    }
-}
 
 /// Writes an asset into the files of `output` and names them only when all are whole.
 ///

@@ -1,6 +1,5 @@
 //! What this process makes and removes again, unless it is kept: temporary files, one for each target, and new folders.
 
-use super::BUFFER_BYTES;
 use super::names::{ASIDE, temporary_name};
 use crate::error::{Error, Result};
 use std::cmp::Reverse;
@@ -8,6 +7,9 @@ use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Large enough that most writes are only copies.
+pub(super) const BUFFER_BYTES: usize = 1 << 20;
 
 /// Number of tries, because others may sweep the same name at the same time.
 const TRIES: usize = 16;

@@ -1,7 +1,7 @@
 //! Lanes as a plain array: the compiler vectorises the loops for the target.
 #![allow(clippy::needless_range_loop, reason = "the plain form is the one that is vectorised")]
 
-use super::{EXP2, LANES, LOG2, Lanes, SQRT_HALF_BITS};
+use super::operations::{EXP2, LANES, LOG2, Lanes, SQRT_HALF_BITS};
 use crate::math::real::Real;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -1,7 +1,7 @@
 //! Lanes as AVX-512 or AVX2 registers.
 #![allow(unsafe_code)]
 
-use super::{EXP2, LANES, LOG2, Lanes, SQRT_HALF_BITS, Work};
+use super::operations::{EXP2, LANES, LOG2, Lanes, SQRT_HALF_BITS, Work};
 use crate::math::real::{Mask, Real};
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
