@@ -107,7 +107,7 @@ impl<T: Serialize + DeserializeOwned> Layers<T> {
         };
         let text = without_schema(&text);
         serde_json::from_str::<T>(&text).map_err(broken)?;
-        let file = serde_json::from_str(&text).map_err(broken)?;
+        let file = Value::Object(serde_json::from_str(&text).map_err(broken)?);
         Ok(Self { file, ..self })
     }
 
