@@ -56,7 +56,7 @@ pub struct EvalArgs {
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
 pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
     let mut outputs = Outputs::new(inputs, args.force);
-    args.report.as_deref().map_or(Ok(()), |path| outputs.claim("--report", path))?;
+    outputs.claim_report(args.report.as_deref())?;
     let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
     outputs.spare_photos(&dataset)?;
     let mut ready = args.job().prepare(&dataset)?;
@@ -66,10 +66,8 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
     ready.draw_on(|card, warnings| progress.drawing_on(card, warnings))?;
     let table = Table::new(ready.views().iter().map(|v| v.name.as_str()), global, args);
     progress.suspend(|| table.header(out))?;
-    let mut photo = 0..;
-    let report = ready.run(|drawn| {
+    let report = ready.run(|photo, drawn| {
         progress.suspend(|| drawn.iter().try_for_each(|one| table.photo(out, one)))?;
-        let photo = photo.next().unwrap_or(0);
         folders.iter().zip(drawn).try_for_each(|(folder, one)| folder.save(photo, &one.picture))
     })?;
     progress.done();
@@ -80,7 +78,7 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
         true => messages::print_json(&report, out).map_err(|e| Error::io("-", e))?,
         false => table.end(out, &report)?,
     }
-    args.report.as_deref().map_or(Ok(()), |path| messages::save_json(&report, outputs.take(path)?))
+    outputs.save_report(args.report.as_deref(), &report)
 }
 
 impl EvalArgs {

@@ -216,7 +216,7 @@ pub fn error(feature: &str) -> Error {
     )
 }
 
-// ---- Panics: a fault of the program itself is one error like any other, and unwinding removes its tempora ----
+// ---- Panics: a fault of the program is one error, and unwinding removes its temporary files ----------
 
 /// Place of the last panic for [`caught`] to report.
 static PLACE: Mutex<Option<String>> = Mutex::new(None);

@@ -135,7 +135,7 @@ pub fn run(args: &SchemaArgs) -> Result<()> {
     Stdout.write_all(args.name.text().as_bytes()).map_err(|e| Error::io("-", e))
 }
 
-// ---- What is generated from the flags: manual pages (`trisplat man FOLDER`) and completions (`trisplat co ----
+// ---- What is generated from the flags: manual pages and completions ----------------------------------
 
 /// The main page, which names all others.
 const PROGRAM_PAGE: &str = "trisplat.1";

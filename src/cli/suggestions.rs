@@ -100,7 +100,7 @@ fn has(options: &Value, field: &str) -> bool {
     own || options.as_object().into_iter().flatten().any(|(_, group)| group.get(field).is_some())
 }
 
-// ---- The short help (`-h`) of a command with many flags: the dozen that people use, each with the first c ----
+// ---- The short help (`-h`) of a command with many flags: those that people use, in a clause each -----
 
 /// Commands whose flags do not fit one screen, and the fields that `-h` shows.
 const SHOWN: &[(&str, &str)] = &[

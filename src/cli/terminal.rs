@@ -106,8 +106,8 @@ impl<'a> Terminal<'a> {
                 });
             }
             TrainPart::Scene => {
-                if let Some(card) = &begins.card {
-                    bar.line(&format!("training on {card}"));
+                bar.begun(begins.card.as_deref(), []);
+                if begins.card.is_some() {
                     bar.say_rate(done);
                 }
                 begins.plan.iter().for_each(|plan| bar.line(plan));

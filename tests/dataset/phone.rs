@@ -1,7 +1,7 @@
 //! The sample data set as a phone takes it: what its file says was done is what was done.
 
 use glam::{DQuat, DVec3, Vec2};
-use trisplat_scene::{Limits, camera::Camera, math::color::linear_from_srgb, math::median::median};
+use trisplat_scene::{Limits, camera::Camera, math::color::linear_from_srgb, math::lists::median};
 use trisplat_synthetic::{PhoneTruth, SyntheticOptions, TRUTH_FILE};
 
 #[test]

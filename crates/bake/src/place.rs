@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::median::{all_finite, median};
+use trisplat_scene::math::lists::{all_finite, median};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;

@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicBool, Ordering};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::ranges::{self, Called};

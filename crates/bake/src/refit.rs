@@ -30,7 +30,7 @@ use equations::Fit;
 use photo_equations::Accumulator;
 pub(super) use shell_colors::smooth_shell;
 use trisplat_scene::Result;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::{Outcome, StageProgress};
 

@@ -13,7 +13,7 @@ use trisplat_formats::info::Softness;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_raster::solid::SolidRasterizer;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::median::evenly_spaced;
+use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};

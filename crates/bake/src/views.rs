@@ -8,7 +8,7 @@ use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Placement, Result, placed};

@@ -15,7 +15,7 @@ use std::path::Path;
 use trisplat_formats::far_origin;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::{Error, Limits, Result, parallel};
 
 impl Dataset {

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec2, Vec3};
 use std::path::{Path, PathBuf};
 use trisplat_formats::Source;
 use trisplat_formats::ply::{self, Column};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Limits, Result, Rng, camera};
 
 /// The colour of a point without one.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use std::fmt::Display;
 use std::path::Path;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup};

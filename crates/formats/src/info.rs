@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::math::color::srgb_from_linear;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture};
 

@@ -75,7 +75,7 @@ impl EvalJob {
     pub fn run(self, dataset: &Dataset) -> Result<EvalReport> {
         let mut ready = self.prepare(dataset)?;
         ready.draw_on(|_, _| {})?;
-        ready.run(|_| Ok(()))
+        ready.run(|_, _| Ok(()))
     }
 
     /// Reads the scene and prepares the forms to evaluate.
@@ -123,10 +123,10 @@ impl<'a> ReadyEval<'a> {
         Ok(())
     }
 
-    /// Draws and measures every photo; `on_view` gets the drawings of each at once.
+    /// Draws and measures every photo; `on_view` gets the number of each and its drawings.
     ///
     /// Errors: photos that cannot be decoded; those of `on_view`.
-    pub fn run(mut self, on_view: impl FnMut(&[ScoredPicture]) -> Result<()>) -> Result<EvalReport> {
+    pub fn run(mut self, on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>) -> Result<EvalReport> {
         let photo_bytes = self.job.dataset_options.photo_bytes();
         let steps = self.scores(photo_bytes, on_view)?;
         Ok(EvalReport {
@@ -145,7 +145,7 @@ impl<'a> ReadyEval<'a> {
     fn scores(
         &mut self,
         photo_bytes: u64,
-        mut on_view: impl FnMut(&[ScoredPicture]) -> Result<()>,
+        mut on_view: impl FnMut(usize, &[ScoredPicture]) -> Result<()>,
     ) -> Result<Vec<StepScore>> {
         let views = &self.views;
         for step in &self.steps {
@@ -163,7 +163,7 @@ impl<'a> ReadyEval<'a> {
                 drawn.push(step.measured(view, &photo));
                 *secs += clock.elapsed().as_secs_f64();
             }
-            on_view(&drawn)?;
+            on_view(i, &drawn)?;
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());

@@ -9,7 +9,7 @@ use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::exposure::ExposureUse;
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::median::evenly_spaced;
+use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::{Error, ImportedSplats, Result, Soup, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};

@@ -7,7 +7,7 @@
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 
 /// Share of the points on either side that an extent ignores.
 const OUTLIERS: f32 = 0.02;

@@ -1,7 +1,7 @@
 //! A mesh for engines: positions, linear colours, maybe indices.
 
 use crate::error::{Error, Result};
-use crate::math::median::{all_finite, all_in_unit, median};
+use crate::math::lists::{all_finite, all_in_unit, median};
 use crate::parallel::{self, GRAIN};
 use crate::report::Counts;
 use crate::texture::FaceTexture;

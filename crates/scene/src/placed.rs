@@ -2,7 +2,7 @@
 
 use crate::asset::Placement;
 use crate::camera::Camera;
-use crate::math::median::median;
+use crate::math::lists::median;
 use crate::rng::Rng;
 use crate::soup::Soup;
 use glam::{DVec3, Vec3};

@@ -1,7 +1,7 @@
 //! The trained scene: N unconnected triangles in the world.
 
 use crate::error::{Error, Result};
-use crate::math::median::{all_finite, all_in_unit, all_positive};
+use crate::math::lists::{all_finite, all_in_unit, all_positive};
 use crate::parallel::{self, GRAIN};
 use glam::Vec3;
 

@@ -3,7 +3,7 @@
 use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::math::median::{all_finite, all_in_unit};
+use crate::math::lists::{all_finite, all_in_unit};
 use crate::scene::{ImportedScene, Scene};
 use crate::soup::{Soup, keep_rows, rgb_from_sh0};
 use glam::{Quat, Vec3};

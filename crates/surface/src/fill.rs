@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use std::collections::BTreeMap;
-use trisplat_scene::math::median::Sets;
+use trisplat_scene::math::lists::Sets;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Holes with more edges are not small.

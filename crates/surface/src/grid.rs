@@ -4,7 +4,7 @@ use crate::options::SurfaceOptions;
 use crate::picture::DepthPicture;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Result, parallel};
 
 /// Samples along a side of a block.

@@ -11,7 +11,7 @@ use trisplat_dataset::{Dataset, DatasetKind, Photo, PictureFile, View};
 use trisplat_raster::soft::{Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, SoupGrad, SoupRef};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::{Error, ImportedScene, Result, SceneNormalization, Soup, placed};
 
 /// Largest coordinate of a drawn triangle.

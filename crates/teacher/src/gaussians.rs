@@ -5,7 +5,7 @@ use trisplat_raster::gaussian::{self, GaussianOptions};
 use trisplat_raster::soft::Frame;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::median::evenly_spaced;
+use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::{Soup, Splats};
 
 /// A viewpoint sees a Gaussian that contributes this much to its picture, px.

@@ -10,7 +10,7 @@ use super::survey::{camera, direction};
 use glam::{UVec2, Vec2, Vec3};
 use trisplat_raster::gaussian::{self, GaussianOptions};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::median::{evenly_spaced, median};
+use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::{Rng, Splats, sh0_from_rgb};
 
 /// Distances of the cameras from the middle, in radii of the object, in turn: parts hide each other differently from near and far.

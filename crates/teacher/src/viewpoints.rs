@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::median::quantile;
+use trisplat_scene::math::lists::quantile;
 use trisplat_scene::{ImportedScene, Soup, Splats};
 
 /// Where viewpoints come from.

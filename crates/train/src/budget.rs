@@ -21,7 +21,7 @@ pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
 
 /// Seconds of a step: a constant, per triangle and per pixel, soft and with engine shading. Only their proportions count, because
 /// [`speed`](crate::speed) measures the machine.
-pub(super) const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
+const STEP_SECS: [[f64; 3]; 2] = [[0.75e-3, 0.36e-6, 0.046e-6], [0.0, 0.53e-6, 0.1e-6]];
 /// Seconds per pixel to decode a photo, and to draw and compare a held-out one, in the same unit.
 const DECODE_SECS: f64 = 10e-9;
 const EVALUATE_SECS: f64 = 0.3e-6;
@@ -292,10 +292,15 @@ pub fn part_secs(options: &TrainOptions, photo: UVec2, triangles: u64) -> [f64; 
         let pixels = size_at(photo, schedule.level(middle), MIN_PX).as_dvec2().element_product();
         // The scene grows in the first part.
         let triangles = triangles as f64 * if part == 0 { 0.5 } else { 1.0 };
-        let [constant, per_triangle, per_pixel] = STEP_SECS[usize::from(schedule.is_opaque(middle))];
         let steps = ends[part].saturating_sub(before.0) as f64;
-        steps * (constant + per_triangle * triangles + per_pixel * pixels)
+        steps * step_secs(schedule.is_opaque(middle), triangles, pixels)
     })
+}
+
+/// Expected seconds of one step, with engine shading if `is_opaque`.
+pub(super) fn step_secs(is_opaque: bool, triangles: f64, pixels: f64) -> f64 {
+    let [constant, per_triangle, per_pixel] = STEP_SECS[usize::from(is_opaque)];
+    constant + per_triangle * triangles + per_pixel * pixels
 }
 
 impl Pace {

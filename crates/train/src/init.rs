@@ -7,7 +7,7 @@
 
 use super::options::InitOptions;
 use glam::Vec3;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Rng, Soup, parallel, sh0_from_rgb};
 
 /// First opacity (0.28, supplement).

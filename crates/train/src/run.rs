@@ -1,7 +1,7 @@
 //! A whole run, from a data set or a checkpoint to a trained scene.
 
 use super::backend::{RunSize, TrainBackend};
-use super::budget::{Paced, STEP_SECS, Spending};
+use super::budget::{Paced, Spending, step_secs};
 use super::checkpoint::CheckpointMeta;
 use super::cpu::CpuBackend;
 use super::device::BackendOptions;
@@ -268,7 +268,7 @@ const MEASURED_PHOTOS: usize = 3;
 const MEASURED_SECS: f64 = 0.05;
 const MEASURED_STEPS: u64 = 200;
 
-/// Seconds on the budget's clock per second of `STEP_SECS`, by soft steps on photos of half size, which are thrown away.
+/// Seconds on the budget's clock per second of `step_secs`, by soft steps on photos of half size, which are thrown away.
 ///
 /// Errors: those of [`TrainRun::start`]; photos that cannot be decoded; a system without CPU time.
 pub fn speed(
@@ -293,12 +293,11 @@ pub fn speed(
     training.step()?;
     let before = spending.seconds();
     let (mut expected, mut taken) = (0.0, 0.0);
-    let [constant, per_triangle, per_pixel] = STEP_SECS[0];
     while taken < MEASURED_SECS && training.steps() < MEASURED_STEPS {
         for view in &dataset.views {
             training.step()?;
             let pixels = size_at(view.photo.size, 1, MIN_PX).as_dvec2().element_product();
-            expected += constant + per_triangle * training.triangles() as f64 + per_pixel * pixels;
+            expected += step_secs(false, training.triangles() as f64, pixels);
         }
         taken = spending.seconds() - before;
     }

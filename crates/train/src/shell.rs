@@ -15,7 +15,7 @@ use trisplat_dataset::View;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::geometry::{face_count, octasphere};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 
 /// Least triangles of a run for each triangle of its shell.

@@ -6,7 +6,7 @@ use rayon::slice::ParallelSliceMut;
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Result, parallel};
 

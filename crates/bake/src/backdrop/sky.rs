@@ -14,7 +14,7 @@ use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::math::geometry::face_count;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Asset, Placement, Result};

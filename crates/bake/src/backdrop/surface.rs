@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 use trisplat_raster::framing::hit;
 use trisplat_scene::math::geometry::octasphere;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Rounds in which each distance is drawn towards its neighbours'.

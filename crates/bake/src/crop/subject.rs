@@ -9,7 +9,7 @@ use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::median::Sets;
+use trisplat_scene::math::lists::Sets;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Scene, UpAxis};

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use trisplat_scene::camera::{self, Camera};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 
 /// Thickness of a layer as a share of the region's radius.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use trisplat_scene::Rng;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::symmetric_eigen;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 
 /// Number of directions tried before the best is refined.
 const TRIES: u64 = 512;

@@ -9,7 +9,7 @@ use super::correction::{Exposures, Rings, Solved};
 use glam::{UVec2, Vec2};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_of_srgb8;
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 
 /// Cells along each side of a picture.
 const GRID: u32 = 16;

@@ -5,7 +5,7 @@ use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::camera::{self, Camera, OrbitRange, Viewpoint};
-use trisplat_scene::math::median::{median, quantile};
+use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
 /// Most points to sample.

@@ -3,7 +3,7 @@
 use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::median::median;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Provenance, Scene};
 

@@ -3,7 +3,7 @@
 pub mod color;
 pub mod geometry;
 pub mod lanes;
-pub mod median;
+pub mod lists;
 pub mod metric;
 pub mod real;
 pub mod wgsl;

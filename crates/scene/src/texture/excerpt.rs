@@ -5,7 +5,7 @@
 
 use super::{FaceTexture, Texture};
 use crate::image::RgbImage;
-use crate::math::median::Sets;
+use crate::math::lists::Sets;
 use crate::parallel::{self, GRAIN};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
