@@ -56,7 +56,9 @@ fn splats() -> String {
 /// What is added to a command so that it takes seconds and may replace the file of an earlier one.
 fn additions(arguments: &[&str]) -> &'static [&'static str] {
     match *arguments {
-        ["bake", "splats.ply", ..] => &["--force", "--harden=5"],
+        ["bake", "splats.ply", ..] => {
+            &["--force", "--harden=5", "--preset", "fast", "--max-triangles", "500"]
+        }
         ["bake", ..] => &["--force"],
         // Enough steps to have something to bake, in place of those that the README asks for.
         ["train", ..] => &["--force", "--steps", "60"],

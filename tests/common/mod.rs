@@ -1,14 +1,10 @@
 //! What several tests share.
 #![allow(dead_code)]
 
-pub(crate) mod dual;
 pub(crate) mod edits;
-pub(crate) mod exact;
 pub(crate) mod folders;
-pub(crate) mod oracle;
 pub(crate) mod phone;
 pub(crate) mod png;
-pub(crate) mod ray_caster;
 pub(crate) mod regressions;
 pub(crate) mod samples;
 

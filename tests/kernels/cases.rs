@@ -1,6 +1,6 @@
 //! Random cases, and how gradients are compared.
 
-use crate::common::dual::Dual;
+use trisplat_oracle::dual::Dual;
 use trisplat_raster::kernel::splat::CameraTriangle;
 use trisplat_scene::{
     Rng,

@@ -1,7 +1,7 @@
 //! Blending, distortion and spherical harmonics.
 
 use super::cases::{CASES, between, difference, duals};
-use crate::common::dual::Dual;
+use trisplat_oracle::dual::Dual;
 use trisplat_raster::kernel::{sh, window};
 use trisplat_scene::{Rng, math::real::Real, math::real::V3};
 

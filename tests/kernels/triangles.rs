@@ -1,7 +1,7 @@
 //! Projection, depth planes, the fade, and clipping at the near plane.
 
 use super::cases::{CASES, between, camera, corners, difference, duals, flat, triangle};
-use crate::common::dual::Dual;
+use trisplat_oracle::dual::Dual;
 use trisplat_raster::{
     kernel::splat::{DepthPlaneGrad, SplatGrad},
     kernel::{splat, window},

@@ -1,7 +1,7 @@
 //! Compares frames and gradients with the brute-force oracle.
 
-use crate::common::exact::{exact_grad, oracle_camera, pixel_values, plain, rules, soup_grad};
-use crate::common::oracle::{self, Pixel};
+use trisplat_oracle::exact::{exact_grad, oracle_camera, pixel_values, plain, rules, soup_grad};
+use trisplat_oracle::frame::{self as oracle, Pixel};
 use trisplat_raster::soft::{
     Frame, FrameGrad, Importance, SoftOptions, SoftRasterizer, SoupGrad, SoupRef, Window,
 };

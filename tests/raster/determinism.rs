@@ -1,7 +1,7 @@
 //! The same bits for any number of threads and whatever was drawn before.
 
 use super::scenes::{camera, draw, engine, options, random_soup};
-use crate::common::exact::soup_grad;
+use trisplat_oracle::exact::soup_grad;
 use trisplat_raster::soft::{FrameGrad, SoftOptions, SoftRasterizer, Sort, SoupGrad, SoupRef};
 
 #[test]

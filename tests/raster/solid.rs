@@ -1,8 +1,8 @@
 //! The solid rasteriser against a ray caster in double precision that tests every face for every sample; it states
 //! where the two may differ.
 
-use crate::common::ray_caster::{FaceAt, RayFace, ray};
 use glam::{Mat3, Quat, UVec2, Vec2, Vec3};
+use trisplat_oracle::ray_caster::{FaceAt, RayFace, ray};
 use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
 use trisplat_scene::{
     Rng,

@@ -10,7 +10,6 @@ mod case;
 mod draw;
 mod kept;
 mod promises;
-mod reference;
 
 use crate::machine::{Machine, print_json};
 use axes::{AXES, Axis};

@@ -3,10 +3,10 @@
 use super::case::{SIDE, StressScene};
 use super::draw::{UNDECIDED, color_scale};
 use super::promises::domain;
-use super::reference::exact::{oracle_camera, plain, rules};
-use super::reference::oracle;
 use super::*;
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec3};
+use trisplat_oracle::exact::{oracle_camera, plain, rules};
+use trisplat_oracle::frame as oracle;
 use trisplat_raster::soft::{SoftRasterizer, SoupRef};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Rng;

@@ -22,7 +22,7 @@ const GUARD: f64 = 65_536.0;
 
 /// A face, ready for any ray.
 #[derive(Debug, Clone)]
-pub(crate) struct RayFace {
+pub struct RayFace {
     normals: [DVec3; 3],
     sum: DVec3,
     volume: f64,
@@ -37,21 +37,21 @@ pub(crate) struct RayFace {
 
 /// A face at a sample.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct FaceAt {
+pub struct FaceAt {
     /// Distance to each edge's line, samples, positive inside.
-    pub(crate) inside: [f64; 3],
+    pub inside: [f64; 3],
     /// Distance by which edges may have been moved, samples.
-    pub(crate) band: f64,
+    pub band: f64,
     /// 1/z of the face's plane.
-    pub(crate) w: f64,
+    pub w: f64,
     /// Tolerance of `w`.
-    pub(crate) slack: f64,
+    pub slack: f64,
     /// Perspective-correct weights of the corners.
-    pub(crate) weights: [f64; 3],
+    pub weights: [f64; 3],
 }
 
 /// The ray through a sample of a picture with `samples` per pixel along each axis, in camera space.
-pub(crate) fn ray(camera: &Camera, samples: u32, x: u32, y: u32) -> DVec3 {
+pub fn ray(camera: &Camera, samples: u32, x: u32, y: u32) -> DVec3 {
     let scale = f64::from(samples);
     let (focal, center) = (camera.focal.as_dvec2() * scale, camera.center.as_dvec2() * scale);
     ((DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) - center) / focal).extend(1.0)
@@ -59,7 +59,7 @@ pub(crate) fn ray(camera: &Camera, samples: u32, x: u32, y: u32) -> DVec3 {
 
 impl RayFace {
     /// A face of these corners in the world.
-    pub(crate) fn new(camera: &Camera, samples: u32, near: f64, corners: [Vec3; 3]) -> Self {
+    pub fn new(camera: &Camera, samples: u32, near: f64, corners: [Vec3; 3]) -> Self {
         let rotation = camera.rotation.as_dmat3();
         let position = -(rotation.inverse() * camera.translation.as_dvec3());
         let focal = camera.focal.as_dvec2() * f64::from(samples);
@@ -85,7 +85,7 @@ impl RayFace {
     }
 
     /// The face where a ray meets its plane; `None` where it covers nothing anywhere near.
-    pub(crate) fn at(&self, ray: DVec3) -> Option<FaceAt> {
+    pub fn at(&self, ray: DVec3) -> Option<FaceAt> {
         let along = self.sum.dot(ray);
         let w = along / self.volume;
         let slack = self.steep_sum / self.volume.abs() * self.band + 1e-6 * w.abs() + self.corners;
@@ -99,19 +99,19 @@ impl RayFace {
 
 impl FaceAt {
     /// Whether the sample lies on the face.
-    pub(crate) fn covers(&self) -> bool {
+    pub fn covers(&self) -> bool {
         self.inside.iter().all(|d| *d >= 0.0) && self.w > 0.0
     }
 
     /// Whether it does wherever the corners are snapped to.
-    pub(crate) fn certainly_covers(&self, near: f64) -> bool {
+    pub fn certainly_covers(&self, near: f64) -> bool {
         self.inside.iter().all(|d| *d > self.band) && self.w > self.slack && self.w + self.slack < 1.0 / near
     }
 }
 
 /// Samples of a picture with one per pixel on which a face is shown that cannot be, or a face is missed that must hide
 /// what is shown.
-pub(crate) fn wrong_samples(drawn: &Visibility, mesh: &Mesh, camera: &Camera, near: f64) -> usize {
+pub fn wrong_samples(drawn: &Visibility, mesh: &Mesh, camera: &Camera, near: f64) -> usize {
     let faces: Vec<RayFace> =
         (0..mesh.face_count()).map(|f| RayFace::new(camera, 1, near, mesh.corners(f))).collect();
     let mut wrong = 0;

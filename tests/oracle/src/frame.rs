@@ -1,11 +1,11 @@
 //! The paper's equations, brute force: every pixel tests every triangle, in absolute pixel coordinates, with
 //! outward edge normals and the true maximum. Shares no formula with the kernels; runs on f64 and dual numbers.
 
-use super::dual::Dual;
+use crate::dual::Dual;
 use trisplat_scene::math::real::Real;
 
 /// A number with a readable value.
-pub(crate) trait Number: Real {
+pub trait Number: Real {
     fn value(self) -> f64;
 }
 
@@ -22,35 +22,35 @@ impl<const N: usize> Number for Dual<N> {
 }
 
 #[derive(Clone)]
-pub(crate) struct Triangle<R> {
-    pub(crate) vertices: [[R; 3]; 3],
-    pub(crate) opacity: R,
-    pub(crate) sigma: R,
-    pub(crate) sh: Vec<[R; 3]>,
+pub struct Triangle<R> {
+    pub vertices: [[R; 3]; 3],
+    pub opacity: R,
+    pub sigma: R,
+    pub sh: Vec<[R; 3]>,
 }
 
 #[derive(Clone, Copy)]
-pub(crate) struct OracleCamera {
-    pub(crate) rotation: [[f64; 3]; 3],
-    pub(crate) translation: [f64; 3],
-    pub(crate) focal: [f64; 2],
-    pub(crate) center: [f64; 2],
-    pub(crate) size: [usize; 2],
+pub struct OracleCamera {
+    pub rotation: [[f64; 3]; 3],
+    pub translation: [f64; 3],
+    pub focal: [f64; 2],
+    pub center: [f64; 2],
+    pub size: [usize; 2],
 }
 
 #[derive(Clone, Copy)]
-pub(crate) struct Rules {
-    pub(crate) background: [f64; 3],
-    pub(crate) per_pixel: bool,
-    pub(crate) cap: f64,
-    pub(crate) cutoff: f64,
-    pub(crate) min_transmittance: f64,
-    pub(crate) near: f64,
-    pub(crate) fade_px: f64,
-    pub(crate) depth_range: [f64; 2],
+pub struct Rules {
+    pub background: [f64; 3],
+    pub per_pixel: bool,
+    pub cap: f64,
+    pub cutoff: f64,
+    pub min_transmittance: f64,
+    pub near: f64,
+    pub fade_px: f64,
+    pub depth_range: [f64; 2],
     /// Width of the ramp when alpha is the part of the pixel that is covered, px.
-    pub(crate) coverage: Option<f64>,
-    pub(crate) linear: bool,
+    pub coverage: Option<f64>,
+    pub linear: bool,
 }
 
 /// sRGB to linear light, for a number in [0, 1]; beyond, its value at 1.
@@ -66,17 +66,17 @@ fn linear_from_srgb<R: Number>(x: R) -> R {
 
 /// One pixel.
 #[derive(Clone)]
-pub(crate) struct Pixel<R> {
-    pub(crate) rgb: [R; 3],
-    pub(crate) transmittance: R,
-    pub(crate) depth: R,
-    pub(crate) median: R,
-    pub(crate) normal: [R; 3],
-    pub(crate) distortion: R,
+pub struct Pixel<R> {
+    pub rgb: [R; 3],
+    pub transmittance: R,
+    pub depth: R,
+    pub median: R,
+    pub normal: [R; 3],
+    pub distortion: R,
     /// Distance, relative, to the nearest jump or kink of any of the above.
-    pub(crate) margin: f64,
+    pub margin: f64,
     /// Weight alpha T of every triangle.
-    pub(crate) weights: Vec<f64>,
+    pub weights: Vec<f64>,
 }
 
 type P3<R> = [R; 3];
@@ -239,11 +239,7 @@ fn phi<R: Number>(lines: &[[R; 3]; 3], p: [R; 2]) -> (R, f64) {
 }
 
 /// All pixels, row by row.
-pub(crate) fn render<R: Number>(
-    triangles: &[Triangle<R>],
-    camera: &OracleCamera,
-    rules: &Rules,
-) -> Vec<Pixel<R>> {
+pub fn render<R: Number>(triangles: &[Triangle<R>], camera: &OracleCamera, rules: &Rules) -> Vec<Pixel<R>> {
     let mut pieces = Vec::new();
     for (i, t) in triangles.iter().enumerate() {
         let corners = clip(t.vertices.map(|v| to_camera(camera, v)), rules.near);

@@ -1,11 +1,11 @@
 //! Soups through the oracle, and their gradients through dual numbers.
 
-use super::dual::Dual;
-use super::oracle::{self, Number, OracleCamera, Pixel, Rules, Triangle};
+use crate::dual::Dual;
+use crate::frame::{self as oracle, Number, OracleCamera, Pixel, Rules, Triangle};
 use trisplat_raster::soft::{FrameGrad, SoftOptions, Sort, SoupGrad, Window};
 use trisplat_scene::{Soup, camera::Camera, math::real::Real};
 
-pub(crate) fn oracle_camera(c: &Camera) -> OracleCamera {
+pub fn oracle_camera(c: &Camera) -> OracleCamera {
     let d = |x: f32| f64::from(x);
     let m = c.rotation;
     OracleCamera {
@@ -17,7 +17,7 @@ pub(crate) fn oracle_camera(c: &Camera) -> OracleCamera {
     }
 }
 
-pub(crate) fn rules(o: &SoftOptions) -> Rules {
+pub fn rules(o: &SoftOptions) -> Rules {
     Rules {
         background: o.background.map(f64::from),
         per_pixel: o.sort == Sort::Pixel,
@@ -36,7 +36,7 @@ pub(crate) fn rules(o: &SoftOptions) -> Rules {
 }
 
 /// The triangles of a soup as numbers of the oracle; parameters of triangle `seeded` are variables.
-pub(crate) fn triangles<R: Real>(
+pub fn triangles<R: Real>(
     soup: &Soup,
     seeded: usize,
     variable: impl Fn(f64, usize) -> R,
@@ -57,16 +57,16 @@ pub(crate) fn triangles<R: Real>(
         .collect()
 }
 
-pub(crate) fn plain(soup: &Soup) -> Vec<Triangle<f64>> {
+pub fn plain(soup: &Soup) -> Vec<Triangle<f64>> {
     triangles(soup, usize::MAX, |x, _| x)
 }
 
-pub(crate) fn pixel_values<R: Number>(p: &Pixel<R>) -> [R; 10] {
+pub fn pixel_values<R: Number>(p: &Pixel<R>) -> [R; 10] {
     let ([r, g, b], [x, y, z]) = (p.rgb, p.normal);
     [r, g, b, p.transmittance, p.depth, p.median, x, y, z, p.distortion]
 }
 
-pub(crate) fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
+pub fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
     let scalar = |v: &[f32]| v.get(i).copied().unwrap_or(0.0);
     let [r, g, b] = d.d_rgb[i];
     let [x, y, z] = d.d_normal.get(i).copied().unwrap_or_default();
@@ -75,16 +75,10 @@ pub(crate) fn grad_values(d: &FrameGrad, i: usize) -> [f64; 10] {
 }
 
 /// Parameters of a triangle of SH degree 3.
-pub(crate) const PARAMETERS: usize = 11 + 48;
+pub const PARAMETERS: usize = 11 + 48;
 
 /// The gradient of triangle `t` by dual numbers.
-pub(crate) fn exact_grad(
-    soup: &Soup,
-    t: usize,
-    camera: &Camera,
-    options: &SoftOptions,
-    d: &FrameGrad,
-) -> Vec<f64> {
+pub fn exact_grad(soup: &Soup, t: usize, camera: &Camera, options: &SoftOptions, d: &FrameGrad) -> Vec<f64> {
     let scene = triangles(soup, t, Dual::<PARAMETERS>::variable);
     let picture = oracle::render(&scene, &oracle_camera(camera), &rules(options));
     let mut out = vec![0.0; 11 + 3 * soup.sh_count()];
@@ -98,7 +92,7 @@ pub(crate) fn exact_grad(
     out
 }
 
-pub(crate) fn soup_grad(g: &SoupGrad, t: usize, k: usize) -> Vec<f64> {
+pub fn soup_grad(g: &SoupGrad, t: usize, k: usize) -> Vec<f64> {
     let vertices = g.vertices[t].iter().flat_map(|v| v.to_array());
     let sh = g.sh[t * k..(t + 1) * k].iter().flatten().copied();
     vertices.chain([g.opacity[t], g.sigma[t]]).chain(sh).map(f64::from).collect()

@@ -5,18 +5,18 @@ use trisplat_scene::math::real::Real;
 
 /// A value and its derivatives in N directions.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Dual<const N: usize> {
-    pub(crate) v: f64,
-    pub(crate) d: [f64; N],
+pub struct Dual<const N: usize> {
+    pub v: f64,
+    pub d: [f64; N],
 }
 
 impl<const N: usize> Dual<N> {
-    pub(crate) fn constant(v: f64) -> Self {
+    pub fn constant(v: f64) -> Self {
         Self { v, d: [0.0; N] }
     }
 
     /// The variable of direction `i`.
-    pub(crate) fn variable(v: f64, i: usize) -> Self {
+    pub fn variable(v: f64, i: usize) -> Self {
         let mut out = Self::constant(v);
         out.d[i] = 1.0;
         out
