@@ -107,16 +107,17 @@ fn colors_of_every_type_and_name_are_understood() {
 }
 
 #[test]
-fn a_face_is_as_opaque_as_its_faintest_corner() {
+fn a_face_is_as_opaque_as_its_most_opaque_corner() {
     let mut elements = triangle(
         &["uchar red", "uchar green", "uchar blue", "uchar alpha"],
         &[Cell::U8(1), Cell::U8(2), Cell::U8(3), Cell::U8(255)],
         &[],
         &[],
     );
-    elements[0].rows[1][6] = Cell::U8(51);
+    elements[0].rows.iter_mut().for_each(|row| row[6] = Cell::U8(51));
+    elements[0].rows[1][6] = Cell::U8(102);
     let (mesh, ..) = loaded_mesh(read(source(&ply(Encoding::Little, &elements)), &OPTIONS));
-    assert_eq!(mesh.opacity, [0.2, 0.2]);
+    assert_eq!(mesh.opacity, [0.4, 0.4]);
     assert_eq!(mesh.indices, [0, 1, 2, 0, 1, 2]);
 }
 

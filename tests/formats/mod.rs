@@ -11,6 +11,7 @@ mod mutants;
 mod obj;
 mod off;
 mod page;
+mod pictures;
 mod real;
 mod soup_ply;
 mod speed;

@@ -7,3 +7,4 @@ mod gltf_json;
 mod hostile;
 mod mutants;
 mod own;
+mod pictures;

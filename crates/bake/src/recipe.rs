@@ -13,6 +13,7 @@ use super::lod::{LevelSource, LodOptions};
 use super::merge::{merge, share_world};
 use super::misfit::misfit;
 use super::options::BakeOptions;
+use super::place::PlaceOptions;
 use super::place::up::Evidence;
 use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{UnseenColors, refit};
@@ -30,9 +31,15 @@ use pictures::{Cameras, Pictures, Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObserver};
+use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObserver, counted};
 use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
+
+/// Whether a file has no word of who made it, and how: then its up axis is a guess.
+fn says_nothing(provenance: &Provenance) -> bool {
+    let Provenance { generator, trainer, up, .. } = provenance;
+    generator.is_none() && trainer.is_none() && up.is_none()
+}
 
 /// Calls the stages: what one finds out reaches the next as an argument.
 pub(super) struct Recipe<'a> {
@@ -50,6 +57,7 @@ impl<'a> Recipe<'a> {
     pub(super) fn run(mut self, inputs: Vec<ImportedScene>, mut photos: Option<&mut Views>) -> Result<Asset> {
         let is_single = inputs.len() == 1;
         let mut loaded = self.merged(inputs, photos.is_some())?;
+        let silent = matches!(loaded.scene, Scene::Mesh(_)) && says_nothing(&loaded.provenance);
         let given = loaded.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
             photos.transform(&loaded.provenance.placement);
@@ -103,6 +111,10 @@ impl<'a> Recipe<'a> {
         let from = Provenance { backdrop: count_behind, ..provenance.clone() };
         let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
         let (asset, frame) = self.package(mesh, from, evidence, seen, None)?;
+        if silent && self.options.place.up == PlaceOptions::DEFAULT.up && cameras.of_photos.is_empty() {
+            let hint = "the file does not say what is up, taken as −y: `up` y if it lies on its head, z if it lies on its side";
+            self.report.warnings.push(hint.to_owned());
+        }
         let source = LevelSource {
             mesh: &unpainted,
             cameras: &cameras.watching,
@@ -267,10 +279,19 @@ impl<'a> Recipe<'a> {
         };
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
+        let is_mesh = matches!(scene, Scene::Mesh(_));
         let scene =
             self.report.stage(self.observer, scene, Scene::counts, |scene, d| prune(scene, &pruning, d))?;
-        let warning = self.report.details::<PruneDetails>().and_then(|details| details.warning());
-        self.report.warnings.extend(warning);
+        let details = self.report.details::<PruneDetails>();
+        let faint = details.as_ref().map_or(0, |details| details.faint);
+        self.report.warnings.extend(details.and_then(|details| details.warning()));
+        // A soup sheds its faint triangles as its trainer does.
+        if is_mesh && faint > 0 {
+            let (faint, least) = (counted(faint, "triangle"), pruning.min_opacity);
+            self.report
+                .warnings
+                .push(format!("removed {faint} whose alpha is below {least}; `min_opacity` 0 keeps them"));
+        }
 
         // On the soup, because it needs opacity and σ, which `color` drops.
         let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| match scene {

@@ -5,16 +5,11 @@
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec2, Vec3};
-use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Error, FaceTexture, Result, Texture};
+use trisplat_scene::{Error, Result};
 
 /// The most corners of one face: cutting a polygon may cost up to the cube of its corners.
-const MAX_CORNERS: usize = 1 << 12;
+pub(super) const MAX_CORNERS: usize = 1 << 12;
 
 /// The message about a polygon where only triangles are permitted.
 pub(super) fn not_a_triangle(corners: i64) -> String {
@@ -190,6 +185,54 @@ impl Cutter {
     }
 }
 
+// ---- Texture coordinates of corners ------------------------------------------------------------------
+
+/// The texture coordinates of the corners of a file's faces.
+#[derive(Debug, Default)]
+pub(super) struct PlacedCorners {
+    /// Texture coordinates, from the lower left corner.
+    pub(super) places: Vec<Vec2>,
+    /// Vertex, and number of its coordinates, of all corners that have some.
+    corners: Vec<(u32, u32)>,
+    /// End of each face's corners in that list; empty until the first. `[F]`
+    until: Vec<usize>,
+}
+
+impl PlacedCorners {
+    /// Adds a corner of face number `face`, which has not ended.
+    pub(super) fn push(&mut self, face: usize, vertex: u32, place: u32) {
+        // Earlier faces may have none.
+        self.until.resize(face, self.corners.len());
+        self.corners.push((vertex, place));
+    }
+
+    /// Ends a face.
+    pub(super) fn end_face(&mut self) {
+        if !self.corners.is_empty() {
+            self.until.push(self.corners.len());
+        }
+    }
+
+    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite where a corner has none. Empty when no corner
+    /// has any. `[T]`
+    pub(super) fn of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
+        if self.corners.is_empty() {
+            return Vec::new();
+        }
+        let of = |(triangle, face): (&[u32; 3], &u32)| {
+            let face = *face as usize;
+            let first = if face == 0 { 0 } else { self.until[face - 1] };
+            let corners = &self.corners[first..self.until[face]];
+            triangle.map(|vertex| {
+                let place = corners.iter().find(|corner| corner.0 == vertex).map(|corner| corner.1);
+                let place = place.and_then(|place| self.places.get(place as usize));
+                place.map_or(Vec2::NAN, |place| Vec2::new(place.x, 1.0 - place.y))
+            })
+        };
+        triangles.iter().zip(face_of).map(of).collect()
+    }
+}
+
 // ---- Colour channels from floats: sRGB-encoded, usually but not always in [0, 1] ---------------------
 
 /// A channel above this is not an overshoot but has another scale.
@@ -238,78 +281,6 @@ impl Clamped {
         }
         Ok(())
     }
-}
-
-// ---- Textures of an input mesh --------------------------------------------------------------------
-
-/// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
-const MOST_PAGES: usize = 256;
-
-/// Textured faces of a part of a mesh, with texture coordinates.
-pub(crate) struct PaintedFaces {
-    /// Number of the picture.
-    pub image: usize,
-    /// Consecutive faces of the mesh.
-    pub faces: Range<usize>,
-    /// Texture coordinates of their corners; they may exceed 0 to 1.
-    pub uvs: Vec<[Vec2; 3]>,
-    /// Nothing else colours them.
-    pub plain: bool,
-}
-
-/// Paints the faces of a mesh, in its order, with those `textures` that could be read. Returns notes for the
-/// user.
-pub(crate) fn paint(
-    mesh: &mut Mesh,
-    painted: Vec<PaintedFaces>,
-    textures: &BTreeMap<usize, Option<Arc<Texture>>>,
-) -> Option<String> {
-    let covered: usize = painted.iter().map(|painted| painted.faces.len()).sum();
-    let within = |uv: &Vec2| uv.cmpge(Vec2::ZERO).all() && uv.cmple(Vec2::ONE).all();
-    let plain = painted.iter().all(|painted| painted.plain && painted.uvs.as_flattened().iter().all(within));
-    let readable: BTreeMap<usize, &Arc<Texture>> =
-        textures.iter().filter_map(|(number, texture)| Some((*number, texture.as_ref()?))).collect();
-    if readable.is_empty() {
-        return None;
-    }
-    let all_readable = painted.iter().all(|painted| readable.contains_key(&painted.image));
-    if plain && covered == mesh.face_count() && all_readable && readable.len() <= MOST_PAGES {
-        let texture = pages(painted, &readable);
-        mesh.colors = Colors::Face(parallel::collect(mesh.face_count(), 1, |face| texture.mean(face)));
-        mesh.texture = Some(texture);
-        return None;
-    }
-    let mean = |face: usize| {
-        let [a, b, c] = mesh.corner_colors(face);
-        [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
-    };
-    let mut colors: Vec<[f32; 3]> = parallel::collect(mesh.face_count(), GRAIN, mean);
-    for painted in painted {
-        let Some(Some(texture)) = textures.get(&painted.image) else { continue };
-        // Repeated pictures start again at every whole number.
-        let repeated = |uvs: &[Vec2; 3]| {
-            let first = ((uvs[0] + uvs[1] + uvs[2]) / 3.0).floor();
-            uvs.map(|uv| uv - first)
-        };
-        let texture = FaceTexture::new(painted.uvs.iter().map(repeated).collect(), texture.clone());
-        for (face, color) in colors[painted.faces].iter_mut().enumerate() {
-            let mean = texture.mean(face);
-            (0..3).for_each(|c| color[c] *= mean[c]);
-        }
-    }
-    mesh.colors = Colors::Face(colors);
-    Some("textures became one colour per triangle: only pictures that paint all of a scene, without repetition, are kept".to_owned())
-}
-
-/// The pictures of faces as pages.
-fn pages(painted: Vec<PaintedFaces>, readable: &BTreeMap<usize, &Arc<Texture>>) -> FaceTexture {
-    let number = |image: usize| readable.range(..image).count() as u16;
-    let page_of: Vec<u16> = match readable.len() {
-        1 => Vec::new(),
-        _ => painted.iter().flat_map(|p| std::iter::repeat_n(number(p.image), p.faces.len())).collect(),
-    };
-    let uvs = painted.into_iter().flat_map(|painted| painted.uvs).collect();
-    FaceTexture { uvs, pages: readable.values().map(|texture| Arc::clone(texture)).collect(), page_of }
 }
 
 #[cfg(test)]

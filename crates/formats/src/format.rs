@@ -174,10 +174,14 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     if has(&["means", "quats", "scales"]) {
         return Some(refusal(path, "SOG"));
     }
-    has(&["geometricError", "root"]).then(|| {
+    if has(&["geometricError", "root"]) {
         let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
-        Error::unsupported(path, reason)
-    })
+        return Some(Error::unsupported(path, reason));
+    }
+    let version = json.pointer("/asset/version").and_then(Value::as_str);
+    let is_old = version.is_some_and(|version| version.starts_with('1'))
+        || json.get("meshes").is_some_and(Value::is_object);
+    is_old.then(|| Error::unsupported(path, "is glTF 1.0: convert it to glTF 2.0, with Blender for example"))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //!
 //! In: bytes of scene files. Out: scenes and splats. In: assets. Out: bytes.
 
+mod atlas;
 pub mod check;
 mod faces;
 mod finish;

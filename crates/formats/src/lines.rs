@@ -5,8 +5,9 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::str::FromStr;
-use trisplat_scene::input::BYTE_ORDER_MARK;
-use trisplat_scene::{Error, Provenance, Result, parallel};
+use std::sync::Arc;
+use trisplat_scene::input::{self, BYTE_ORDER_MARK};
+use trisplat_scene::{Error, Limits, Provenance, Result, parallel};
 
 /// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;
@@ -26,14 +27,23 @@ impl<'a> Lines<'a> {
         Ok(Self { path: &source.path, reader, line: Vec::new(), number: 0 })
     }
 
-    /// Moves on to the next line; false at the end of the file.
+    /// Moves on to the next line; false at the end of the file. A line that ends with `\` goes on in the next one.
     pub(super) fn advance(&mut self) -> Result<bool> {
         self.line.clear();
-        let read = (&mut self.reader).take(LONGEST).read_until(b'\n', &mut self.line);
-        self.number += 1;
-        let length = read.map_err(|e| Error::io(self.path, e))? as u64;
-        if length == LONGEST && self.line.last() != Some(&b'\n') {
-            return Err(self.error("is longer than 64 KiB: not a mesh, or a broken one"));
+        loop {
+            let before = self.line.len() as u64;
+            let read = (&mut self.reader).take(LONGEST - before).read_until(b'\n', &mut self.line);
+            self.number += 1;
+            let read = read.map_err(|e| Error::io(self.path, e))?;
+            if self.line.len() as u64 == LONGEST && self.line.last() != Some(&b'\n') {
+                return Err(self.error("is longer than 64 KiB: not a mesh, or a broken one"));
+            }
+            let text = self.line.trim_ascii_end();
+            if read == 0 || text.last() != Some(&b'\\') || text.starts_with(b"#") {
+                break;
+            }
+            self.line.truncate(text.len() - 1);
+            self.line.push(b' ');
         }
         if self.number == 1 && self.line.starts_with(BYTE_ORDER_MARK) {
             self.line.drain(..BYTE_ORDER_MARK.len());
@@ -41,7 +51,7 @@ impl<'a> Lines<'a> {
         if std::str::from_utf8(&self.line).is_err() {
             self.line = String::from_utf8_lossy(&self.line).into_owned().into_bytes();
         }
-        Ok(length > 0)
+        Ok(!self.line.is_empty())
     }
 
     /// Moves on to the next line with content other than white space and comments.
@@ -79,6 +89,28 @@ impl<'a> Lines<'a> {
     pub(super) fn error(&self, reason: impl Into<String>) -> Error {
         Error::malformed(self.path, format!("line {}", self.number), reason)
     }
+}
+
+/// Whether a text begins as one in UTF-16 does.
+pub(super) fn is_utf16(head: &[u8]) -> bool {
+    matches!(head, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
+}
+
+/// The file, in UTF-8 if it is in UTF-16.
+pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
+    let mut source = Source { path: source.path.clone(), file: Arc::clone(&source.file), len: source.len };
+    let head = source.head()?;
+    if !is_utf16(&head) {
+        return Ok(source);
+    }
+    limits.document(source.path.display(), source.len)?;
+    let mut bytes = Vec::new();
+    (&*source.file).read_to_end(&mut bytes).map_err(|e| Error::io(&source.path, e))?;
+    let of = if head[0] == 0xff { u16::from_le_bytes } else { u16::from_be_bytes };
+    let units = bytes[2..].as_chunks::<2>().0.iter().map(|pair| of(*pair));
+    let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+    let (file, len) = input::spool(&source.path, &mut text.as_bytes(), limits)?;
+    Ok(Source { file: Arc::new(file), len, ..source })
 }
 
 /// A word as a number, or a message about it.

@@ -1,7 +1,7 @@
 //! The materials of an OBJ: the pictures or colours of its faces.
 
-use crate::faces::{PaintedFaces, paint};
-use crate::lines::Lines;
+use crate::atlas::{PaintedFaces, Wrap, paint};
+use crate::lines::{Lines, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
 use std::collections::BTreeMap;
@@ -22,7 +22,27 @@ const OTHER_PICTURES: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
 struct Material {
     /// sRGB-encoded.
     color: Option<[f32; 3]>,
-    picture: Option<String>,
+    picture: Option<MaterialPicture>,
+}
+
+/// `map_Kd` with its options.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct MaterialPicture {
+    name: String,
+    /// Places on it, from the lower left corner, are coordinates times this,
+    scale: Option<Vec2>,
+    /// plus this.
+    offset: Vec2,
+    wrap: Wrap,
+}
+
+impl MaterialPicture {
+    /// A place from the upper left corner, from coordinates that have their origin there too.
+    fn place(&self, at: Vec2) -> Vec2 {
+        let Some(scale) = self.scale else { return Vec2::new(at.x + self.offset.x, at.y - self.offset.y) };
+        let up = Vec2::new(at.x, 1.0 - at.y) * scale + self.offset;
+        Vec2::new(up.x, 1.0 - up.y)
+    }
 }
 
 /// Materials, and the faces that have them.
@@ -41,18 +61,18 @@ pub(crate) struct Materials {
 const NONE: u32 = u32::MAX;
 
 impl Materials {
-    /// `mtllib NAME`.
-    pub(crate) fn library(&mut self, name: &str) {
-        if !name.is_empty()
-            && self.libraries.len() < MOST_LIBRARIES
-            && !self.libraries.iter().any(|n| n == name)
-        {
-            self.libraries.push(name.to_owned());
+    /// `mtllib NAME...`: names may be quoted, and hold spaces.
+    pub(crate) fn library(&mut self, names: &str) {
+        for name in library_names(names) {
+            if self.libraries.len() < MOST_LIBRARIES && !self.libraries.contains(&name) {
+                self.libraries.push(name);
+            }
         }
     }
 
     /// `usemtl NAME`, behind `faces` faces.
     pub(crate) fn begin(&mut self, name: &str, faces: usize) {
+        let name = unquoted(name);
         if self.names.is_empty() {
             self.of_face.resize(faces, NONE);
         }
@@ -71,8 +91,8 @@ impl Materials {
         }
     }
 
-    /// Gives `mesh`, which has no colours, those of its materials, with the given texture coordinates.
-    /// Returns whether any material had a colour or picture. Materials are per triangle. `[F]`
+    /// Gives `mesh` the pictures of its materials, with the given texture coordinates, and their colours if it has none. Returns whether any
+    /// material had a colour or picture. Materials are per triangle. `[F]`
     pub(crate) fn apply(
         &self,
         mesh: &mut Mesh,
@@ -82,46 +102,58 @@ impl Materials {
         warnings: &mut Vec<String>,
     ) -> bool {
         let known = self.read(path, options, warnings);
-        let of_name = |number: usize| known.get(&self.names[number]).cloned().unwrap_or_default();
-        let materials: Vec<Material> = (0..self.names.len()).map(of_name).collect();
-        if materials.iter().all(|material| *material == Material::default()) {
+        let of_name = |name: &String| match known.get(name) {
+            Some(material) => Some(material),
+            None => known.iter().find(|(other, _)| other.eq_ignore_ascii_case(name)).map(|(_, found)| found),
+        };
+        let materials: Vec<Option<&Material>> = self.names.iter().map(of_name).collect();
+        let lost = self.names.iter().zip(&materials).filter(|(_, found)| found.is_none());
+        let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
+        if !known.is_empty() && !lost.is_empty() {
+            let names = lost.join(", ");
+            warnings.push(format!("materials that no library has, their triangles are white: {names}"));
+        }
+        if !materials.iter().flatten().any(|material| **material != Material::default()) {
             return false;
         }
+        let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
         let (mut textures, mut painted) = (BTreeMap::new(), Vec::new());
-        let mut colors = vec![[1.0f32; 3]; mesh.face_count()];
+        let mut colors = match is_colored {
+            true => (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect(),
+            false => vec![[1.0f32; 3]; mesh.face_count()],
+        };
         let mut end = 0;
         for run in self.of_face.chunk_by(|a, b| a == b) {
             let (faces, number) = (end..end + run.len(), run[0] as usize);
             end += run.len();
-            let Some(material) = materials.get(number) else { continue };
+            let Some(Some(material)) = materials.get(number) else { continue };
             let color = material.color.unwrap_or([1.0; 3]);
-            colors[faces.clone()].fill(color.map(|c| linear_from_srgb(c.clamp(0.0, 1.0))));
-            if let Some(name) = &material.picture
-                && uvs.len() == mesh.face_count()
-                && uvs[faces.clone()].as_flattened().iter().all(|uv| uv.is_finite())
-            {
-                let picture = textures.entry(number).or_insert_with(|| {
-                    let read = picture(path, name, options);
-                    read.map_err(|e| {
-                        warnings.push(format!(
-                            "a texture is not read, its triangles have the colour of their material: {e}"
-                        ))
-                    })
-                    .ok()
-                });
-                if picture.is_some() {
-                    // Many programs write a meaningless colour beside a picture: black, or grey.
-                    colors[faces.clone()].fill([1.0; 3]);
-                }
-                painted.push(PaintedFaces {
-                    image: number,
-                    uvs: uvs[faces.clone()].to_vec(),
-                    faces,
-                    plain: true,
-                });
+            let light = color.map(|c| linear_from_srgb(c.clamp(0.0, 1.0)));
+            if !is_colored {
+                colors[faces.clone()].fill(light);
             }
+            let Some(laid) = &material.picture else { continue };
+            let read = || match uvs.is_empty() {
+                true => Err(Error::unsupported(path, "its faces have no texture coordinates")),
+                false => picture(path, &laid.name, options),
+            };
+            let texture = textures.entry(number).or_insert_with(|| {
+                let name = &self.names[number];
+                let unread = "a texture is not read, its triangles have the colour of their material";
+                read().map_err(|e| warnings.push(format!("{unread}: {name}: {e}"))).ok()
+            });
+            if texture.is_none() {
+                continue;
+            }
+            // Many programs write black beside a picture, and draw the picture alone.
+            colors[faces.clone()].fill(if color == [0.0; 3] { [1.0; 3] } else { light });
+            let uvs = uvs[faces.clone()].iter().map(|uvs| uvs.map(|uv| laid.place(uv))).collect();
+            painted.push(PaintedFaces { image: number, faces, uvs, wrap: [laid.wrap; 2] });
         }
-        mesh.colors = Colors::Face(colors);
+        if !is_colored || !painted.is_empty() {
+            warnings.extend(has_colors(mesh).then(|| OVER_COLORS.to_owned()));
+            mesh.colors = Colors::Face(colors);
+        }
         warnings.extend(paint(mesh, painted, &textures));
         true
     }
@@ -135,7 +167,7 @@ impl Materials {
     ) -> BTreeMap<String, Material> {
         let mut known = BTreeMap::new();
         for name in &self.libraries {
-            let read = beside(path, name, options).and_then(|file| library(&file, options, &mut known));
+            let read = found(path, name, options).and_then(|file| library(&file, options, &mut known));
             if let Err(error) = read {
                 warnings.push(format!("materials are not read, their triangles are white: {error}"));
             }
@@ -147,6 +179,7 @@ impl Materials {
 /// The libraries that an OBJ names, and the pictures that these name.
 pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     let options = ReadOptions { limits: *limits, allow_outside: true, ..ReadOptions::default() };
+    let source = &as_utf8(source, limits)?;
     let (mut lines, mut materials) = (Lines::new(source)?, Materials::default());
     while lines.advance()? {
         if lines.words().next() == Some("mtllib") {
@@ -155,53 +188,101 @@ pub fn named_files(source: &Source, limits: &Limits) -> Result<Vec<PathBuf>> {
     }
     let mut files = Vec::new();
     for name in &materials.libraries {
-        let library = beside(&source.path, name, &options)?;
+        let library = found(&source.path, name, &options)?;
         // One that cannot be read names nothing.
         let pictures = pictures(&library, &options).unwrap_or_default();
         files.push(library);
-        files.extend(pictures.iter().filter_map(|name| beside(&source.path, name, &options).ok()));
+        files.extend(pictures.iter().filter_map(|name| found(&source.path, name, &options).ok()));
     }
     Ok(files)
 }
 
 /// The names of all pictures in a library, also of kinds that are not read: of bumps, reflections and so on.
 fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
-    let source = Source::open(library, &options.limits)?;
+    let source = as_utf8(&Source::open(library, &options.limits)?, &options.limits)?;
     let (mut lines, mut names) = (Lines::new(&source)?, Vec::new());
     while lines.advance_to_text()? {
         let keyword = lines.words().next().unwrap_or_default().to_ascii_lowercase();
         if keyword.starts_with("map_") || OTHER_PICTURES.contains(&keyword.as_str()) {
-            names.push(without_options(lines.rest()));
+            names.push(laid(lines.rest()).name);
         }
     }
     Ok(names)
 }
 
-/// The path of a file that the OBJ names.
-fn beside(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
+/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case only. One elsewhere, such as `C:\wall.png` of
+/// another machine, is looked for beside it.
+pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {
         return refuse("which standard input cannot reach; give the file by name");
     }
     // Some programs write Windows separators.
-    let relative = PathBuf::from(name.replace('\\', "/"));
+    let relative = PathBuf::from(unquoted(name).replace('\\', "/"));
+    let folder = path.parent().unwrap_or(Path::new(""));
     let outside = relative.is_absolute() || name.contains(':') || input::leaves_folder(&relative);
-    if outside && !options.allow_outside {
-        return refuse("outside the folder of the file; if that is right, give `allow_outside`");
+    if outside && !(options.allow_outside && folder.join(&relative).exists()) {
+        let own = relative.file_name().map(|name| in_any_case(folder, Path::new(name)));
+        return match own.filter(|own| own.is_file()) {
+            Some(own) => Ok(own),
+            None if options.allow_outside => Ok(folder.join(relative)),
+            None => refuse("outside the folder of the file; if that is right, give `allow_outside`"),
+        };
     }
-    Ok(path.parent().unwrap_or(Path::new("")).join(relative))
+    Ok(in_any_case(folder, &relative))
+}
+
+/// The path of `relative` in `folder`, with the case that its parts have on disk where they exist in another.
+fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
+    let mut path = folder.to_owned();
+    for part in relative.components() {
+        let exact = path.join(part);
+        let wanted = part.as_os_str().to_string_lossy().to_lowercase();
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+        let entries = if exact.exists() { None } else { std::fs::read_dir(here).ok() };
+        let names = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name()));
+        let alike = names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min();
+        path = alike.map_or(exact, |name| path.join(name));
+    }
+    path
+}
+
+/// The names in a `mtllib` line. A name ends with its quote, or with `.mtl`.
+fn library_names(text: &str) -> Vec<String> {
+    let (mut names, mut rest) = (Vec::new(), text.trim());
+    while !rest.is_empty() {
+        let lower = rest.to_ascii_lowercase();
+        let quoted = rest.strip_prefix('"').and_then(|inner| inner.split_once('"'));
+        let end = lower.match_indices(".mtl").map(|(at, ending)| at + ending.len());
+        let end = end.into_iter().find(|end| rest[*end..].starts_with(char::is_whitespace));
+        let (name, after) = quoted.unwrap_or_else(|| rest.split_at(end.unwrap_or(rest.len())));
+        names.push(name.trim().to_owned());
+        rest = after.trim_start();
+    }
+    names.retain(|name| !name.is_empty());
+    names
+}
+
+/// The mean of a face's corners.
+fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
+}
+
+/// A name without the quotes around it.
+fn unquoted(name: &str) -> &str {
+    name.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(name)
 }
 
 fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Material>) -> Result<()> {
-    let source = Source::open(path, &options.limits)?;
+    let source = as_utf8(&Source::open(path, &options.limits)?, &options.limits)?;
     let mut lines = Lines::new(&source)?;
     let mut name = None;
     while lines.advance_to_text()? {
         let mut words = lines.words();
         let (Some(keyword), rest) = (words.next(), lines.rest()) else { continue };
         if keyword == "newmtl" {
-            known.entry(rest.to_owned()).or_default();
-            name = Some(rest.to_owned());
+            known.entry(unquoted(rest).to_owned()).or_default();
+            name = Some(unquoted(rest).to_owned());
         }
         let Some(material) = name.as_ref().and_then(|name| known.get_mut(name)) else { continue };
         match keyword {
@@ -210,35 +291,57 @@ fn library(path: &Path, options: &ReadOptions, known: &mut BTreeMap<String, Mate
                     words.filter_map(|word| word.parse().ok()).filter(|x: &f32| x.is_finite()).collect();
                 material.color = numbers.try_into().ok();
             }
-            "map_Kd" => material.picture = Some(without_options(rest)),
+            _ if keyword.eq_ignore_ascii_case("map_Kd") => material.picture = Some(laid(rest)),
             _ => {}
         }
     }
     Ok(())
 }
 
-/// The name of a picture after options such as `-clamp on` and `-s 1 1 1`; it may hold spaces.
-fn without_options(text: &str) -> String {
-    let mut rest = text.trim();
+/// A picture after options such as `-clamp on` and `-s 1 1 1`; its name may hold spaces.
+fn laid(text: &str) -> MaterialPicture {
+    let (mut picture, mut rest) = (MaterialPicture::default(), text.trim());
     while let Some((option, after)) =
         rest.strip_prefix('-').and_then(|_| rest.split_once(char::is_whitespace))
     {
         rest = after.trim_start();
-        let numbers = matches!(option, "-s" | "-o" | "-t" | "-mm");
-        let mut left = if numbers { 3 } else { 1 };
-        while left > 0 {
-            let Some((word, after)) = rest.split_once(char::is_whitespace) else { break };
-            if numbers && word.parse::<f32>().is_err() {
+        let (mut numbers, mut word) = (Vec::new(), "");
+        let takes_numbers = matches!(option, "-s" | "-o" | "-t" | "-mm");
+        for _ in 0..if takes_numbers { 3 } else { 1 } {
+            let Some((next, after)) = rest.split_once(char::is_whitespace) else { break };
+            let number = next.parse::<f32>().ok().filter(|number| number.is_finite());
+            if takes_numbers && number.is_none() {
                 break;
             }
-            (rest, left) = (after.trim_start(), left - 1);
+            numbers.extend(number);
+            (word, rest) = (next, after.trim_start());
+        }
+        let pair = |other: f32| {
+            Vec2::new(numbers.first().copied().unwrap_or(other), numbers.get(1).copied().unwrap_or(other))
+        };
+        match option {
+            "-s" => picture.scale = Some(pair(1.0)),
+            "-o" => picture.offset = pair(0.0),
+            "-clamp" if word == "on" => picture.wrap = Wrap::Clamp,
+            _ => {}
         }
     }
-    rest.to_owned()
+    picture.name = unquoted(rest).to_owned();
+    picture
 }
 
-fn picture(path: &Path, name: &str, options: &ReadOptions) -> Result<Arc<Texture>> {
-    let file = beside(path, name, options)?;
+/// The warning about colours of vertices or faces beside a picture: programs that write both draw the picture alone.
+pub(crate) const OVER_COLORS: &str = "faces with a picture show it without the colours that the file has too";
+
+/// Whether a mesh has colours other than white.
+pub(crate) fn has_colors(mesh: &Mesh) -> bool {
+    let (Colors::Vertex(colors) | Colors::Face(colors)) = &mesh.colors;
+    colors.iter().any(|color| *color != [1.0; 3])
+}
+
+/// The texture that a file names.
+pub(crate) fn picture(path: &Path, name: &str, options: &ReadOptions) -> Result<Arc<Texture>> {
+    let file = found(path, name, options)?;
     let bytes = input::read_large(&file, &options.limits, |_, _| Ok(()))?;
     Ok(Arc::new(Texture::decoded(&file, &bytes, &options.limits)?))
 }
@@ -254,8 +357,29 @@ mod tests {
             ("-clamp on my wall.jpg", "my wall.jpg"),
             ("-s 1 1 1 -o 0 0 wall.jpg", "wall.jpg"),
             ("-bm 0.5 -blendu off a/b.png", "a/b.png"),
+            ("-s 2 \"a b.png\"", "a b.png"),
         ] {
-            assert_eq!(without_options(text), name, "{text}");
+            assert_eq!(laid(text).name, name, "{text}");
+        }
+        let moved = laid("-clamp on -s 2 3 1 -o 0.5 a.png");
+        assert_eq!(
+            (moved.scale, moved.offset, moved.wrap),
+            (Some(Vec2::new(2.0, 3.0)), Vec2::new(0.5, 0.0), Wrap::Clamp)
+        );
+        assert_eq!(moved.place(Vec2::new(0.25, 1.0)), Vec2::new(1.0, 1.0));
+    }
+
+    #[test]
+    fn a_line_may_name_several_libraries_and_quote_them() {
+        for (text, names) in [
+            ("a.mtl", &["a.mtl"][..]),
+            ("a.mtl b.MTL", &["a.mtl", "b.MTL"]),
+            ("my scene.mtl other one.mtl", &["my scene.mtl", "other one.mtl"]),
+            ("\"q mtl.mtl\" b.mtl", &["q mtl.mtl", "b.mtl"]),
+            ("plain name", &["plain name"]),
+            ("", &[]),
+        ] {
+            assert_eq!(library_names(text), names, "{text}");
         }
     }
 }

@@ -5,9 +5,9 @@
 //! it were convex, and does not name the faulty line. Our tests compare with it, and one of them fails when
 //! its colours are fixed.
 
-use crate::faces::{Clamped, Faces};
+use crate::faces::{Clamped, Faces, PlacedCorners};
 use crate::finish::{FarPositions, finish};
-use crate::lines::{self, Lines, clip, number, push_float, push_integer, write_blocks};
+use crate::lines::{self, Lines, as_utf8, clip, number, push_float, push_integer, write_blocks};
 use crate::mtl::Materials;
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
@@ -26,13 +26,16 @@ pub use crate::mtl::named_files;
 /// Errors: `Malformed` with the line for broken numbers, corners without a vertex, and faces of fewer than
 /// three corners.
 pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
+    let source = as_utf8(&source, &options.limits)?;
     let path = &source.path;
     let mut lines = Lines::new(&source)?;
     let mut draft = ObjDraft::default();
     while lines.advance()? {
         draft.take_line(&lines).map_err(|reason| lines.error(reason))?;
         options.limits.triangles(path.display(), draft.faces.triangles() as u64)?;
-        options.limits.vertices(path.display(), draft.positions.len().max(draft.places.len()) as u64)?;
+        options
+            .limits
+            .vertices(path.display(), draft.positions.len().max(draft.corners_placed.places.len()) as u64)?;
     }
     if draft.faces.len() == 0 {
         return Err(Error::malformed(path, "the file", "has no faces: there are no triangles in it"));
@@ -62,12 +65,7 @@ struct ObjDraft {
     /// The largest vertex number (from 1) used before its vertex was read, and its line.
     ahead: Option<(u64, i64)>,
     comments: Vec<String>,
-    /// Texture coordinates, from the lower left corner.
-    places: Vec<Vec2>,
-    /// Vertex and texture-coordinate indices of all corners; empty until the first face with the latter.
-    placed: Vec<(u32, u32)>,
-    /// End of each face's corners in that list. `[F]`
-    placed_until: Vec<usize>,
+    corners_placed: PlacedCorners,
     materials: Materials,
 }
 
@@ -126,7 +124,7 @@ impl ObjDraft {
         mut words: impl Iterator<Item = &'w str>,
     ) -> std::result::Result<(), String> {
         let mut next = || words.next().map_or(Ok(0.0), number::<f32>);
-        self.places.push(Vec2::new(next()?, next()?));
+        self.corners_placed.places.push(Vec2::new(next()?, next()?));
         Ok(())
     }
 
@@ -137,48 +135,24 @@ impl ObjDraft {
     ) -> std::result::Result<(), String> {
         let in_face = |face: usize, reason: String| format!("face {face} {reason}");
         self.corners.clear();
-        let before = self.placed.len();
         for word in words {
             let corner = self.corner(word, line).map_err(|reason| in_face(self.faces.len(), reason))?;
             self.corners.push(corner);
             if let Some(place) = self.place(word) {
-                // Earlier faces have none.
-                self.placed_until.resize(self.faces.len(), before);
-                self.placed.push((corner, place));
+                self.corners_placed.push(self.faces.len(), corner, place);
             }
         }
         self.faces.push(&self.corners).map_err(|reason| in_face(self.faces.len(), reason))?;
         self.materials.add_face();
-        if !self.placed.is_empty() {
-            self.placed_until.push(self.placed.len());
-        }
+        self.corners_placed.end_face();
         Ok(())
     }
 
     /// Number of the texture coordinates, from 0, of `5/1`, `5/1/1` or `5/-1`.
     fn place(&self, corner: &str) -> Option<u32> {
         let place = corner.split('/').nth(1).filter(|text| !text.is_empty())?.parse::<i64>().ok()?;
-        let from_one = if place < 0 { self.places.len() as i64 + 1 + place } else { place };
+        let from_one = if place < 0 { self.corners_placed.places.len() as i64 + 1 + place } else { place };
         Some(u32::try_from(from_one - 1).unwrap_or(NOWHERE))
-    }
-
-    /// Texture coordinates of the corners of triangles, from the upper left corner; not finite where a corner
-    /// has none. Empty when no corner has any. `[T]`
-    fn places_of(&self, triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<[Vec2; 3]> {
-        if self.placed.is_empty() {
-            return Vec::new();
-        }
-        let of = |(triangle, face): (&[u32; 3], &u32)| {
-            let face = *face as usize;
-            let first = if face == 0 { 0 } else { self.placed_until[face - 1] };
-            let corners = &self.placed[first..self.placed_until[face]];
-            triangle.map(|vertex| {
-                let place = corners.iter().find(|corner| corner.0 == vertex).map(|corner| corner.1);
-                let place = place.and_then(|place| self.places.get(place as usize));
-                place.map_or(Vec2::NAN, |place| Vec2::new(place.x, 1.0 - place.y))
-            })
-        };
-        triangles.iter().zip(face_of).map(of).collect()
     }
 
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
@@ -209,20 +183,18 @@ impl ObjDraft {
         let count = faces.len();
         let triangles = faces.triangulate(&positions);
         let mut mesh = Mesh { positions, ..Mesh::default() };
-        let painted = self.colors.is_empty() && !self.materials.of_face.is_empty();
+        // Beside colours of vertices only pictures count.
+        let painted = !self.materials.of_face.is_empty()
+            && (self.colors.is_empty() || !self.corners_placed.places.is_empty());
         let mut places = Vec::new();
         if painted {
             let face_of = triangles.repeat((0..count as u32).collect());
-            places = self.places_of(triangles.indices.as_chunks::<3>().0, &face_of);
+            places = self.corners_placed.of(triangles.indices.as_chunks::<3>().0, &face_of);
             self.materials.of_face = triangles.repeat(std::mem::take(&mut self.materials.of_face));
         }
         mesh.indices = triangles.into_indices(mesh.positions.len());
-        if self.colors.is_empty() {
-            if !(painted && self.materials.apply(&mut mesh, &places, path, options, warnings)) {
-                warnings.push("the file has no colours: every triangle is white".into());
-                mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
-            }
-        } else {
+        let is_colored = !self.colors.is_empty();
+        if is_colored {
             if self.uncolored > 0 {
                 let vertices = match self.uncolored {
                     1 => "1 vertex without a colour is".to_owned(),
@@ -237,6 +209,11 @@ impl ObjDraft {
             }
             clamped.report(path, warnings)?;
             mesh.colors = Colors::Vertex(colors);
+        }
+        let painted = painted && self.materials.apply(&mut mesh, &places, path, options, warnings);
+        if !painted && !is_colored {
+            warnings.push("the file has no colours: every triangle is white".into());
+            mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
         }
         Ok((mesh, origin))
     }

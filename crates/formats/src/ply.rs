@@ -46,7 +46,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         }
         Scene::Soup(soup)
     } else {
-        Scene::Mesh(mesh::read(&vertices, &faces, origin, &options.limits, &mut warnings)?)
+        Scene::Mesh(mesh::read(&vertices, &faces, origin, &header.comments, options, &mut warnings)?)
     };
     let loaded = ImportedScene { scene, provenance, warnings, cameras };
     finish(path, loaded, origin)

@@ -33,4 +33,4 @@ pub use rng::Rng;
 pub use scene::{ImportedScene, Scene};
 pub use soup::{SH_C0, Soup, rgb_from_sh0, sh0_from_rgb};
 pub use splats::{ImportedSplats, ScreenFilter, Splats};
-pub use texture::{FaceTexture, StoredPicture, Texture};
+pub use texture::{FaceTexture, StoredPicture, Texture, packed};

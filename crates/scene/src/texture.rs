@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 mod excerpt;
 
+pub use excerpt::packed;
+
 // ---- Where the faces of a mesh are on its pictures ---------------------------------------------------
 
 /// The pictures of a mesh, its pages, and the places of its faces on them.

@@ -1,14 +1,16 @@
 //! Accessors: typed elements in views of buffers, with every number checked before use.
 
 use super::buffers::Buffers;
-use super::document::{Accessor, BufferView, Document, Image, TextureInfo, component_type, entry};
+use super::document::{Accessor, Attributes, BufferView, Document, Image, component_type, entry};
+use super::material::{Sampler, TextureInfo};
 use super::meshopt::{self, CompressedView};
-use crate::faces::{self, PaintedFaces};
+use crate::atlas::{self, PaintedFaces};
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 use std::sync::Arc;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Limits, Result, Texture};
@@ -38,7 +40,7 @@ impl ElementLayout {
         self.width * size(self.component)
     }
 
-    /// Whether these are floats or integers that stand for 0 to 1, as colours and texture coordinates are.
+    /// Whether these are floats or integers that stand for 0 to 1, as colours are.
     pub(crate) fn is_unit(&self) -> bool {
         matches!(
             (self.component, self.normalized),
@@ -334,40 +336,38 @@ fn number(layout: &ElementLayout, cell: &[u8]) -> f64 {
 /// The warning about a texture that cannot be read.
 pub(crate) const UNREAD: &str = "a texture is not read, its triangles have the base colour of their material";
 
-/// Image index and texture coordinates, or why they cannot be read.
-type Coordinates = std::result::Result<(usize, Vec<[Vec2; 3]>), String>;
-
-/// Image index and texture coordinates of `faces` faces, or why they cannot be read. `corner` maps a corner to
-/// its vertex in the primitive.
-pub(crate) fn texture_coordinates(
+/// The faces of a primitive on a picture, or why there is none. `corner` maps a corner to its vertex in the primitive; the faces are those of
+/// the merged mesh.
+pub(crate) fn painted_faces(
     document: &Document,
     accessors: &mut Accessors,
-    (info, coordinates): (&TextureInfo, Option<usize>),
-    faces: usize,
+    (info, attributes): (&TextureInfo, &Attributes),
+    faces: Range<usize>,
     corner: impl Fn(usize) -> usize,
-) -> Result<Coordinates> {
-    let image = document.textures.get(info.index).and_then(|texture| texture.source);
-    let (Some(image), Some(coordinates)) = (image, coordinates) else {
-        return Ok(Err(format!(
-            "texture {} has no PNG or JPEG picture (KTX2 is not read), or no TEXCOORD_0",
-            info.index
-        )));
+) -> Result<std::result::Result<PaintedFaces, String>> {
+    let index = info.index;
+    let Some(texture) = document.textures.get(index) else {
+        return Ok(Err(format!("texture {index} does not exist")));
     };
-    if info.tex_coord != 0 || !info.extensions.is_empty() {
-        return Ok(Err(format!("texture {} is transformed, or laid by other coordinates", info.index)));
-    }
+    let image = match texture.picture() {
+        Ok(image) => image,
+        Err(why) => return Ok(Err(format!("texture {index} has {why}"))),
+    };
+    let Some(coordinates) = attributes.tex_coord(info.set()) else {
+        return Ok(Err(format!("texture {index} is laid by TEXCOORD_{}, which is not there", info.set())));
+    };
     let layout = accessors.layout(coordinates)?;
-    if !layout.is_unit() || layout.width != 2 {
+    if layout.component == ComponentType::U32 || layout.width != 2 {
         return Ok(Err(format!("accessor {coordinates} holds no texture coordinates")));
     }
-    accessors.buffers.spend(8 * layout.count + 24 * faces as u64)?;
+    accessors.buffers.spend(8 * layout.count + 24 * faces.len() as u64)?;
     let mut at = vec![Vec2::ZERO; layout.count as usize];
-    accessors.for_each(coordinates, 0.0, |i, uv: [f64; 2]| at[i] = Vec2::from(uv.map(|x| x as f32)))?;
-    let corner = |number: usize| at.get(corner(number)).copied().filter(|uv| uv.is_finite());
-    let face = |face: usize| Some([corner(3 * face)?, corner(3 * face + 1)?, corner(3 * face + 2)?]);
-    let uvs: Option<Vec<[Vec2; 3]>> = (0..faces).map(face).collect();
-    let lacks = || format!("accessor {coordinates} lacks coordinates, or has some that are not finite");
-    Ok(uvs.map(|uvs| (image, uvs)).ok_or_else(lacks))
+    accessors.for_each(coordinates, 0.0, |i, uv| at[i] = Vec2::from(info.place(uv).map(|x| x as f32)))?;
+    let corner = |number: usize| at.get(corner(number)).copied().unwrap_or(Vec2::NAN);
+    let uvs = (0..faces.len()).map(|face| [0, 1, 2].map(|k| corner(3 * face + k))).collect();
+    let sampler = texture.sampler.and_then(|sampler| document.samplers.get(sampler));
+    let wrap = sampler.map(Sampler::wrap).unwrap_or_default();
+    Ok(Ok(PaintedFaces { image, faces, uvs, wrap }))
 }
 
 /// Paints the whole mesh, whose faces are in the order of `painted`. Returns notes for the user.
@@ -385,7 +385,7 @@ pub(crate) fn paint(
             read.map_err(|e| warnings.push(format!("{UNREAD}: {e}"))).ok()
         });
     }
-    warnings.extend(faces::paint(mesh, painted, &textures));
+    warnings.extend(atlas::paint(mesh, painted, &textures));
     warnings
 }
 

@@ -66,6 +66,11 @@ impl<'a> Buffers<'a> {
         entry(&self.path, "buffer", self.declared, buffer).map(|buffer| buffer.byte_length.0)
     }
 
+    /// Permits everything to be unpacked `times` times: a mesh is read anew for each of its copies.
+    pub(crate) fn repeat(&mut self, times: u64) {
+        self.budget = self.budget.saturating_mul(times);
+    }
+
     /// Subtracts `bytes` from the limit of unpacked bytes.
     pub(crate) fn spend(&mut self, bytes: u64) -> Result<()> {
         match self.budget.checked_sub(bytes) {

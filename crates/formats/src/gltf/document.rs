@@ -12,17 +12,15 @@
 //!
 //! The crate `gltf` reads through these types, so it loses the same.
 
+use super::material::{Material, Sampler, Texture, lenient};
 use super::meshopt::{CompressedView, MESHOPT, MESHOPT_KHR};
 use crate::finish::is_far;
 use crate::format;
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use gltf_json::accessor::{self, ComponentType};
-use gltf_json::material::AlphaMode;
 use gltf_json::mesh;
-use gltf_json::validation::Checked;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, Error as _, IgnoredAny, SeqAccess, Visitor};
-use serde_json::Value;
 use serde_json::value::RawValue;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -54,6 +52,8 @@ pub(crate) struct Document {
     #[serde(default, deserialize_with = "limited")]
     pub(crate) textures: Vec<Texture>,
     #[serde(default, deserialize_with = "limited")]
+    pub(crate) samplers: Vec<Sampler>,
+    #[serde(default, deserialize_with = "limited")]
     pub(crate) images: Vec<Image>,
     #[serde(default, deserialize_with = "limited")]
     pub(crate) buffer_views: Vec<BufferView>,
@@ -83,7 +83,20 @@ pub(crate) struct Node {
     pub(crate) rotation: Option<[f32; 4]>,
     pub(crate) scale: Option<[f32; 3]>,
     #[serde(default)]
-    pub(crate) extensions: Names,
+    pub(crate) extensions: NodeExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(crate) struct NodeExtensions {
+    #[serde(default, rename = "EXT_mesh_gpu_instancing", deserialize_with = "lenient")]
+    pub(crate) instancing: Option<Instancing>,
+}
+
+/// Accessors with a number for each copy of a node's mesh.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Instancing {
+    #[serde(default)]
+    pub(crate) attributes: BTreeMap<String, usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -114,43 +127,20 @@ pub(crate) struct Attributes {
     #[serde(rename = "COLOR_0")]
     pub(crate) color: Option<usize>,
     #[serde(rename = "TEXCOORD_0")]
-    pub(crate) tex_coord: Option<usize>,
+    tex_coord: Option<usize>,
+    #[serde(rename = "TEXCOORD_1")]
+    tex_coord_1: Option<usize>,
+    #[serde(rename = "TEXCOORD_2")]
+    tex_coord_2: Option<usize>,
+    #[serde(rename = "TEXCOORD_3")]
+    tex_coord_3: Option<usize>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct Material {
-    pub(crate) name: Option<String>,
-    pub(crate) alpha_mode: Option<Checked<AlphaMode>>,
-    pub(crate) alpha_cutoff: Option<f32>,
-    #[serde(default)]
-    pub(crate) pbr_metallic_roughness: BaseColor,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct BaseColor {
-    pub(crate) base_color_factor: Option<[f32; 4]>,
-    #[serde(default, deserialize_with = "lenient")]
-    pub(crate) base_color_texture: Option<TextureInfo>,
-}
-
-/// The texture, and its set of coordinates.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(crate) struct TextureInfo {
-    pub(crate) index: usize,
-    #[serde(default)]
-    pub(crate) tex_coord: usize,
-    #[serde(default)]
-    pub(crate) extensions: Names,
-}
-
-#[derive(Debug, Deserialize)]
-pub(crate) struct Texture {
-    /// Number of its PNG or JPEG picture.
-    #[serde(default, deserialize_with = "lenient")]
-    pub(crate) source: Option<usize>,
+impl Attributes {
+    /// The accessor of a set of texture coordinates.
+    pub(crate) fn tex_coord(&self, set: usize) -> Option<usize> {
+        *[self.tex_coord, self.tex_coord_1, self.tex_coord_2, self.tex_coord_3].get(set)?
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -227,13 +217,6 @@ impl<'de> Deserialize<'de> for ViewExtensions {
         let parsed = meshopt.map(|text| serde_json::from_str(text.get())).transpose();
         Ok(Self { meshopt: parsed.map_err(D::Error::custom)?.flatten() })
     }
-}
-
-/// A field whose faults are ignored, so that they do not hide a good mesh.
-fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
-    deserializer: D,
-) -> std::result::Result<Option<T>, D::Error> {
-    Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
 }
 
 /// The default mode of a primitive.
@@ -430,11 +413,11 @@ pub(crate) const UNLIT: &str = "KHR_materials_unlit";
 pub(crate) const QUANTIZATION: &str = "KHR_mesh_quantization";
 /// Compressed primitives, which are not read.
 pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
-/// Many copies of a node's mesh, which are not read.
+/// Many copies of a node's mesh.
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that a file may require: those that are read, and those that only change the look of a surface.
-const READABLE: [&str; 10] = [
+const READABLE: [&str; 11] = [
     format::GLTF_EXTENSION,
     QUANTIZATION,
     MESHOPT,
@@ -442,6 +425,7 @@ const READABLE: [&str; 10] = [
     "KHR_texture_transform",
     // Its pictures are named in a warning.
     "KHR_texture_basisu",
+    INSTANCING,
     "EXT_texture_webp",
     "EXT_texture_avif",
     "KHR_lights_punctual",

@@ -1,20 +1,16 @@
 //! Merges the primitives of all meshes into one mesh.
 
 use super::accessor::{self, Accessors};
-use super::document::{DRACO, Document, Material, MeshInstance, Primitive};
-use crate::faces::PaintedFaces;
+use super::document::{DRACO, Document, MeshInstance, Primitive};
+use super::material::Material;
+use crate::atlas::PaintedFaces;
 use crate::finish::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
-use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
-use gltf_json::validation::Checked;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Limits, Result, parallel};
-
-/// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
-const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
 
 /// A mesh that grows by one primitive at a time.
 pub(crate) struct MergedMesh<'a> {
@@ -263,9 +259,12 @@ impl<'a> MergedMesh<'a> {
     ) -> Result<()> {
         let default = Material::default();
         let material = self.material(primitive, place)?.unwrap_or(&default);
-        let [factor @ .., alpha] = material.pbr_metallic_roughness.base_color_factor.unwrap_or([1.0; 4]);
+        let (([factor @ .., alpha], picture), more) = material.paint();
+        if more {
+            self.warn("light that materials emit is not added to their base colour");
+        }
         let Some(accessor) = primitive.attributes.color else {
-            if material.pbr_metallic_roughness.base_color_texture.is_none() {
+            if picture.is_none() {
                 self.warn("a primitive has no COLOR_0: it gets the base colour of its material");
             }
             self.push_colors(vec![[1.0; 3]; count], part, false, factor);
@@ -299,8 +298,12 @@ impl<'a> MergedMesh<'a> {
         mirrored: bool,
     ) -> Result<()> {
         let Some(material) = self.material(primitive, place)? else { return Ok(()) };
-        let of_material = &material.pbr_metallic_roughness;
-        let Some(info) = &of_material.base_color_texture else { return Ok(()) };
+        let ((_, Some(info)), _) = material.paint() else { return Ok(()) };
+        if !material.is_opaque() {
+            self.warn(format!(
+                "{place}: the alpha of its picture is not read: its triangles are drawn whole"
+            ));
+        }
         // Places of a list were reversed with its faces.
         let turned = mirrored && part.indices.is_none();
         let corner = |corner: usize| match &part.indices {
@@ -308,12 +311,11 @@ impl<'a> MergedMesh<'a> {
             None if turned => 3 * (corner / 3) + [0, 2, 1][corner % 3],
             None => corner,
         };
-        let white = of_material.base_color_factor.is_none_or(|factor| factor[..3] == [1.0; 3]);
-        let plain = white && primitive.attributes.color.is_none();
-        let (faces, laid) = (self.faces..self.faces + part.faces, (info, primitive.attributes.tex_coord));
-        match accessor::texture_coordinates(self.document, &mut self.accessors, laid, faces.len(), corner)? {
-            Ok((image, uvs)) => self.painted.push(PaintedFaces { image, faces, uvs, plain }),
-            Err(why) => self.warn(format!("{}: {why}", accessor::UNREAD)),
+        let faces = self.faces..self.faces + part.faces;
+        let laid = (info, &primitive.attributes);
+        match accessor::painted_faces(self.document, &mut self.accessors, laid, faces, corner)? {
+            Ok(painted) => self.painted.push(painted),
+            Err(why) => self.warn(format!("{}: {place}: {why}", accessor::UNREAD)),
         }
         Ok(())
     }
@@ -383,12 +385,11 @@ impl<'a> MergedMesh<'a> {
         if material.is_opaque() {
             return;
         }
-        let cutoff = material.alpha_cutoff.unwrap_or(AlphaCutoff::default().0);
-        let is_mask = material.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
+        let cutoff = material.cutoff();
         self.opacity.resize(self.faces, 1.0);
         self.opacity.extend((0..part.faces).map(|face| {
             let alpha = unit(alpha(face));
-            if is_mask { f32::from(alpha >= cutoff) } else { alpha }
+            cutoff.map_or(alpha, |cutoff| f32::from(alpha >= cutoff))
         }));
     }
 
@@ -446,19 +447,6 @@ impl<'a> MergedMesh<'a> {
             accessor::paint(self.painted, &mut mesh, self.document, &mut self.accessors, &self.limits);
         self.warnings.extend(painted);
         Ok((mesh, self.warnings))
-    }
-}
-
-impl Material {
-    /// True when alpha is ignored.
-    fn is_opaque(&self) -> bool {
-        !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
-    }
-
-    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.
-    fn is_srgb(&self) -> bool {
-        let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
-        SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
     }
 }
 

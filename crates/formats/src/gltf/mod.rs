@@ -5,7 +5,7 @@
 //! ```text
 //! written: Asset ──► part (one mesh and node per chunk: bounds, grid, streams) ──► encode (the buffer) ──► compose (the JSON)
 //!                                                                                     └──► write ◄──────────┘
-//! read:    container ──► document (and which mesh is where)
+//! read:    container ──► document, material (and which mesh is where)
 //!              │                        │
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
 //! ```
@@ -22,6 +22,7 @@ mod compose;
 mod container;
 mod document;
 mod encode;
+mod material;
 mod merge;
 mod meshopt;
 mod options;

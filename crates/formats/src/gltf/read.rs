@@ -11,6 +11,7 @@ use super::merge::MergedMesh;
 use super::{compose, part};
 use crate::finish::finish;
 use crate::{ReadOptions, Source, format};
+use glam::{DMat4, DQuat, DVec3, DVec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -32,17 +33,24 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let document: Document = document::parse(&path, &container.json, limits)
         .and_then(|document| check_support(&path, &document).map(|()| document))
         .map_err(|error| crate::foreign_json(&path, &container.json).unwrap_or(error))?;
-    let mut instances = instances(&path, &document, limits)?;
+    let instances = instances(&path, &document, limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);
+    let mut accessors = Accessors::new(&document, buffers);
+    let mut instances = with_copies(&document, &mut accessors, instances, limits)?;
     let srgb = compose::has_srgb_colors(&document.asset);
-    let mut merged = MergedMesh::new(&document, Accessors::new(&document, buffers), srgb, *limits);
+    let mut merged = MergedMesh::new(&document, accessors, srgb, *limits);
+    let unread = |name: &&String| !is_readable(name);
+    let unread: Vec<&str> = document.extensions_used.iter().filter(unread).map(String::as_str).collect();
+    if !unread.is_empty() {
+        merged.warn(format!("extensions are not read: {}", unread.join(", ")));
+    }
     for node in &document.nodes {
         if node.skin.is_some() {
             merged.warn("skins are not applied");
         }
-        if node.extensions.contains_key(INSTANCING) {
-            merged.warn(format!("{INSTANCING} is not read: its meshes are drawn once"));
+        if node.extensions.instancing.as_ref().is_some_and(|copies| copies.attributes.is_empty()) {
+            merged.warn(format!("{INSTANCING} without attributes: the mesh is drawn once"));
         }
     }
     let origin = merged.reserve(&instances)?;
@@ -65,6 +73,58 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
     let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&path, loaded, origin)
+}
+
+/// The instances, each as often as its node copies it.
+fn with_copies(
+    document: &Document,
+    accessors: &mut Accessors,
+    instances: Vec<MeshInstance>,
+    limits: &Limits,
+) -> Result<Vec<MeshInstance>> {
+    let (before, mut all) = (instances.len(), Vec::with_capacity(instances.len()));
+    for instance in instances {
+        let copies = document.nodes[instance.node].extensions.instancing.as_ref();
+        let Some(copies) = copies.map(|copies| &copies.attributes).filter(|copies| !copies.is_empty()) else {
+            all.push(instance);
+            continue;
+        };
+        let place = format!("node {}: {INSTANCING}", instance.node);
+        let counts = copies.values().map(|accessor| Ok(accessors.layout(*accessor)?.count));
+        let counts = counts.collect::<Result<Vec<u64>>>()?;
+        if counts.iter().any(|count| *count != counts[0]) {
+            let path = accessors.buffers.path();
+            return Err(Error::malformed(
+                path,
+                place,
+                format!("has attributes of unequal length: {counts:?}"),
+            ));
+        }
+        limits.triangles(format_args!("{}: {place}", accessors.buffers.path().display()), counts[0])?;
+        accessors.buffers.spend(counts[0].saturating_mul(size_of::<MeshInstance>() as u64 + 80))?;
+        let mut own = vec![(DVec3::ONE, DQuat::IDENTITY, DVec3::ZERO); counts[0] as usize];
+        for (name, accessor) in copies {
+            match name.as_str() {
+                "SCALE" => accessors.for_each(*accessor, 0.0, |i, scale| own[i].0 = DVec3::from(scale))?,
+                "ROTATION" => accessors.for_each(*accessor, 0.0, |i, turn: [f64; 4]| {
+                    own[i].1 = DVec4::from(turn).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
+                })?,
+                "TRANSLATION" => accessors.for_each(*accessor, 0.0, |i, at| own[i].2 = DVec3::from(at))?,
+                _ => {}
+            }
+        }
+        let node = instance.transform.unwrap_or(DMat4::IDENTITY);
+        all.extend(own.into_iter().map(|(scale, turn, at)| {
+            let copy = DMat4::from_scale_rotation_translation(scale, turn, at);
+            MeshInstance { transform: Some(node * copy), ..instance }
+        }));
+    }
+    if let Some(odd) = all.iter().find(|one| one.transform.is_some_and(|transform| !transform.is_finite())) {
+        let place = format!("node {}", odd.node);
+        return Err(Error::malformed(accessors.buffers.path(), place, "has a transform that is not finite"));
+    }
+    accessors.buffers.repeat(1 + (all.len().saturating_sub(before)) as u64);
+    Ok(all)
 }
 
 pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {

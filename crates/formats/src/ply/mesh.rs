@@ -2,29 +2,37 @@
 
 use super::header::{Column, Scalar};
 use super::table::{self, Table};
-use crate::faces::Clamped;
+use crate::ReadOptions;
+use crate::atlas::{PaintedFaces, paint};
+use crate::faces::{Clamped, Triangles};
 use crate::lines::{to_comment, write_blocks};
-use glam::{DVec3, Vec3};
+use crate::mtl::{OVER_COLORS, has_colors, picture};
+use glam::{DVec3, Vec2, Vec3};
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::slice::ChunksExact;
+use std::sync::Arc;
 use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb8_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Asset, Error, Limits, Result};
+use trisplat_scene::{Asset, Error, Result, Texture};
 
-/// The mesh, relative to `origin`; guesses and repairs are added to `warnings`.
+/// The mesh, relative to `origin`, with the pictures that `comments` name; guesses and repairs are added to `warnings`.
 pub(super) fn read(
     vertices: &Table,
     faces: &Table,
     origin: DVec3,
-    limits: &Limits,
+    comments: &[String],
+    options: &ReadOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Mesh> {
+    let limits = &options.limits;
     let channels = (Channels::of(vertices)?, Channels::of(faces)?);
     let read = faces.faces(vertices.rows, limits)?;
     let mut positions = limits.zeroed::<Vec3>(vertices.path.display(), vertices.rows)?;
     vertices.read_positions(origin, &mut positions)?;
     let triangles = read.triangulate(&positions);
+    let painted = pictures(vertices, faces, &triangles, comments, options, warnings)?;
     let mut mesh = Mesh { positions, ..Mesh::default() };
     match channels {
         (Some(of_vertices), of_faces) => {
@@ -35,8 +43,8 @@ pub(super) fn read(
             mesh.colors = Colors::Vertex(colors);
             mesh.indices = triangles.into_indices(mesh.positions.len());
             if !alpha.is_empty() {
-                let least = |face| least(mesh.face(face).map(|v| alpha[v as usize]));
-                mesh.opacity = parallel::collect(mesh.face_count(), GRAIN, least);
+                let most = |face| most(mesh.face(face).map(|v| alpha[v as usize]));
+                mesh.opacity = parallel::collect(mesh.face_count(), GRAIN, most);
             }
         }
         (None, Some(of_faces)) => {
@@ -46,17 +54,89 @@ pub(super) fn read(
             mesh.indices = triangles.into_indices(mesh.positions.len());
         }
         (None, None) => {
-            warnings.push("the file has no colours: every triangle is white".into());
             mesh.indices = triangles.into_indices(mesh.positions.len());
             mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+            if painted.is_none() {
+                warnings.push("the file has no colours: every triangle is white".into());
+            }
         }
+    }
+    if let Some((parts, textures)) = painted {
+        warnings.extend(has_colors(&mesh).then(|| OVER_COLORS.to_owned()));
+        mesh.colors = Colors::Face(vec![[1.0; 3]; mesh.face_count()]);
+        warnings.extend(paint(&mut mesh, parts, &textures));
     }
     Ok(mesh)
 }
 
-/// The smallest of three; NaN when one is NaN.
-fn least(alpha: [f32; 3]) -> f32 {
-    if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].min(alpha[1]).min(alpha[2]) }
+/// The largest of three; NaN when one is NaN. Scanners leave corners without alpha on faces that are whole.
+fn most(alpha: [f32; 3]) -> f32 {
+    if alpha.iter().any(|a| a.is_nan()) { f32::NAN } else { alpha[0].max(alpha[1]).max(alpha[2]) }
+}
+
+type Textures = BTreeMap<usize, Option<Arc<Texture>>>;
+
+/// The faces on the pictures of `comment TextureFile`, and those that could be read; none without any.
+fn pictures(
+    vertices: &Table,
+    faces: &Table,
+    triangles: &Triangles,
+    comments: &[String],
+    options: &ReadOptions,
+    warnings: &mut Vec<String>,
+) -> Result<Option<(Vec<PaintedFaces>, Textures)>> {
+    let named = |comment: &String| {
+        let (key, name) = comment.split_once(char::is_whitespace)?;
+        key.eq_ignore_ascii_case("TextureFile").then(|| name.trim().to_owned())
+    };
+    let names: Vec<String> = comments.iter().filter_map(named).collect();
+    if names.is_empty() {
+        return Ok(None);
+    }
+    let face_of = triangles.repeat((0..faces.rows as u32).collect());
+    let corners = triangles.indices.as_chunks::<3>().0;
+    let mut uvs = faces.placed_corners(vertices.rows, &options.limits)?.of(corners, &face_of);
+    let columns = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texcoord_u", "texcoord_v"]];
+    let columns = columns.into_iter().find_map(|[u, v]| vertices.find(u).zip(vertices.find(v)));
+    if let (true, Some((u, v))) = (uvs.is_empty(), columns) {
+        let mut places = Vec::with_capacity(vertices.rows);
+        vertices.each_row(|_, row| {
+            places.push(Vec2::new(u.f32(row), 1.0 - v.f32(row)));
+            Ok(())
+        })?;
+        uvs = corners.iter().map(|corners| corners.map(|vertex| places[vertex as usize])).collect();
+    }
+    if uvs.is_empty() {
+        let lost = format!(
+            "{} is not read: the file has no texture coordinates (s t, u v or texcoord)",
+            names.join(", ")
+        );
+        warnings.push(lost);
+        return Ok(None);
+    }
+    let mut numbers = Vec::new();
+    if let Some(number) = faces.find("texnumber").filter(|_| names.len() > 1) {
+        faces.each_row(|_, row| {
+            numbers.push(number.int(row));
+            Ok(())
+        })?;
+    }
+    let number =
+        |face: &u32| numbers.get(*face as usize).map_or(0, |number| usize::try_from(*number).unwrap_or(0));
+    let (mut parts, mut end) = (Vec::new(), 0);
+    for run in face_of.chunk_by(|a, b| number(a) == number(b)) {
+        let on = end..end + run.len();
+        end = on.end;
+        let uvs = uvs[on.clone()].to_vec();
+        parts.push(PaintedFaces { image: number(&run[0]), faces: on, uvs, wrap: Default::default() });
+    }
+    let read = |(number, name): (usize, &String)| {
+        let read = picture(vertices.path, name, options);
+        let unread = |e| warnings.push(format!("a texture is not read, its triangles are white: {e}"));
+        (number, read.map_err(unread).ok())
+    };
+    let textures: Textures = names.iter().enumerate().map(read).collect();
+    Ok(textures.values().any(Option::is_some).then_some((parts, textures)))
 }
 
 /// The places of red, green, blue and perhaps alpha in a row.
@@ -93,8 +173,11 @@ impl Channels {
         let mut clamped = Clamped::default();
         blocks.into_iter().for_each(|block| clamped.merge(block));
         clamped.report(table.path, warnings)?;
-        if alpha.iter().all(|a| *a == 1.0) {
-            alpha = Vec::new();
+        if alpha.iter().all(|a| *a == 0.0) && table.rows > 0 && self.alpha.is_some() {
+            warnings.push("alpha is 0 everywhere, which is no opacity: it is not read".to_owned());
+            alpha.clear();
+        } else if alpha.iter().all(|a| *a == 1.0) {
+            alpha.clear();
         }
         Ok((colors, alpha))
     }

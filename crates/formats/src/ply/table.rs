@@ -7,10 +7,10 @@
 use super::header::{Column, Element, Encoding, Header, PropertyType, Scalar};
 use super::transcode::{self, Wanted};
 use crate::Source;
-use crate::faces::{Faces, not_a_triangle};
+use crate::faces::{Faces, PlacedCorners, not_a_triangle};
 use crate::finish::{origin_of, sampled};
 use crate::lines::write_blocks;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::Path;
@@ -35,6 +35,8 @@ pub struct Table<'a> {
     body: Body<'a>,
     /// The faces with more than three corners, in order; their rows hold the first three.
     polygons: Vec<(usize, Vec<i64>)>,
+    /// The numbers of all lists of texture coordinates, and where each row's end.
+    places: (Vec<f32>, Vec<usize>),
 }
 
 /// Where the rows are.
@@ -107,6 +109,7 @@ impl<'a> Table<'a> {
             corners: None,
             body: Body::File(&source.file, at),
             polygons: Vec::new(),
+            places: Default::default(),
         };
         for property in &element.properties {
             match property.kind {
@@ -127,6 +130,7 @@ impl<'a> Table<'a> {
         }
         let out = transcode::rows(source, encoding, element, at, wanted)?;
         (table.body, table.polygons) = (Body::Memory(out.bytes), out.polygons);
+        table.places = (out.places, out.places_until);
         Ok((table, out.end))
     }
 
@@ -323,6 +327,29 @@ impl<'a> Table<'a> {
                 Err(self.error(face, reason))
             }
         }
+    }
+
+    /// The texture coordinates that faces list for their corners, which are below `vertices`.
+    pub(super) fn placed_corners(&self, vertices: usize, limits: &Limits) -> Result<PlacedCorners> {
+        let ((numbers, until), mut placed) = (&self.places, PlacedCorners::default());
+        if until.is_empty() {
+            return Ok(placed);
+        }
+        let (indices, mut first) = (self.triangles(vertices, limits)?, 0);
+        let mut polygons = self.polygons.iter().peekable();
+        for ((face, triangle), end) in indices.chunks_exact(3).enumerate().zip(until) {
+            let corners = match polygons.next_if(|(polygon, _)| *polygon == face) {
+                Some((_, listed)) => listed.iter().map(|corner| *corner as u32).collect(),
+                None => triangle.to_vec(),
+            };
+            for (vertex, place) in corners.into_iter().zip(numbers[first..*end].as_chunks::<2>().0) {
+                placed.push(face, vertex, placed.places.len() as u32);
+                placed.places.push(Vec2::from(*place));
+            }
+            placed.end_face();
+            first = *end;
+        }
+        Ok(placed)
     }
 
     /// All faces, their corners below `vertices`.

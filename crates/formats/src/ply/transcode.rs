@@ -4,7 +4,7 @@
 
 use super::header::{Column, Element, Encoding, PropertyType, Scalar};
 use crate::Source;
-use crate::faces::{check_corners, not_a_triangle};
+use crate::faces::{MAX_CORNERS, check_corners, not_a_triangle};
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use trisplat_scene::{Error, Result};
 
@@ -26,6 +26,10 @@ pub(super) struct Transcoded {
     pub(super) bytes: Vec<u8>,
     /// The faces with more than three corners, with all of them.
     pub(super) polygons: Vec<(usize, Vec<i64>)>,
+    /// The numbers of all lists of texture coordinates.
+    pub(super) places: Vec<f32>,
+    /// Where each row's end; empty without such lists.
+    pub(super) places_until: Vec<usize>,
     /// The byte after the last row.
     pub(super) end: u64,
 }
@@ -92,6 +96,19 @@ impl Input<'_> {
                     if wanted != Wanted::Nothing && property.is_corner_list() =>
                 {
                     self.corners(count, item, row, wanted, out)?;
+                }
+                PropertyType::List { count, item }
+                    if wanted == Wanted::Polygons && property.is_place_list() =>
+                {
+                    let length = integer(self.number(count)?, count);
+                    if !(0..=2 * MAX_CORNERS as i64).contains(&length) {
+                        return Err(fault(format!("a list of {length} texture coordinates")));
+                    }
+                    for _ in 0..length {
+                        let number = self.number(item)?;
+                        out.places.push(Column { offset: 0, scalar: item }.f32(&number));
+                    }
+                    out.places_until.push(out.places.len());
                 }
                 PropertyType::List { count, item } => {
                     let length = self.number(count)?;

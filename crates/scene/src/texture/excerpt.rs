@@ -60,7 +60,8 @@ impl FaceTexture {
         let grown: Vec<Rectangle> =
             rectangles.iter().map(|one| one.grown(pages[usize::from(one.page)].size)).collect();
         let before: u64 = self.pages.iter().map(|page| u64::from(page.size().element_product())).sum();
-        let Some((size, places)) = packed(&grown, most) else { return self.clone() };
+        let sizes: Vec<UVec2> = grown.iter().map(Rectangle::size).collect();
+        let Some((size, places)) = packed(&sizes, most) else { return self.clone() };
         if u64::from(size.element_product()) as f64 > WORTH * before as f64 {
             return self.clone();
         }
@@ -180,18 +181,18 @@ fn squares(one: &Rectangle) -> Vec<(u16, u32, u32)> {
     all.take(MOST_SQUARES as usize).collect()
 }
 
-/// The size of a page of at most `most` by `most` that holds all, and where each begins: on shelves, high ones first, those of one height in
-/// the order that they had.
-fn packed(rectangles: &[Rectangle], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
-    let mut order: Vec<usize> = (0..rectangles.len()).collect();
-    order.sort_by_key(|i| u32::MAX - rectangles[*i].size().y);
-    let texels: u64 = rectangles.iter().map(Rectangle::area).sum();
-    let widest = rectangles.iter().map(|one| one.size().x).max()?;
+/// The size of a page of at most `most` by `most` texels that holds rectangles of these `sizes`, and where each begins: on shelves, high
+/// ones first, those of one height in the order that they had.
+pub fn packed(sizes: &[UVec2], most: u32) -> Option<(UVec2, Vec<UVec2>)> {
+    let mut order: Vec<usize> = (0..sizes.len()).collect();
+    order.sort_by_key(|i| u32::MAX - sizes[*i].y);
+    let texels: u64 = sizes.iter().map(|size| u64::from(size.x) * u64::from(size.y)).sum();
+    let widest = sizes.iter().map(|size| size.x).max()?;
     let width = ((texels as f64).sqrt() as u32).max(widest).next_multiple_of(STEP);
-    let mut places = vec![UVec2::ZERO; rectangles.len()];
+    let mut places = vec![UVec2::ZERO; sizes.len()];
     let (mut at, mut shelf) = (UVec2::ZERO, 0);
     for i in order {
-        let size = rectangles[i].size().map(|side| side.next_multiple_of(2));
+        let size = sizes[i].map(|side| side.next_multiple_of(2));
         if at.x + size.x > width {
             at = UVec2::new(0, at.y + shelf);
             shelf = 0;

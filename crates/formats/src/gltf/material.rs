@@ -1,0 +1,205 @@
+//! Materials and textures of a document: what colours a surface, and how a picture lies on it.
+//!
+//! Of a material only its colour without lights is read. Faults in it cost no more than the colour.
+
+use crate::atlas::Wrap;
+use gltf_json::material::{AlphaCutoff, AlphaMode};
+use gltf_json::validation::Checked;
+use serde::Deserialize;
+use serde::de::{DeserializeOwned, Deserializer, IgnoredAny};
+use serde_json::Value;
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Material {
+    name: Option<String>,
+    alpha_mode: Option<Checked<AlphaMode>>,
+    alpha_cutoff: Option<f32>,
+    #[serde(default)]
+    pbr_metallic_roughness: BaseColor,
+    #[serde(default, deserialize_with = "lenient")]
+    emissive_factor: Option<[f32; 3]>,
+    #[serde(default, deserialize_with = "lenient")]
+    emissive_texture: Option<TextureInfo>,
+    #[serde(default)]
+    extensions: MaterialExtensions,
+}
+
+/// Endings of material names for which Godot, and only Godot, reads vertex colours as sRGB.
+const SRGB_HINTS: [&str; 3] = ["-vcol", "$vcol", "_vcol"];
+
+/// A factor, and the picture that it multiplies.
+pub(crate) type Paint<'a> = ([f32; 4], Option<&'a TextureInfo>);
+
+impl Material {
+    /// The colour of its surface, or its own light where that is black; and whether there is more light, which is not read.
+    pub(crate) fn paint(&self) -> (Paint<'_>, bool) {
+        let base = match &self.extensions.specular_glossiness {
+            Some(gloss) => gloss,
+            None => &self.pbr_metallic_roughness,
+        };
+        let [r, g, b, alpha] = base.factor.unwrap_or([1.0; 4]);
+        let strength = self.extensions.emissive_strength.as_ref().map_or(1.0, |light| light.strength);
+        let light = self.emissive_factor.unwrap_or_default().map(|x| (x * strength).min(1.0));
+        let shines = light.iter().any(|x| *x > 0.0) && !self.extensions.unlit;
+        match shines && [r, g, b] == [0.0; 3] {
+            true => (([light[0], light[1], light[2], alpha], self.emissive_texture.as_ref()), false),
+            false => (([r, g, b, alpha], base.texture.as_ref()), shines),
+        }
+    }
+
+    /// True when alpha is ignored.
+    pub(crate) fn is_opaque(&self) -> bool {
+        !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
+    }
+
+    /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.
+    pub(crate) fn is_srgb(&self) -> bool {
+        let name = self.name.as_deref().unwrap_or_default().to_ascii_lowercase();
+        SRGB_HINTS.iter().any(|hint| name.ends_with(hint))
+    }
+
+    /// Least alpha of what is drawn, if the alpha only cuts out.
+    pub(crate) fn cutoff(&self) -> Option<f32> {
+        let is_mask = self.alpha_mode == Some(Checked::Valid(AlphaMode::Mask));
+        is_mask.then(|| self.alpha_cutoff.unwrap_or(AlphaCutoff::default().0))
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct BaseColor {
+    #[serde(rename = "baseColorFactor", alias = "diffuseFactor")]
+    factor: Option<[f32; 4]>,
+    #[serde(default, rename = "baseColorTexture", alias = "diffuseTexture", deserialize_with = "lenient")]
+    texture: Option<TextureInfo>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct MaterialExtensions {
+    #[serde(default, rename = "KHR_materials_pbrSpecularGlossiness", deserialize_with = "lenient")]
+    specular_glossiness: Option<BaseColor>,
+    #[serde(default, rename = "KHR_materials_emissive_strength", deserialize_with = "lenient")]
+    emissive_strength: Option<EmissiveStrength>,
+    #[serde(default, rename = "KHR_materials_unlit", deserialize_with = "is_there")]
+    unlit: bool,
+}
+
+#[derive(Debug, Deserialize)]
+struct EmissiveStrength {
+    #[serde(rename = "emissiveStrength")]
+    strength: f32,
+}
+
+/// The texture, and its set of coordinates.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct TextureInfo {
+    pub(crate) index: usize,
+    #[serde(default)]
+    tex_coord: usize,
+    #[serde(default)]
+    extensions: InfoExtensions,
+}
+
+impl TextureInfo {
+    /// The number of its set of coordinates.
+    pub(crate) fn set(&self) -> usize {
+        self.extensions.transform.as_ref().and_then(|transform| transform.tex_coord).unwrap_or(self.tex_coord)
+    }
+
+    /// A place on the picture, from a vertex' coordinates.
+    pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        let Some(transform) = &self.extensions.transform else { return at };
+        let (scale, offset) = (transform.scale.unwrap_or([1.0; 2]), transform.offset.unwrap_or_default());
+        let [u, v] = [at[0] * scale[0], at[1] * scale[1]];
+        // Counter-clockwise as seen: v points down.
+        let (sin, cos) = (libm::sin(transform.rotation), libm::cos(transform.rotation));
+        [cos * u + sin * v + offset[0], cos * v - sin * u + offset[1]]
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct InfoExtensions {
+    #[serde(default, rename = "KHR_texture_transform", deserialize_with = "lenient")]
+    transform: Option<TextureTransform>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct TextureTransform {
+    offset: Option<[f64; 2]>,
+    #[serde(default)]
+    rotation: f64,
+    scale: Option<[f64; 2]>,
+    tex_coord: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(crate) struct Texture {
+    /// Number of its PNG or JPEG picture.
+    #[serde(default, deserialize_with = "lenient")]
+    source: Option<usize>,
+    #[serde(default, deserialize_with = "lenient")]
+    pub(crate) sampler: Option<usize>,
+    #[serde(default)]
+    extensions: TextureExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct TextureExtensions {
+    #[serde(default, rename = "EXT_texture_webp", deserialize_with = "lenient")]
+    webp: Option<PictureSource>,
+    #[serde(default, rename = "EXT_texture_avif", deserialize_with = "is_there")]
+    avif: bool,
+    #[serde(default, rename = "KHR_texture_basisu", deserialize_with = "is_there")]
+    basisu: bool,
+}
+
+#[derive(Debug, Deserialize)]
+struct PictureSource {
+    source: usize,
+}
+
+impl Texture {
+    /// Number of its picture, or what it has in place of one that is read.
+    pub(crate) fn picture(&self) -> std::result::Result<usize, &'static str> {
+        let readable = self.extensions.webp.as_ref().map(|webp| webp.source).or(self.source);
+        readable.ok_or(match &self.extensions {
+            TextureExtensions { avif: true, .. } => "only an AVIF picture: convert it to PNG, JPEG or WebP",
+            TextureExtensions { basisu: true, .. } => "only a KTX2 picture: convert it to PNG, JPEG or WebP",
+            _ => "no picture",
+        })
+    }
+}
+
+/// Wrapping modes, as OpenGL numbers them.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Sampler {
+    #[serde(default, deserialize_with = "lenient")]
+    wrap_s: Option<u32>,
+    #[serde(default, deserialize_with = "lenient")]
+    wrap_t: Option<u32>,
+}
+
+impl Sampler {
+    pub(crate) fn wrap(&self) -> [Wrap; 2] {
+        [self.wrap_s, self.wrap_t].map(|mode| match mode {
+            Some(33071) => Wrap::Clamp,
+            Some(33648) => Wrap::Mirror,
+            _ => Wrap::Repeat,
+        })
+    }
+}
+
+/// A field whose faults are ignored, so that they do not hide a good mesh.
+pub(super) fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
+    deserializer: D,
+) -> std::result::Result<Option<T>, D::Error> {
+    Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
+}
+
+/// Whether a field is there, whatever it holds.
+fn is_there<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<bool, D::Error> {
+    IgnoredAny::deserialize(deserializer).map(|_| true)
+}
