@@ -30,7 +30,13 @@ pub fn check_finite(matches: &ArgMatches) -> Result<()> {
 
 /// The message of `error` with the flags of `command` spelt as they are typed.
 pub fn message(error: &Error, command: &Command) -> String {
-    let text = error.to_string();
+    let mut text = error.to_string();
+    // Ways out that this command does not have.
+    for (field, way) in [("format", ", or `format`"), ("skip_broken", ", or skip them with `skip_broken`")] {
+        if typed(command, field).is_none() {
+            text = text.replace(way, "");
+        }
+    }
     match error {
         Error::Invalid { option, .. } => {
             let name = typed(command, option).unwrap_or_else(|| option.clone());

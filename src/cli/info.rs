@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Description};
 use trisplat_formats::info::{Distribution, Info, SceneKind, Softness, TextureInfo};
+use trisplat_formats::unzipped_sog;
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Placement, Result};
 
@@ -51,9 +52,10 @@ pub fn run(args: &InfoArgs, out: &mut dyn Write) -> Result<()> {
     printed.map_err(|e| Error::io("-", e))
 }
 
-/// True for a data set: a folder or a transforms.json.
+/// True for a data set: a folder or a transforms.json, other than an unzipped SOG.
 pub fn is_dataset(path: &Path) -> bool {
-    path.is_dir() || path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+    let is_list = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+    (path.is_dir() || is_list) && unzipped_sog(path).is_none()
 }
 
 fn print(rows: Vec<Row>, out: &mut dyn Write) -> io::Result<()> {

@@ -4,8 +4,10 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, Error, ValueEnum};
 use serde_json::Value;
+use std::path::Path;
 use trisplat_bake::{BakeOptions, MeshOptions};
-use trisplat_formats::OutputTarget;
+use trisplat_dataset::capture::is_camera_file;
+use trisplat_formats::{OutputTarget, unzipped_sog};
 use trisplat_train::TrainOptions;
 
 /// Fewer letters are the beginning of too many names.
@@ -18,6 +20,13 @@ pub(super) fn plausible(mut error: Error) -> Error {
             error.insert(ContextKind::SuggestedValue, ContextValue::String(target));
         }
         return error;
+    }
+    if let (ErrorKind::InvalidSubcommand, Some(ContextValue::String(typed))) =
+        (error.kind(), error.get(ContextKind::InvalidSubcommand))
+        && let Some(hint) = command_for(typed)
+    {
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint.into()]));
+        error.remove(ContextKind::SuggestedSubcommand);
     }
     if error.kind() != ErrorKind::UnknownArgument {
         return error;
@@ -39,6 +48,20 @@ pub(super) fn plausible(mut error: Error) -> Error {
         error.remove(ContextKind::Suggested);
     }
     error
+}
+
+/// The command for a file or folder that was typed in place of one.
+fn command_for(typed: &str) -> Option<String> {
+    let path = Path::new(typed);
+    if path.extension().is_none() && !path.exists() {
+        return None;
+    }
+    let shown = if typed.contains(char::is_whitespace) { format!("'{typed}'") } else { typed.to_owned() };
+    let makes = path.is_dir() && unzipped_sog(path).is_none() || is_camera_file(path);
+    Some(match makes {
+        true => format!("a command comes first: trisplat make {shown} -o scene.glb"),
+        false => format!("a command comes first: trisplat bake {shown} -o OUT.glb, or trisplat info {shown}"),
+    })
 }
 
 /// The target whose description names the engine that was typed as `--target`.

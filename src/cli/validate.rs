@@ -11,7 +11,7 @@ use trisplat_scene::{Error, Result};
 /// What to check.
 #[derive(Debug, clap::Args)]
 pub struct ValidateArgs {
-    /// File to check: .ply, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    /// File to check: .ply, .splat, .spz, .sog, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
     #[arg(value_name = "FILE")]
     pub input: PathBuf,
     /// Print JSON (`trisplat schema validation` describes it).

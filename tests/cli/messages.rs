@@ -239,3 +239,116 @@ fn every_command_has_a_manual_page() {
     }
     assert!(std::fs::read_to_string(man.join("trisplat-bake.1")).unwrap().contains("max\\-triangles"));
 }
+
+#[test]
+fn the_folder_of_a_make_names_what_is_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let work = folder.path().join("scene.make");
+    copy_folder(&dataset(), &work.join("photos"));
+    std::fs::copy(sample("studio.ply"), work.join("scene.ply")).unwrap();
+    let out = folder.path().join("out");
+    let scene = Path::new("scene.make/scene.ply").display().to_string();
+    let photos = Path::new("scene.make/photos").display().to_string();
+    fails(folder.path(), &[&"bake", &work, &"-o", &out.with_extension("glb")], &[&scene, &photos]);
+    fails(folder.path(), &[&"train", &work, &"-o", &out.with_extension("ply")], &[&photos]);
+    fails(folder.path(), &[&"eval", &sample("studio.ply"), &work], &[&photos]);
+}
+
+#[test]
+fn files_that_are_not_read_name_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("a.ksplat"), [0; 4096]).unwrap();
+    std::fs::write(at("a.lcc"), "{\"version\": \"5.0\"}").unwrap();
+    std::fs::create_dir(at("photos")).unwrap();
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(at("photos.zip")).unwrap());
+    zip.start_file(
+        "a.jpg",
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored),
+    )
+    .unwrap();
+    zip.finish().unwrap();
+    std::fs::copy(at("photos.zip"), at("a.usdz")).unwrap();
+    let refused = |name: &str, wants: &[&str]| {
+        fails(folder.path(), &[&"bake", &at(name), &"-o", &at("out.glb")], wants);
+    };
+    refused("a.ksplat", &[".ksplat", "not read", "SPZ"]);
+    refused("a.lcc", &["LCC", "not read", "PLY"]);
+    refused("photos.zip", &["zip archive of photos", "trisplat make"]);
+    refused("a.usdz", &["USDZ", ".glb"]);
+    refused("photos", &["is a folder", ".spz", "trisplat make"]);
+    fails(folder.path(), &[&"make", &at("photos.zip"), &"-o", &at("out.glb")], &["zip archive", "unpack"]);
+    let error = fails_of(&[&"make", &dataset(), &"-o", &at("noext")]);
+    assert!(error.contains(".glb") && !error.contains("format"), "{error}");
+}
+
+/// What a command that fails says.
+fn fails_of(args: &[&dyn AsRef<std::ffi::OsStr>]) -> String {
+    let output = trisplat(args);
+    assert!(!output.status.success(), "{}", stderr(&output));
+    stderr(&output)
+}
+
+#[test]
+fn a_file_in_place_of_a_command_names_the_command() {
+    let error = fails_of(&[&"scene.ply"]);
+    assert!(error.contains("trisplat bake scene.ply") && error.contains("trisplat info"), "{error}");
+    let error = fails_of(&[&dataset(), &"-o", &"a.glb"]);
+    assert!(error.contains("trisplat make"), "{error}");
+    assert!(!fails_of(&[&"bkae"]).contains("a command comes first"));
+}
+
+#[test]
+fn gaussians_are_validated_by_their_own_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.splat");
+    let numbers: Vec<u8> = [0.0f32, 1.0, 2.0, 0.1, 0.1, 0.1].into_iter().flat_map(f32::to_le_bytes).collect();
+    let record = [&numbers[..], &[255, 0, 0, 255, 255, 128, 128, 128]].concat();
+    std::fs::write(&path, &record).unwrap();
+    let said = stdout(&trisplat(&[&"validate", &path]));
+    assert!(said.contains("a.splat: .splat: 0 errors"), "{said}");
+    std::fs::write(&path, &record[..31]).unwrap();
+    let output = trisplat(&[&"validate", &path]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        !output.status.success() && said.contains("cut short") && said.contains(".splat: 1 error"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_mask_of_another_size_is_named_before_the_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = folder.path().join("set");
+    copy_folder(&dataset(), &set);
+    std::fs::create_dir(set.join("masks")).unwrap();
+    let mask =
+        trisplat_scene::image::RgbImage { size: glam::UVec2::splat(8), rgb: vec![[255; 3]; 64], alpha: None };
+    mask.save_png(set.join("masks/view_0003.png")).unwrap();
+    fails(folder.path(), &[&"info", &set], &["view_0003.png", "is 8x8", "as large as its photo"]);
+}
+
+#[test]
+fn info_and_bake_measure_the_same_softness() {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, out) = (folder.path().join("report.json"), folder.path().join("a.glb"));
+    let json = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
+    let info = json(&stdout(&trisplat(&[&"info", &"--json", &sample("trained.ply")])));
+    let args: [&dyn AsRef<std::ffi::OsStr>; 10] = [
+        &"bake",
+        &sample("trained.ply"),
+        &"-o",
+        &out,
+        &"--dry-run",
+        &"--report",
+        &report,
+        &"--set",
+        &"reshape=off",
+        &"-q",
+    ];
+    stdout(&trisplat(&args));
+    let report = json(&std::fs::read_to_string(&report).unwrap());
+    let teacher =
+        report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "teacher").unwrap();
+    assert_eq!(teacher["details"]["softness"], info["softness"], "{teacher}");
+}

@@ -557,3 +557,162 @@ fn triangles_are_read_whole_after_the_look_for_gaussians() {
         Content::Splats(_) => panic!("triangles"),
     }
 }
+
+/// Gaussians on a slanted sheet, `size` apart; `row` makes numbers of a length and a share.
+fn sheet(size: f64, row: impl Fn(f64, f64) -> [f64; 2]) -> Vec<Vec<f64>> {
+    let one = |i: usize| {
+        let (x, y) = ((i % 16) as f64, (i / 16) as f64);
+        let [scale, opacity] = row(size * (0.3 + 0.01 * x), 0.2 + 0.003 * i as f64);
+        let place = [size * x, size * y, size * (x + y)];
+        [place.to_vec(), vec![0.5, -0.5, 1.0, opacity, scale, scale, scale, 1.0, 0.0, 0.0, 0.0]].concat()
+    };
+    (0..256).map(one).collect()
+}
+
+#[test]
+fn lengths_and_shares_in_place_of_logarithms_and_logits_are_recognised_and_named() {
+    let logit = |share: f64| (share / (1.0 - share)).ln();
+    let read = |rows: &[Vec<f64>]| read("a.ply", &ply(&owned(&PLAIN), "float", rows)).expect("valid");
+    for size in [0.02, 1.0, 500.0] {
+        let usual = read(&sheet(size, |length, share| [length.ln(), logit(share)]));
+        assert_eq!(usual.warnings, [""; 0], "{size}");
+        let same = |other: &ImportedSplats| {
+            let pairs = usual.splats.scales.iter().zip(&other.splats.scales);
+            let scales = pairs.into_iter().all(|(a, b)| close(*a / *b, Vec3::ONE, 1e-4));
+            let mut opacities = usual.splats.opacity.iter().zip(&other.splats.opacity);
+            scales && opacities.all(|(a, b)| (a - b).abs() < 1e-5)
+        };
+        let both = read(&sheet(size, |length, share| [length, share]));
+        assert!(same(&both), "{size}");
+        assert!(
+            both.warnings[0].contains("lengths") && both.warnings[0].contains("shares"),
+            "{:?}",
+            both.warnings
+        );
+        let one = read(&sheet(size, |length, share| [length, logit(share)]));
+        assert!(
+            same(&one) && one.warnings[0].contains("lengths") && !one.warnings[0].contains("shares"),
+            "{size}"
+        );
+        let other = read(&sheet(size, |length, share| [length.ln(), share]));
+        assert!(
+            same(&other) && other.warnings[0].starts_with("its opacities"),
+            "{size}: {:?}",
+            other.warnings
+        );
+    }
+}
+
+#[test]
+fn colours_stand_in_place_of_the_first_coefficient() {
+    let names: Vec<String> = PLAIN
+        .iter()
+        .map(|name| name.replace("f_dc_0", "red").replace("f_dc_1", "green").replace("f_dc_2", "blue"))
+        .collect();
+    let row = [&[1.0, 2.0, 3.0, 0.0, 1.0, 0.2][..], &plain_row()[6..]].concat();
+    let floats = ply(&names, "float", std::slice::from_ref(&row));
+    let text: Vec<String> = names
+        .iter()
+        .map(|name| {
+            format!(
+                "property {} {name}\n",
+                if "red green blue".contains(name.as_str()) { "uchar" } else { "float" }
+            )
+        })
+        .collect();
+    let numbers = "1 2 3 0 255 51 0 -1 -2 -3 2 0 0 2\n";
+    let bytes = format!("ply\nformat ascii 1.0\nelement vertex 1\n{}end_header\n{numbers}", text.concat());
+    for file in [floats, bytes.into_bytes()] {
+        let splats = read("a.ply", &file).expect("valid").splats;
+        let rgb = splats.rgb(0);
+        assert!(close(Vec3::from(rgb), Vec3::new(0.0, 1.0, 0.2), 1e-6), "{rgb:?}");
+    }
+}
+
+#[test]
+fn a_gltf_may_hold_its_gaussians_as_spz() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let spz = gzipped(&spz_bytes(2));
+    std::fs::write(folder.path().join("splats.bin"), &spz).expect("writable");
+    let packed = |d: &mut serde_json::Value| {
+        let view = d["bufferViews"].as_array().expect("a list").len();
+        let length = spz.len();
+        let list =
+            |d: &mut serde_json::Value, key: &str, value| d[key].as_array_mut().expect("a list").push(value);
+        list(d, "buffers", serde_json::json!({"byteLength": length, "uri": "splats.bin"}));
+        list(d, "bufferViews", serde_json::json!({"buffer": 1, "byteLength": length}));
+        list(d, "extensionsRequired", "KHR_gaussian_splatting_compression_spz_2".into());
+        let primitive = &mut d["meshes"][0]["primitives"][0];
+        primitive["attributes"] = serde_json::json!({"POSITION": 0});
+        primitive["extensions"]["KHR_gaussian_splatting"]["extensions"] =
+            serde_json::json!({"KHR_gaussian_splatting_compression_spz_2": {"bufferView": view}});
+    };
+    let read =
+        |node: &str| read_in(folder.path(), "a.glb", &glb(node, packed), &options()).expect("valid").splats;
+    let (alone, moved) = (read_in(folder.path(), "a.spz", &spz, &options()).expect("valid").splats, read(""));
+    assert_eq!(moved, alone);
+    let moved = read(r#","translation":[10,0,0],"scale":[2,2,2]"#);
+    assert!(close(moved.positions[0], 2.0 * alone.positions[0] + 10.0 * Vec3::X, 1e-6));
+    assert!(close(moved.scales[0], 2.0 * alone.scales[0], 1e-6));
+    assert_eq!((&moved.sh, moved.filter), (&alone.sh, ScreenFilter::ANTIALIASED));
+}
+
+#[test]
+fn an_unzipped_sog_is_read_by_its_folder_or_its_list() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path().join("toy");
+    let mut zip = zip::ZipArchive::new(std::io::Cursor::new(sog_bytes(63))).expect("a zip");
+    zip.extract(&at).expect("writable");
+    let zipped = read_in(folder.path(), "a.sog", &sog_bytes(63), &options()).expect("valid").splats;
+    for path in [at.clone(), at.join("meta.json")] {
+        match read_content(&path, &options()).expect("valid") {
+            Content::Splats(loaded) => assert_eq!(loaded.splats, zipped),
+            Content::Scene(_) => panic!("Gaussians"),
+        }
+    }
+    std::fs::remove_file(at.join("means_l.webp")).expect("there");
+    assert!(read_content(&at, &options()).expect_err("a folder").to_string().contains("is a folder"));
+}
+
+/// Gaussians on an ellipsoid beside the origin, and a list of cameras around it; `file` moves the Gaussians.
+fn seen_from_around(folder: &Path, file: impl Fn(DVec3) -> DVec3) -> ImportedSplats {
+    let middle = DVec3::new(4.0, 3.0, -2.0);
+    let row = |i: usize| {
+        let (turn, z) = (2.4 * i as f64, 1.0 - 2.0 * (i as f64 + 0.5) / 900.0);
+        let round = (1.0 - z * z).sqrt();
+        let place = file(middle + DVec3::new(2.0 * round * turn.cos(), round * turn.sin(), 0.6 * z));
+        [&place.to_array()[..], &[0.5, -0.5, 1.0, 3.0, -3.0, -3.0, -3.0, 1.0, 0.0, 0.0, 0.0]].concat()
+    };
+    let rows: Vec<Vec<f64>> = (0..900).map(row).collect();
+    let camera = |i: usize| {
+        let turn = 0.3 * i as f64;
+        let eye = middle + DVec3::new(3.0 * turn.cos(), 2.0 * turn.sin(), 2.0);
+        let forward = (middle - eye).normalize();
+        let right = forward.cross(DVec3::Z).normalize();
+        let down = forward.cross(right);
+        let rows = [0, 1, 2].map(|axis| [right[axis], down[axis], forward[axis]]);
+        serde_json::json!({"img_name": format!("{i}.jpg"), "width": 64, "height": 48, "position": eye.to_array(),
+            "rotation": rows, "fx": 40.0, "fy": 40.0})
+    };
+    let cameras: Vec<_> = (0..21).map(camera).collect();
+    std::fs::write(folder.join("cameras.json"), serde_json::Value::from(cameras).to_string())
+        .expect("writable");
+    read_in(folder, "a.ply", &ply(&owned(&PLAIN), "float", &rows), &options()).expect("valid")
+}
+
+#[test]
+fn cameras_of_another_frame_are_turned_and_those_of_another_scene_are_not_used() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let own = seen_from_around(folder.path(), |place| place);
+    assert_eq!((own.cameras.len(), &own.warnings), (21, &Vec::new()));
+    let other = seen_from_around(folder.path(), |place| DVec3::new(place.x, -place.y, -place.z));
+    assert!(other.warnings[0].contains("(x, -y, -z)"), "{:?}", other.warnings);
+    for ((_, camera), (_, turned)) in own.cameras.iter().zip(&other.cameras) {
+        for (point, other) in own.splats.positions.iter().zip(&other.splats.positions) {
+            let [a, b] = [camera.shows(*point), turned.shows(*other)];
+            assert!(a.zip(b).is_none_or(|((a, _), (b, _))| a.distance(b) < 1e-3), "the same picture");
+        }
+    }
+    let other = seen_from_around(folder.path(), |place| place + 100.0 * DVec3::Z);
+    assert!(other.cameras.is_empty() && other.warnings[0].contains("not used"), "{:?}", other.warnings);
+}

@@ -116,7 +116,8 @@ pub fn teacher(
         Err(why) => return Ok(Outcome::Skipped(why)),
     };
     if photos {
-        details.softness = softness_from(soup, &scene.cameras, solidly)?;
+        let stored = (!scene.cameras.is_empty()).then(|| viewpoints(scene)).flatten();
+        details.softness = softness_from(soup, &stored.map_or(Vec::new(), |all| all.cameras), solidly)?;
         return Ok(Outcome::Skipped(HAS_PHOTOS));
     }
     let Some(viewpoints) = viewpoints(scene) else {

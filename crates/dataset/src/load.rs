@@ -5,7 +5,7 @@ use super::colmap_model::FoundPoint;
 use super::found::{FoundDataset, FoundPhoto};
 use super::lens::{Lens, Undistort};
 use super::options::{DatasetOptions, Masks};
-use super::photo::Photo;
+use super::photo::{Photo, check_mask};
 use super::points::PointFile;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::{colmap, transforms};
@@ -88,6 +88,11 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     }
     if let Some(file) = transforms::locate(path) {
         return transforms::read(&file, options);
+    }
+    let inside = path.join("photos");
+    if Dataset::is_posed(&inside) {
+        let reason = format!("is a folder of `trisplat make`: its data set is {}", inside.display());
+        return Err(Error::unsupported(path, reason));
     }
     Err(Error::unsupported(
         path,
@@ -221,6 +226,9 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
         (None, Masks::Off) => false,
         (None, _) => RgbImage::has_alpha(&found.path, &options.limits)?,
     };
+    if let Some(mask) = &found.mask {
+        check_mask(mask, &found.path, RgbImage::size_of(mask, &options.limits)?, stored)?;
+    }
     let photo = Photo {
         path: found.path.clone(),
         mask: found.mask.clone(),

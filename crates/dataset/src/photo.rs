@@ -222,13 +222,18 @@ impl Photo {
     }
 
     fn check_size(&self, path: &Path, size: UVec2) -> Result<()> {
-        if size == self.stored {
-            return Ok(());
-        }
-        let (want, photo) = (self.stored, self.path.display());
-        let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
-        Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
+        check_mask(path, &self.path, size, self.stored)
     }
+}
+
+/// Refuses a mask of `size`, or a photo changed since, that is not as large as the `photo` was.
+pub(super) fn check_mask(path: &Path, photo: &Path, size: UVec2, wanted: UVec2) -> Result<()> {
+    if size == wanted {
+        return Ok(());
+    }
+    let (photo, want) = (photo.display(), wanted);
+    let reason = format!("is {}x{}, the photo {photo} is {}x{}", size.x, size.y, want.x, want.y);
+    Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
 }
 
 /// A temporary file without a name, made for the first picture.

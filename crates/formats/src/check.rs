@@ -6,7 +6,7 @@
 pub use crate::gltf::{Finding, Severity};
 
 use crate::gltf::{self, Findings};
-use crate::read::{detect, read_as};
+use crate::read::{detect, format_of_splats, read_as, read_splats};
 use crate::{Format, ReadOptions, Source, html};
 use glam::Vec3;
 use schemars::JsonSchema;
@@ -42,6 +42,10 @@ impl Checked {
 /// `Io`, and `Unsupported` for a file of no known format. A broken file is a finding.
 pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     let mut source = Source::open(path, &options.limits)?;
+    if let Ok(Some(format)) = format_of_splats(&mut source, &options.limits) {
+        return check_splats(path, format, source, options);
+    }
+    source.rewind()?;
     let format = detect(&mut source)?;
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
@@ -62,6 +66,16 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
         Err(error) => findings.take(error)?,
     }
     Ok(Checked { path: path.display().to_string(), format, triangles, findings: findings.list })
+}
+
+/// Reads Gaussians whole; what their reader says is found.
+fn check_splats(path: &Path, format: Format, source: Source, options: &ReadOptions) -> Result<Checked> {
+    let mut findings = Findings::default();
+    match read_splats(format, source, &ReadOptions { sh_degree: 3, ..*options }) {
+        Ok(loaded) => loaded.warnings.iter().for_each(|warning| findings.warning("file", warning)),
+        Err(error) => findings.take(error)?,
+    }
+    Ok(Checked { path: path.display().to_string(), format, triangles: None, findings: findings.list })
 }
 
 fn check_loaded(loaded: &ImportedScene, findings: &mut Findings) {

@@ -120,17 +120,29 @@ fn starts_like_obj(word: &[u8]) -> bool {
 
 /// The extension of glTF that holds them.
 pub(crate) const GLTF_EXTENSION: &str = "KHR_gaussian_splatting";
+/// Its extension for an SPZ file in place of accessors.
+pub(crate) const SPZ_EXTENSION: &str = "KHR_gaussian_splatting_compression_spz_2";
 
 /// The names of formats that have readers.
 pub(crate) const SPZ: &str = "SPZ";
 pub(crate) const SPLAT: &str = ".splat";
+/// The names of formats that have none.
+pub(crate) const UNREAD: [&str; 2] = [".ksplat", "LCC"];
 
-/// The refusal of a file of Gaussians where triangles are wanted, or in a format without a reader; `kind` is the usual name of
-/// the format.
+/// The refusal of a file of Gaussians where triangles are wanted; `kind` is the usual name of the format.
 pub(crate) fn refusal(path: &Path, kind: &str) -> Error {
     let reason = format!(
         "holds 3D Gaussians ({kind}), blurred ellipsoids instead of triangles; `trisplat bake` turns them into triangles, and `trisplat info` and \
-         `trisplat render` read them too: as PLY, .splat, SPZ (versions 2 to 4), SOG (version 2) and glTF"
+         `trisplat render` read them too"
+    );
+    Error::unsupported(path, reason)
+}
+
+/// The refusal of Gaussians in a format without a reader.
+pub(crate) fn unread(path: &Path, kind: &str) -> Error {
+    let reason = format!(
+        "holds 3D Gaussians as {kind}, which is not read; save them as PLY, .splat, SPZ (versions 2 to 4), SOG (version 2) or glTF, as SuperSplat \
+         (superspl.at/editor) does"
     );
     Error::unsupported(path, reason)
 }
@@ -146,7 +158,9 @@ pub(crate) fn recognise(head: &[u8], path: &Path) -> Option<&'static str> {
     match (head, extension.as_str()) {
         ([b'N', b'G', b'S', b'P', ..], _) | ([0x1f, 0x8b, ..], "spz") => Some(SPZ),
         (_, "splat") if !other && !head.is_empty() => Some(SPLAT),
-        (_, "ksplat") if !other && !head.is_empty() => Some(".ksplat"),
+        (_, "ksplat") if !other && !head.is_empty() => Some(UNREAD[0]),
+        // A JSON document beside its data.
+        (_, "lcc") if !head.is_empty() => Some(UNREAD[1]),
         _ => None,
     }
 }
@@ -172,7 +186,7 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     let json: Value = serde_json::from_slice(json).ok()?;
     let has = |keys: &[&str]| keys.iter().all(|key| json.get(key).is_some());
     if has(&["means", "quats", "scales"]) {
-        return Some(refusal(path, "SOG"));
+        return Some(unread(path, "SOG in parts, some of which are missing,"));
     }
     if has(&["geometricError", "root"]) {
         let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";

@@ -1,13 +1,14 @@
 //! A text file line by line, with line numbers for messages.
 
 use crate::Source;
+use glam::DVec3;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 use trisplat_scene::input::{self, BYTE_ORDER_MARK};
-use trisplat_scene::{Error, Limits, Provenance, Result, parallel};
+use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, parallel};
 
 /// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;
@@ -189,8 +190,10 @@ pub(super) fn from_comments<'a>(
     comments: impl Iterator<Item = &'a str>,
     warnings: &mut Vec<String>,
 ) -> Provenance {
+    let mut up = None;
     for comment in comments {
         let Some(json) = comment.trim().strip_prefix(KEY).filter(|rest| rest.starts_with('{')) else {
+            up = up.or_else(|| up_axis(comment));
             continue;
         };
         match serde_json::from_str::<Provenance>(json) {
@@ -205,7 +208,23 @@ pub(super) fn from_comments<'a>(
             Err(error) => warnings.push(format!("the trisplat comment is ignored: {error}")),
         }
     }
-    Provenance::default()
+    Provenance { up, ..Provenance::default() }
+}
+
+/// The up axis in a comment of another program: "Vertical Axis: z" (nerfstudio), "Vertical axis: 0 -1 0" (brush), "up_axis = +Y", "Z-up".
+fn up_axis(comment: &str) -> Option<UpAxis> {
+    const NAMES: [&str; 5] = ["vertical axis", "up axis", "up_axis", "upaxis", "up"];
+    let text = comment.trim().to_lowercase();
+    let named = NAMES.iter().find_map(|name| text.strip_prefix(name));
+    let axis =
+        named.or_else(|| text.strip_suffix("up").map(|axis| axis.trim_end_matches([' ', '-', '_'])))?;
+    let axis = axis.trim_matches([' ', ':', '=', '+', '"']);
+    let numbers: Vec<f64> = axis.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
+    if let [x, y, z] = numbers[..] {
+        let up = DVec3::new(x, y, z);
+        return (up.is_finite() && up != DVec3::ZERO).then(|| UpAxis::nearest(up));
+    }
+    serde_json::from_value(axis.into()).ok()
 }
 
 /// The number of first triangles of a soup that are its shell, by the comments of earlier versions; newer
@@ -245,8 +264,8 @@ mod tests {
 mod provenance_tests {
     use super::*;
     use proptest::prelude::*;
+    use trisplat_scene::Placement;
     use trisplat_scene::camera::{OrbitRange, Viewpoint};
-    use trisplat_scene::{Placement, UpAxis};
 
     proptest! {
         #[test]
@@ -302,6 +321,26 @@ mod provenance_tests {
             assert!(back != provenance || part == "placement", "{back:?}");
             assert_eq!((back.placement, warnings.len()), (Placement::IDENTITY, 1), "{place} {with}");
             assert_eq!(back.viewpoint.is_some(), part == "placement", "{place} {with}");
+        }
+    }
+
+    #[test]
+    fn other_programs_name_the_up_axis_in_their_own_words() {
+        let up = |comment: &str| from_comments(["made by hand", comment].into_iter(), &mut Vec::new()).up;
+        for (comment, axis) in [
+            ("Vertical Axis: z", UpAxis::Z),
+            ("vertical axis: -Y", UpAxis::NegY),
+            ("Vertical axis: 0.1 -0.9 0", UpAxis::NegY),
+            ("up_axis = +Y", UpAxis::Y),
+            ("Z-up", UpAxis::Z),
+            ("y up", UpAxis::Y),
+        ] {
+            assert_eq!(up(comment), Some(axis), "{comment}");
+        }
+        for comment in
+            ["made up", "Vertical axis: 0 0 0", "Vertical axis: nan 0 0", "up to date", "vertical axis"]
+        {
+            assert_eq!(up(comment), None, "{comment}");
         }
     }
 

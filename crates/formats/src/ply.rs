@@ -73,7 +73,7 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     let packed = header.element("vertex").is_some_and(|vertices| vertices.has("packed_position"));
     let (splats, origin) = match packed {
         true => (splats::read_packed(&source, &header, options)?, DVec3::ZERO),
-        false => splats::read(&source, &header, options)?,
+        false => splats::read(&source, &header, options, &mut warnings)?,
     };
     crate::splats::finish(&source.path, splats, provenance, warnings, origin)
 }

@@ -211,7 +211,7 @@ impl TorchFile {
             let mut keys = self.tensors.keys();
             keys.sort();
             if format::are_parameters(&keys) {
-                return format::refusal(&self.label, "a checkpoint");
+                return format::unread(&self.label, "a checkpoint");
             }
             keys.truncate(12);
             Error::unsupported(
@@ -291,6 +291,9 @@ fn check_archive(source: &mut Source) -> Result<()> {
     if format::is_sog(&names) {
         return Err(format::refusal(&path, "SOG"));
     }
+    if !names.iter().any(|name| name.ends_with("data.pkl")) {
+        return Err(Error::unsupported(&path, other_archive(&names)));
+    }
     for index in 0..archive.len() {
         let entry = archive.by_index_raw(index).map_err(zip_error)?;
         let at = || format!("zip entry {index}");
@@ -315,6 +318,16 @@ fn check_archive(source: &mut Source) -> Result<()> {
         }
     }
     source.rewind()
+}
+
+/// What an archive with entries of these names is, if it is no checkpoint.
+fn other_archive(names: &[String]) -> &'static str {
+    let has = |ending: &str| names.iter().any(|name| name.to_ascii_lowercase().ends_with(ending));
+    let photos = ["jpg", "jpeg", "png", "heic", "tif", "tiff"];
+    match photos.into_iter().any(has) && !["ply", "obj", "glb", "gltf", "usdc", "usda"].into_iter().any(has) {
+        true => "is a zip archive of photos; unpack it: `trisplat make` makes a scene of the folder",
+        false => "is a zip archive, and neither a checkpoint nor SOG; unpack it and give the file inside",
+    }
 }
 
 /// A named copy of an open file, because the checkpoint parser opens by name.

@@ -1,7 +1,7 @@
 //! Reads a file of any format, triangles or Gaussians; the plain case of writing.
 
 use crate::output::{self, Output, OutputOptions, SideFiles};
-use crate::source::is_packed;
+use crate::source::{ACCEPTED, is_packed};
 use crate::{Format, ReadOptions, Source, format, gltf, html, obj, off, ply, pt, splats};
 use std::ops::ControlFlow::Continue;
 use std::path::{Path, PathBuf};
@@ -10,19 +10,16 @@ use trisplat_scene::input::{self, guarded};
 use trisplat_scene::report::{OutputReport, Report};
 use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result, Splats};
 
-/// The accepted formats, for messages.
-const ACCEPTED: &str =
-    "a soup or mesh .ply, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
-
 /// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let (head, named) = (source.head()?, source.named());
     if let Some(kind) = format::recognise(&head, &source.path) {
-        return Err(format::refusal(&source.path, kind));
+        let refused = if format::UNREAD.contains(&kind) { format::unread } else { format::refusal };
+        return Err(refused(&source.path, kind));
     }
     if head.starts_with(b"PK") && named.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usdz"))
     {
-        let reason = "is a USDZ, which is written and not read; give what it was baked from";
+        let reason = "is a USDZ, which is written and not read; give what it was made from, or convert it to .glb (Blender: import, export)";
         return Err(Error::unsupported(&source.path, reason));
     }
     if let Some(format) = Format::detect(&head, &named) {
@@ -188,7 +185,7 @@ pub(super) fn read_splats(format: Format, source: Source, options: &ReadOptions)
             Format::Glb | Format::Gltf => gltf::read_splats(source, options)?,
             _ => ply::read_splats(source, options)?,
         };
-        splats::add_beside(&path, &mut loaded, &options.limits);
+        splats::cameras::add_beside(&path, &mut loaded, &options.limits);
         Ok(loaded)
     })
 }
@@ -251,7 +248,7 @@ pub fn write(asset: &Asset, path: &Path, options: &OutputOptions) -> Result<Writ
 /// The files that the scene at `path` names, whether they exist or not. A file that cannot be read names none: its
 /// reader reports the fault.
 pub fn named_files(path: &Path, limits: &Limits) -> Vec<PathBuf> {
-    let mut files = Vec::from_iter(splats::beside(path).filter(|_| holds_splats(path, limits)));
+    let mut files = Vec::from_iter(splats::cameras::beside(path).filter(|_| holds_splats(path, limits)));
     // These hold everything themselves; a compressed one would be unpacked to be recognised.
     let alone = |path: &Path| {
         matches!(Format::by_extension(path), Some(Format::Ply | Format::Pt | Format::Off | Format::Html))

@@ -5,6 +5,12 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::{Error, Limits, Result, input};
+use zip::write::{SimpleFileOptions, ZipWriter};
+
+/// What is read, for messages.
+pub(crate) const ACCEPTED: &str = "a soup, mesh or Gaussian splats (.ply), .splat, .spz, .sog, a training checkpoint .pt, .off, .obj, .glb, .gltf or our own .html";
+/// The list of an unzipped SOG.
+const SOG_LIST: &str = "meta.json";
 
 /// A file to read: a label for messages, an open handle and its length. Standard input ("-") is spooled to a
 /// temporary file first, so that every reader may seek, and may compare counts with the real length.
@@ -19,12 +25,23 @@ pub struct Source {
 }
 
 impl Source {
-    /// Opens `path`; "-" is standard input. Folders, devices and pipes are errors.
+    /// Opens `path`; "-" is standard input. Folders, devices and pipes are errors, except for an unzipped SOG, given by its folder or its
+    /// `meta.json`, which is zipped again.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
+        if let Some(folder) = unzipped_sog(path) {
+            let (file, len) = zipped(&folder, limits)?;
+            return Ok(Self { path: path.to_owned(), file: Arc::new(file), len });
+        }
         let (file, len) = match path.as_os_str() == "-" {
             true => input::spool(path, &mut std::io::stdin().lock(), limits)?,
             false if path.is_dir() => {
-                let reason = "is a folder; give a .ply, .pt, .off, .obj, .glb, .gltf or .html file";
+                let reason = match path.join("scene.ply").is_file() && path.join("photos").is_dir() {
+                    true => format!(
+                        "is a folder of `trisplat make`: its scene is {0}/scene.ply, its data set {0}/photos",
+                        path.display()
+                    ),
+                    false => format!("is a folder; give {ACCEPTED}; `trisplat make` makes a scene of photos"),
+                };
                 return Err(Error::unsupported(path, reason));
             }
             false => input::open(path, limits)?,
@@ -62,6 +79,35 @@ impl Source {
     pub fn rewind(&self) -> Result<()> {
         (&*self.file).rewind().map_err(|e| Error::io(&self.path, e))
     }
+}
+
+/// The folder of an unzipped SOG that is given by itself or by its `meta.json`.
+pub fn unzipped_sog(path: &Path) -> Option<PathBuf> {
+    let is_list = path.file_name().is_some_and(|name| name == SOG_LIST);
+    let folder = if is_list { path.parent()? } else { path };
+    let has = |name: &str| folder.join(name).is_file();
+    (has(SOG_LIST) && has("means_l.webp")).then(|| folder.to_owned())
+}
+
+/// The files of a folder as a zip archive, in a temporary file.
+fn zipped(folder: &Path, limits: &Limits) -> Result<(File, u64)> {
+    let io = |e| Error::io(folder, e);
+    let entries = std::fs::read_dir(folder).map_err(io)?.collect::<std::io::Result<Vec<_>>>().map_err(io)?;
+    let mut files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    files.retain(|path| path.is_file() && path.extension().is_some_and(|e| e == "webp" || e == "json"));
+    files.sort();
+    let zip_error = |e: zip::result::ZipError| Error::temporary(e.into());
+    let mut zip = ZipWriter::new(tempfile::tempfile().map_err(Error::temporary)?);
+    let stored = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for path in files {
+        let (file, len) = input::open(&path, limits)?;
+        zip.start_file_from_path(path.file_name().unwrap_or_default(), stored).map_err(zip_error)?;
+        std::io::copy(&mut file.take(len), &mut zip).map_err(|e| Error::io(&path, e))?;
+    }
+    let mut file = zip.finish().map_err(zip_error)?;
+    let len = file.seek(SeekFrom::End(0)).map_err(Error::temporary)?;
+    file.rewind().map_err(Error::temporary)?;
+    Ok((file, len))
 }
 
 /// Whether the name has the ending of gzip. (Some formats are compressed inside.)

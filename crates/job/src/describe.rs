@@ -1,7 +1,10 @@
 //! Describes a file: its contents, its softness, and the triangles that a bake would keep.
 
 use std::path::Path;
-use trisplat_bake::{PruneDetails, PruneOptions, SolidOptions, prune, softness};
+use trisplat_bake::{
+    BackgroundDetails, BackgroundOptions, PruneDetails, PruneOptions, SolidOptions, background, prune,
+    softness,
+};
 use trisplat_formats::info::{BakeInfo, Info, info_of_content};
 use trisplat_formats::{Content, ReadOptions};
 use trisplat_scene::report::{self, Outcome};
@@ -12,9 +15,15 @@ use trisplat_scene::{ImportedScene, Result};
 /// Errors: those of reading.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
     let (mut info, content) = info_of_content(path, options)?;
-    let Content::Scene(loaded) = content else { return Ok(info) };
+    let Content::Scene(mut loaded) = content else { return Ok(info) };
+    // Measured without the background of an object, as in the bake.
+    background(&mut loaded, false, &BackgroundOptions::default(), &mut BackgroundDetails::default());
+    let behind = info.triangles - loaded.scene.triangle_count() as u64;
     info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
     info.bake = would_bake(loaded);
+    if let (Some(bake), 1..) = (&mut info.bake, behind) {
+        bake.dropped.insert("background".to_owned(), behind.into());
+    }
     Ok(info)
 }
 

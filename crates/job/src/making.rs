@@ -119,6 +119,7 @@ impl MakeJob {
                 let folder = self.work.join("photos");
                 let mut job = Capture::new(self.inputs.iter().cloned(), folder.clone());
                 (job.options, job.force) = (self.capture.clone(), self.force);
+                job.skip_broken = self.dataset_options.skip_broken;
                 job.least_photos = LEAST_PHOTOS;
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }

@@ -180,6 +180,14 @@ impl UpAxis {
         [V::X, V::NEG_X, V::Y, V::NEG_Y, V::Z, V::NEG_Z][self as usize]
     }
 
+    /// The axis with the smallest angle to a direction.
+    pub fn nearest(direction: DVec3) -> Self {
+        let nearer = |best: Self, axis: Self| {
+            if axis.vector().dot(direction) > best.vector().dot(direction) { axis } else { best }
+        };
+        Self::ALL.into_iter().fold(Self::X, nearer)
+    }
+
     /// The proper rotation (determinant +1) that takes this axis to +Y.
     pub fn to_y_up(self) -> DMat3 {
         let rows = |x: DVec3, y: DVec3, z: DVec3| DMat3::from_cols(x, y, z).transpose();
@@ -230,10 +238,7 @@ impl UpDirection {
             return axis.to_y_up();
         }
         let up = self.vector();
-        let nearest = |best: UpAxis, axis: UpAxis| {
-            if axis.vector().dot(up) > best.vector().dot(up) { axis } else { best }
-        };
-        let axis = UpAxis::ALL.into_iter().fold(UpAxis::X, nearest);
+        let axis = UpAxis::nearest(up);
         axis.to_y_up() * DMat3::from_quat(DQuat::from_rotation_arc(up, axis.vector()))
     }
 }

@@ -166,19 +166,27 @@ fn holds_something(folder: &Path) -> bool {
     std::fs::read_dir(folder).is_ok_and(|mut entries| entries.any(counts))
 }
 
-/// Collects the photos of `sources` in `folder`: all of them or none.
+/// Collects the photos of `sources` in a folder: all of them or none. With `skip_broken` those that cannot be read are left out, which a
+/// warning says.
 pub(super) fn collect(
     sources: &Sources,
     inputs: Vec<String>,
-    folder: &Path,
-    options: &CaptureOptions,
+    (folder, options, skip_broken): (&Path, &CaptureOptions, bool),
     details: &mut PhotosDetails,
     observer: StageObserver<'_>,
-) -> Result<TakenPhotos> {
+) -> Result<(TakenPhotos, Option<String>)> {
     let made = AtomicFolder::create(folder)?;
     let (images, work) = (made.path().join("images"), made.path().join(WORK));
     std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
-    let opened = in_chunks(&sources.photos, observer, "reading photos", open)?;
+    let (mut opened, mut broken) = (Vec::new(), Vec::new());
+    let read = in_chunks(&sources.photos, observer, "reading photos", |photo| Ok(open(photo)))?;
+    for (source, photo) in sources.photos.iter().zip(read) {
+        match photo {
+            Ok(photo) => opened.push(photo),
+            Err(error) => broken.push((source, error)),
+        }
+    }
+    let left_out = left_out(&broken, sources, skip_broken)?;
     let groups: BTreeSet<String> = opened.iter().map(Opened::group).collect();
     let by_folder = groups.len() + sources.videos.len() > 1;
 
@@ -214,7 +222,23 @@ pub(super) fn collect(
     let text = serde_json::to_string_pretty(&taken).unwrap_or_default() + "\n";
     std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
     made.publish(WORK)?;
-    Ok(taken)
+    Ok((taken, left_out))
+}
+
+/// The warning about `broken` photos, if they are to be skipped and others are left.
+fn left_out(
+    broken: &[(&SourcePhoto, Error)],
+    sources: &Sources,
+    skip_broken: bool,
+) -> Result<Option<String>> {
+    let Some((photo, first)) = broken.first() else { return Ok(None) };
+    let (count, total) = (broken.len(), sources.photos.len());
+    let broken = format!("{count} of {total} photos {}", if count == 1 { "is broken" } else { "are broken" });
+    if skip_broken && (count < total || !sources.videos.is_empty()) {
+        return Ok(Some(format!("{broken} and left out, first {first}")));
+    }
+    let reason = format!("{first}; {broken}: repair or remove them, or skip them with `skip_broken`");
+    Err(Error::malformed(photo.path.parent().unwrap_or(&photo.path), "photos", reason))
 }
 
 /// Applies `work` to `list` in order, in batches.
@@ -346,6 +370,7 @@ fn video_folder(video: &Path, before: &[TakenPhoto], groups: &BTreeSet<String>) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::ops::ControlFlow;
 
     #[test]
     fn photos_of_one_stem_or_of_names_that_differ_in_case_have_distinct_names() {
@@ -359,6 +384,34 @@ mod tests {
         });
         let names = distinct(&opened, false);
         assert_eq!(names, ["A.png", "a-2.PNG", "b-2.PNG", "a.jpg", "a.webp.png", "a.tif.png", "b.c/d.png"]);
+    }
+
+    #[test]
+    fn a_broken_photo_is_left_out_if_that_is_wanted() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = folder.path().join("photos");
+        std::fs::create_dir(&photos).unwrap();
+        let picture = RgbImage { size: UVec2::splat(64), rgb: vec![[200, 90, 30]; 64 * 64], alpha: None };
+        let jpeg = picture.to_jpeg(90).unwrap();
+        for (name, bytes) in [("a.jpg", &jpeg[..]), ("b.jpg", &jpeg[..jpeg.len() / 2]), ("c.jpg", &[])] {
+            std::fs::write(photos.join(name), bytes).unwrap();
+        }
+        let sources = Sources::find(std::slice::from_ref(&photos)).unwrap();
+        let (out, options) = (folder.path().join("out"), CaptureOptions::default());
+        let taken = |skip_broken: bool| {
+            let how = (out.as_path(), &options, skip_broken);
+            collect(&sources, Vec::new(), how, &mut PhotosDetails::default(), &mut |_| {
+                ControlFlow::Continue(())
+            })
+        };
+        let error = taken(false).unwrap_err().to_string();
+        assert!(
+            error.contains("b.jpg") && error.contains("2 of 3") && error.contains("`skip_broken`"),
+            "{error}"
+        );
+        let (taken, warning) = taken(true).unwrap();
+        assert_eq!((taken.photos.len(), taken.photos[0].name.as_str()), (1, "a.jpg"));
+        assert!(warning.is_some_and(|warning| warning.contains("2 of 3 photos are broken and left out")));
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub struct Capture {
     pub options: CaptureOptions,
     /// Set a capture of other inputs in the folder aside, as `FOLDER.old`.
     pub force: bool,
+    /// Leave out photos that cannot be read.
+    pub skip_broken: bool,
     /// Fewer photos are refused before anything runs, unless there is a video.
     pub least_photos: usize,
 }
@@ -40,8 +42,8 @@ pub struct Capture {
 impl Capture {
     /// A capture of `inputs` into `folder` with default options.
     pub fn new(inputs: impl IntoIterator<Item = PathBuf>, folder: PathBuf) -> Self {
-        let (options, force) = (CaptureOptions::default(), false);
-        Self { inputs: inputs.into_iter().collect(), folder, options, force, least_photos: 1 }
+        let (options, force, skip_broken) = (CaptureOptions::default(), false, false);
+        Self { inputs: inputs.into_iter().collect(), folder, options, force, skip_broken, least_photos: 1 }
     }
 
     /// Makes the data set and adds its steps to `report`. Returns the verdict, or `None` if `observer` stopped it: the next run
@@ -110,7 +112,9 @@ impl Run<'_> {
                 details.frames = before.photos.iter().filter(|photo| photo.frame).count() as u64;
                 return Ok((before, Some(DONE)));
             }
-            let taken = collect::collect(sources, inputs, &job.folder, &job.options, details, run.observer)?;
+            let how = (job.folder.as_path(), &job.options, job.skip_broken);
+            let (taken, left_out) = collect::collect(sources, inputs, how, details, run.observer)?;
+            run.report.warnings.extend(left_out);
             Ok((taken, None))
         })
     }

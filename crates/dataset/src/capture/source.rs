@@ -52,7 +52,14 @@ impl Sources {
                 false => {
                     let name = input.file_name().unwrap_or_default().to_string_lossy().into_owned();
                     if !found.add(input, name)? {
-                        let reason = "is no photo and no video; give JPEG, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them";
+                        let is_zip =
+                            input.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
+                        let reason = match is_zip {
+                            true => "is a zip archive; unpack it, and give the folder",
+                            false => {
+                                "is no photo and no video; give JPEG, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
+                            }
+                        };
                         return Err(Error::unsupported(input, reason));
                     }
                 }

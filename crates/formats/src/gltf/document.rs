@@ -417,8 +417,9 @@ pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
 pub(crate) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 /// Extensions that a file may require: those that are read, and those that only change the look of a surface.
-const READABLE: [&str; 11] = [
+const READABLE: [&str; 12] = [
     format::GLTF_EXTENSION,
+    format::SPZ_EXTENSION,
     QUANTIZATION,
     MESHOPT,
     MESHOPT_KHR,

@@ -66,7 +66,8 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
         merged.add(instance)?;
     }
     let backdrop = (merged.faces - scene_faces) as u32;
-    if merged.faces == 0 && document.extensions_used.iter().any(|name| name == format::GLTF_EXTENSION) {
+    let mut extensions = document.extensions_used.iter().chain(&document.extensions_required);
+    if merged.faces == 0 && extensions.any(|name| name.starts_with(format::GLTF_EXTENSION)) {
         return Err(format::refusal(&path, "glTF"));
     }
     let (mesh, warnings) = merged.finish()?;
@@ -136,7 +137,7 @@ pub(crate) fn check_support(path: &Path, document: &Document) -> Result<()> {
     }
     let unknown = document.extensions_required.iter().find(|name| !is_readable(name));
     match unknown {
-        Some(name) if name.starts_with(format::GLTF_EXTENSION) => Err(format::refusal(path, "glTF")),
+        Some(name) if name.starts_with(format::GLTF_EXTENSION) => Err(format::unread(path, name)),
         Some(name) => {
             Err(Error::unsupported(path, format!("requires the extension {name}; export it again without")))
         }

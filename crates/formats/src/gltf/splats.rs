@@ -8,16 +8,16 @@ use super::compose;
 use super::container::ContainerFile;
 use super::document::{self, Document, MeshInstance, limited};
 use crate::finish::{origin_of, sampled};
-use crate::format::GLTF_EXTENSION;
-use crate::splats::{finish, unit, zeroed};
+use crate::format::{GLTF_EXTENSION, SPZ_EXTENSION};
+use crate::splats::{finish, spz, unit, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DMat3, DMat4, DQuat, DVec3, DVec4};
 use gltf_json::mesh::POINTS;
 use serde::Deserialize;
-use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 use std::path::Path;
-use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats};
+use std::sync::Arc;
+use trisplat_scene::{Error, ImportedSplats, Limits, Result, Splats, input};
 
 /// The supported colour space.
 const COLORS: &str = "srgb_rec709_display";
@@ -59,7 +59,14 @@ struct Splatting {
     #[serde(default)]
     color_space: Option<String>,
     #[serde(default)]
-    extensions: BTreeMap<String, IgnoredAny>,
+    extensions: BTreeMap<String, Packing>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Packing {
+    #[serde(default)]
+    buffer_view: Option<usize>,
 }
 
 /// Whether an open glTF file holds Gaussians and no triangles. It is back at byte 0 afterwards; a broken one holds none.
@@ -91,27 +98,42 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     super::read::check_support(&path, &document)?;
     let instances = document::instances(&path, &document, &limits)?;
     let buffers = Buffers::new(source, &container, &document.buffers, options);
-    let mut reader =
-        Reader { path: &path, accessors: Accessors::new(&document, buffers), warnings: Vec::new() };
+    let mut reader = Reader {
+        options: *options,
+        path: &path,
+        accessors: Accessors::new(&document, buffers),
+        warnings: Vec::new(),
+    };
     let parts = reader.parts(&own, &instances)?;
-    let (splats, origin) = reader.splats(&parts, options)?;
+    let (splats, origin) = reader.splats(&parts)?;
     finish(&path, splats, compose::provenance(&document.asset), reader.warnings, origin)
 }
 
 /// The Gaussians of one primitive under one node.
 struct Part {
     place: String,
-    /// Accessors of position, rotation, scale and opacity.
-    basic: [usize; 4],
-    /// Those of the spherical harmonics, all degrees in order.
-    sh: Vec<usize>,
+    numbers: Numbers,
     count: usize,
+    /// Coefficients of a channel.
+    coefficients: usize,
     transform: DMat4,
     turn: DQuat,
     scale: f64,
 }
 
+/// Where the numbers of Gaussians are.
+enum Numbers {
+    Accessors {
+        /// Position, rotation, scale and opacity.
+        basic: [usize; 4],
+        /// The spherical harmonics, all degrees in order.
+        sh: Vec<usize>,
+    },
+    Unpacked(Splats),
+}
+
 struct Reader<'a> {
+    options: ReadOptions,
     path: &'a Path,
     accessors: Accessors<'a>,
     warnings: Vec<String>,
@@ -144,11 +166,32 @@ impl Reader<'_> {
             return Err(malformed("has Gaussians that are no points (`mode` 0)".to_owned()));
         }
         let splatting = primitive.extensions.splatting.as_ref();
-        if let Some(name) = splatting.and_then(|s| s.extensions.keys().next()) {
+        let packing = splatting.and_then(|s| s.extensions.first_key_value());
+        if let Some((name, _)) = packing.filter(|(name, _)| *name != SPZ_EXTENSION) {
             return Err(unsupported(format!("its Gaussians need {name}; export them again without")));
         }
         if let Some(other) = splatting.and_then(|s| s.color_space.as_deref()).filter(|name| *name != COLORS) {
             return Err(unsupported(format!("its colours are {other}; export them again as {COLORS}")));
+        }
+        let transform = instance.transform.unwrap_or(DMat4::IDENTITY);
+        let axes = DMat3::from_mat4(transform);
+        let size = axes.determinant().cbrt();
+        let is_even = (axes.transpose() * axes)
+            .abs_diff_eq(DMat3::from_diagonal(DVec3::splat(size * size)), UNEVEN * size * size);
+        if !(size > 0.0 && is_even) {
+            let what = format!(
+                "node {} mirrors it or scales its axes differently; apply the scale before the export",
+                instance.node
+            );
+            return Err(unsupported(what));
+        }
+        let turn = DQuat::from_mat3(&(axes * size.recip()));
+        if let Some((name, packing)) = packing {
+            let view = packing.buffer_view.ok_or_else(|| malformed(format!("{name} has no bufferView")))?;
+            let splats = self.unpacked(view)?;
+            let (count, coefficients) = (splats.len(), splats.sh_count());
+            let numbers = Numbers::Unpacked(splats);
+            return Ok(Part { place, numbers, count, coefficients, transform, turn, scale: size });
         }
         let accessor = |name: &str| primitive.attributes.get(name).copied();
         let own = |name: &str| accessor(&format!("{GLTF_EXTENSION}:{name}"));
@@ -166,23 +209,28 @@ impl Reader<'_> {
                 None => break,
             }
         }
-        let transform = instance.transform.unwrap_or(DMat4::IDENTITY);
-        let axes = DMat3::from_mat4(transform);
-        let size = axes.determinant().cbrt();
-        let is_even = (axes.transpose() * axes)
-            .abs_diff_eq(DMat3::from_diagonal(DVec3::splat(size * size)), UNEVEN * size * size);
-        if !(size > 0.0 && is_even) {
-            let what = format!(
-                "node {} mirrors it or scales its axes differently; apply the scale before the export",
-                instance.node
-            );
-            return Err(unsupported(what));
-        }
-        let turn = DQuat::from_mat3(&(axes * size.recip()));
         let basic = [position, rotation, scale, opacity];
         let count =
             self.check(&place, basic.into_iter().zip([3, 4, 3, 1]).chain(sh.iter().map(|i| (*i, 3))))?;
-        Ok(Part { place, basic, sh, count, transform, turn, scale: size })
+        let coefficients = sh.len();
+        Ok(Part {
+            place,
+            numbers: Numbers::Accessors { basic, sh },
+            count,
+            coefficients,
+            transform,
+            turn,
+            scale: size,
+        })
+    }
+
+    /// The Gaussians of an SPZ file in a buffer view.
+    fn unpacked(&mut self, view: usize) -> Result<Splats> {
+        let (path, limits) = (self.path.to_owned(), &self.options.limits);
+        let (file, len) = input::spool(&path, &mut &*self.accessors.view_bytes(view)?, limits)?;
+        let loaded = spz::read(Source { path, file: Arc::new(file), len }, &self.options)?;
+        self.warnings.extend(loaded.warnings);
+        Ok(loaded.splats)
     }
 
     /// The number of elements that all of these accessors have. Each comes with its number of components.
@@ -204,37 +252,52 @@ impl Reader<'_> {
     }
 
     /// All of them, and the origin that was subtracted from their positions.
-    fn splats(&mut self, parts: &[Part], options: &ReadOptions) -> Result<(Splats, DVec3)> {
+    fn splats(&mut self, parts: &[Part]) -> Result<(Splats, DVec3)> {
+        let limits = self.options.limits;
         let total = parts.iter().fold(0usize, |sum, part| sum.saturating_add(part.count));
-        let degree = parts.iter().map(|part| part.sh.len().isqrt() as u8 - 1).max().unwrap_or(0);
-        let mut splats = zeroed(self.path, total, degree.min(options.sh_degree), &options.limits)?;
+        let degree = parts.iter().map(|part| part.coefficients.isqrt() as u8 - 1).max().unwrap_or(0);
+        let mut splats = zeroed(self.path, total, degree.min(self.options.sh_degree), &limits)?;
         let k = splats.sh_count();
-        let mut positions: Vec<DVec3> = options.limits.zeroed(self.path.display(), total)?;
+        let mut positions: Vec<DVec3> = limits.zeroed(self.path.display(), total)?;
         let mut base = 0;
         for part in parts {
-            let [position, rotation, scale, opacity] = part.basic;
-            self.accessors.for_each(position, 0.0, |i, place: [f64; 3]| {
-                positions[base + i] = part.transform.transform_point3(DVec3::from(place));
-            })?;
-            self.accessors.for_each(rotation, 0.0, |i, [x, y, z, w]: [f64; 4]| {
-                let [x, y, z, w] = DVec4::from(part.turn * DQuat::from_xyzw(x, y, z, w)).to_array();
-                splats.rotations[base + i] = unit([w, x, y, z]);
-            })?;
-            self.accessors.for_each(scale, 0.0, |i, lengths: [f64; 3]| {
-                splats.scales[base + i] = (DVec3::from(lengths) * part.scale).as_vec3();
-            })?;
-            self.accessors.for_each(opacity, 0.0, |i, [value]| splats.opacity[base + i] = value as f32)?;
+            let place = |position: [f64; 3]| part.transform.transform_point3(DVec3::from(position));
+            let turned = |quaternion: [f64; 4]| {
+                let [x, y, z, w] = DVec4::from(part.turn * DQuat::from_array(quaternion)).to_array();
+                unit([w, x, y, z])
+            };
+            let scaled = |lengths: [f64; 3]| (DVec3::from(lengths) * part.scale).as_vec3();
             let is_turned = part.turn.w.abs() < 1.0 - f64::EPSILON;
-            let drawn = if is_turned { 1 } else { part.sh.len().min(k) };
-            if drawn < part.sh.len().min(k) {
+            let drawn = if is_turned { 1 } else { part.coefficients.min(k) };
+            if drawn < part.coefficients.min(k) {
                 let warning =
                     format!("{}: a node turns it, so its colours are the same from all sides", part.place);
                 self.warnings.push(warning);
             }
-            for (j, coefficient) in part.sh[..drawn].iter().enumerate() {
-                self.accessors.for_each(*coefficient, 0.0, |i, rgb: [f64; 3]| {
-                    splats.sh[(base + i) * k + j] = rgb.map(|c| c as f32);
-                })?;
+            match &part.numbers {
+                Numbers::Accessors { basic: [position, rotation, scale, opacity], sh } => {
+                    let all = &mut self.accessors;
+                    all.for_each(*position, 0.0, |i, at| positions[base + i] = place(at))?;
+                    all.for_each(*rotation, 0.0, |i, q| splats.rotations[base + i] = turned(q))?;
+                    all.for_each(*scale, 0.0, |i, lengths| splats.scales[base + i] = scaled(lengths))?;
+                    all.for_each(*opacity, 0.0, |i, [value]| splats.opacity[base + i] = value as f32)?;
+                    for (j, coefficient) in sh[..drawn].iter().enumerate() {
+                        all.for_each(*coefficient, 0.0, |i, rgb: [f64; 3]| {
+                            splats.sh[(base + i) * k + j] = rgb.map(|c| c as f32);
+                        })?;
+                    }
+                }
+                Numbers::Unpacked(own) => {
+                    for i in 0..part.count {
+                        positions[base + i] = place(own.positions[i].as_dvec3().to_array());
+                        splats.rotations[base + i] = turned(own.rotations[i].as_dquat().to_array());
+                        splats.scales[base + i] = scaled(own.scales[i].as_dvec3().to_array());
+                        splats.opacity[base + i] = own.opacity[i];
+                        let to = (base + i) * k;
+                        splats.sh[to..to + drawn].copy_from_slice(&own.sh[i * part.coefficients..][..drawn]);
+                    }
+                    splats.filter = own.filter;
+                }
             }
             base += part.count;
         }

@@ -241,7 +241,7 @@ pub(super) fn read_views(table: &Table, limits: &Limits) -> Result<Vec<Camera>> 
         limits.camera(format!("{}: {VIEW} {i}", table.path.display()), camera.size)?;
         let turns = (camera.rotation.determinant() - 1.0).abs() < 0.01;
         if camera.validate(limits).is_err() || !turns {
-            return Err(table.error(i, crate::splats::NO_CAMERA));
+            return Err(table.error(i, crate::splats::cameras::NO_CAMERA));
         }
         cameras.push(camera);
         Ok(())

@@ -6,6 +6,7 @@ use crate::splats::{sh0, unit, with_largest, zeroed};
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Quat, Vec3};
 use std::f64::consts::SQRT_2;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Result, ScreenFilter, Splats};
 
 /// Whether these vertices are Gaussians.
@@ -13,14 +14,29 @@ pub(super) fn are_in(vertices: &Element) -> bool {
     ["scale_0", "rot_0", "packed_position"].iter().any(|p| vertices.has(p))
 }
 
-/// The Gaussians, and the origin that was subtracted from their positions.
-pub(super) fn read(source: &Source, header: &Header, options: &ReadOptions) -> Result<(Splats, DVec3)> {
+/// The Gaussians, and the origin that was subtracted from their positions. A warning names another dialect than that of the trainers.
+pub(super) fn read(
+    source: &Source,
+    header: &Header,
+    options: &ReadOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(Splats, DVec3)> {
     let vertices = table::points(source, header, &options.limits)?;
-    let columns = Columns::of(&vertices, options.sh_degree)?;
+    let mut columns = Columns::of(&vertices, options.sh_degree)?;
     let origin = vertices.origin()?;
     let mut splats = zeroed(&source.path, vertices.rows, columns.sh_degree, &options.limits)?;
     vertices.read_positions(origin, &mut splats.positions)?;
     columns.read(&vertices, &mut splats)?;
+    (columns.are_lengths, columns.are_shares) = (are_lengths(&splats), are_shares(&splats));
+    let found = [
+        (columns.are_lengths, "its scales are lengths, not logarithms"),
+        (columns.are_shares, "its opacities are shares, not logits"),
+    ];
+    let found: Vec<&str> = found.into_iter().filter_map(|(is, what)| is.then_some(what)).collect();
+    if !found.is_empty() {
+        columns.read(&vertices, &mut splats)?;
+        warnings.push(format!("{}: read as such; trainers write the others", found.join(", ")));
+    }
     if columns.filter.is_some() {
         splats.filter = ScreenFilter::MIP;
     }
@@ -39,12 +55,21 @@ struct Columns {
     /// Red, green and blue of each coefficient. `[K]`
     sh: Vec<[Column; 3]>,
     sh_degree: u8,
+    /// The number that stands for full red, green and blue, where they stand in place of the first coefficient.
+    full_color: Option<f64>,
+    /// Scales are no logarithms.
+    are_lengths: bool,
+    /// Opacities are no logits.
+    are_shares: bool,
 }
 
 impl Columns {
     fn of(vertices: &Table, highest: u8) -> Result<Self> {
         let (higher, sh_degree) = vertices.sh_columns(highest)?;
-        let mut sh = vec![vertices.columns(["f_dc_0", "f_dc_1", "f_dc_2"])?];
+        let has_colors = vertices.find("f_dc_0").is_none() && vertices.find("red").is_some();
+        let first = if has_colors { ["red", "green", "blue"] } else { ["f_dc_0", "f_dc_1", "f_dc_2"] };
+        let mut sh = vec![vertices.columns(first)?];
+        let full_color = has_colors.then(|| if sh[0][0].is_byte() { 255.0 } else { 1.0 });
         sh.extend(higher);
         let mut scales = vertices.columns(["scale_0", "scale_1"])?.to_vec();
         scales.extend(vertices.find("scale_2"));
@@ -55,6 +80,9 @@ impl Columns {
             filter: vertices.find("filter_3D"),
             sh,
             sh_degree,
+            full_color,
+            are_lengths: false,
+            are_shares: false,
         })
     }
 
@@ -69,6 +97,9 @@ impl Columns {
                 for (columns, out) in self.sh.iter().zip(&mut sh[i * k..]) {
                     *out = columns.map(|column| column.f32(row));
                 }
+                if let Some(full) = self.full_color {
+                    sh[i * k] = self.sh[0].map(|column| sh0(column.f64(row) / full));
+                }
             }
             Ok(())
         })?;
@@ -78,8 +109,10 @@ impl Columns {
     /// Physical scales, rotation and opacity of one Gaussian; in f64 and rounded once.
     fn shape(&self, row: &[u8]) -> (Vec3, Quat, f32) {
         let mut scales = [0.0; 3];
-        scales.iter_mut().zip(&self.scales).for_each(|(scale, column)| *scale = column.f64(row).exp());
-        let mut opacity = 1.0 / (1.0 + (-self.opacity.f64(row)).exp());
+        let length = |scale: f64| if self.are_lengths { scale } else { scale.exp() };
+        scales.iter_mut().zip(&self.scales).for_each(|(scale, column)| *scale = length(column.f64(row)));
+        let opacity = self.opacity.f64(row);
+        let mut opacity = if self.are_shares { opacity } else { 1.0 / (1.0 + (-opacity).exp()) };
         if let Some(filter) = self.filter {
             let variance = filter.f64(row).powi(2);
             let widened = scales.map(|scale: f64| (scale * scale + variance).sqrt());
@@ -89,6 +122,44 @@ impl Columns {
         let rotation = unit(self.rotation.map(|column| column.f64(row)));
         (DVec3::from(scales).as_vec3(), rotation, opacity as f32)
     }
+}
+
+// ---- Dialects: some programs write the numbers that are drawn, lengths and shares ---------------------
+
+/// Fewer Gaussians do not tell dialects apart.
+const LEAST_TOLD_APART: usize = 16;
+/// No Gaussian is larger than this many times the scene.
+const LARGEST: f64 = 1000.0;
+/// Usual size of a Gaussian, as a share of the distance of neighbours.
+const USUAL: f64 = 0.35;
+/// Share of the Gaussians along an axis that are outliers, on each side.
+const OUTLIERS: f64 = 0.1;
+
+/// Whether opacities that were read as logits are shares already: all logits are from 0 to 1, and not one number.
+fn are_shares(splats: &Splats) -> bool {
+    let highest = (1.0 / (1.0 + (-1.0f64).exp())) as f32;
+    let all = splats.len() >= LEAST_TOLD_APART && splats.opacity.iter().all(|o| (0.5..=highest).contains(o));
+    all && splats.opacity.iter().any(|o| *o != splats.opacity[0])
+}
+
+/// Whether scales that were read as logarithms are lengths already: none is negative, and lengths fit the distance of neighbours better.
+fn are_lengths(splats: &Splats) -> bool {
+    let all = splats.scales.iter().flat_map(|scales| scales.to_array()).filter(|scale| *scale != 0.0);
+    if splats.len() < LEAST_TOLD_APART || all.clone().any(|scale| scale < 1.0) {
+        return false;
+    }
+    let positions = |axis: usize| {
+        let mut all: Vec<f32> = splats.positions.iter().map(|p| p[axis]).filter(|x| x.is_finite()).collect();
+        all.sort_unstable_by(f32::total_cmp);
+        let cut = (OUTLIERS * all.len() as f64) as usize;
+        all.get(cut).zip(all.get(all.len().saturating_sub(cut + 1))).map_or(0.0, |(a, b)| f64::from(b - a))
+    };
+    let extent = DVec3::new(positions(0), positions(1), positions(2)).length();
+    let usual = USUAL * extent / (splats.len() as f64).sqrt();
+    let (largest, middle) = (all.clone().fold(0.0, f32::max), median(all.collect(), f32::total_cmp));
+    let middle = f64::from(middle.unwrap_or(1.0));
+    let off = |size: f64| (size / usual).ln().abs();
+    f64::from(largest) > LARGEST * extent || off(middle.ln()) < off(middle)
 }
 
 // ---- PlayCanvas's compressed PLY: 16 bytes per Gaussian, relative to the ranges of its chunk -----------

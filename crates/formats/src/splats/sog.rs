@@ -107,7 +107,7 @@ pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSpla
         Some(2) => {}
         other => {
             let version = other.unwrap_or(1);
-            return Err(format::refusal(path, &format!("SOG version {version}")));
+            return Err(format::unread(path, &format!("SOG version {version}")));
         }
     }
     let meta: Meta = serde_json::from_slice(&json).map_err(parse)?;

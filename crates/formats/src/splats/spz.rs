@@ -103,7 +103,7 @@ impl Header {
         }
         let (version, sh_degree, fractional_bits) = (word(bytes, 4), bytes[12], bytes[13]);
         if !(2..=4).contains(&version) {
-            return Err(format::refusal(&source.path, &format!("SPZ version {version}")));
+            return Err(format::unread(&source.path, &format!("SPZ version {version}")));
         }
         if sh_degree > 3 || fractional_bits > 24 {
             let reason = format!(
