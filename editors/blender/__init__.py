@@ -3,7 +3,7 @@
 The work is done by the program trisplat, which is on the PATH or where the preferences of this add-on say.
 """
 
-import shutil
+import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -25,9 +25,19 @@ class TrisplatPreferences(bpy.types.AddonPreferences):
 
 
 def program():
-    """The program's path; None if it is not there."""
+    """The program's path; None if it is not there. A name alone is sought on the PATH, never in the current folder."""
     addon = bpy.context.preferences.addons.get(TrisplatPreferences.bl_idname)
-    return shutil.which(bpy.path.abspath(addon.preferences.program) if addon else "trisplat")
+    return found(bpy.path.abspath(addon.preferences.program) if addon else "trisplat")
+
+
+def found(name):
+    """An absolute path, or a file of that name in an absolute folder of the PATH."""
+    folders = [""] if os.path.isabs(name) else os.environ.get("PATH", "").split(os.pathsep)
+    if os.path.dirname(name) and not os.path.isabs(name):
+        return None
+    endings = ["", ".exe"] if os.name == "nt" else [""]
+    paths = (os.path.join(folder, name + ending) for folder in folders for ending in endings)
+    return next((path for path in paths if os.path.isabs(path) and os.path.isfile(path) and os.access(path, os.X_OK)), None)
 
 
 class IMPORT_SCENE_OT_trisplat(bpy.types.Operator, ImportHelper):
@@ -66,13 +76,13 @@ class IMPORT_SCENE_OT_trisplat(bpy.types.Operator, ImportHelper):
         return made
 
     def execute(self, context):
-        found = program()
-        if not found:
+        path = program()
+        if not path:
             self.report({"ERROR"}, "The program trisplat was not found: Preferences > Add-ons > Trisplat")
             return {"CANCELLED"}
         with tempfile.TemporaryDirectory() as folder:
             glb = Path(folder) / (Path(self.filepath).stem + ".glb")
-            bake = [found, "bake", self.filepath, "--output", str(glb), "--quiet", *self.flags()]
+            bake = [path, "bake", self.filepath, "--output", str(glb), "--quiet", *self.flags()]
             done = subprocess.run(bake, capture_output=True, text=True, stdin=subprocess.DEVNULL)
             if done.returncode:
                 self.report({"ERROR"}, done.stderr.strip() or f"trisplat ended with {done.returncode}")

@@ -8,7 +8,7 @@ use super::terminal::Terminal;
 use super::{Global, flags, signals};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use trisplat_bake::{BackdropOptions, BakeOptions, CropOptions};
+use trisplat_bake::{BackdropOptions, CropOptions};
 use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
@@ -78,21 +78,20 @@ pub struct MakeArgs {
 /// Makes it.
 pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
-    let mut bake = BakeOptions::default();
-    bake.output.target = args.target;
-    (bake.crop, bake.backdrop) = (args.crop_options.clone(), args.backdrop_options.clone());
-    let mut outputs = guard(args, inputs, bake.clone(), &page)?;
     let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
     if let Some(work) = &args.work {
         job.work = work.clone();
     }
+    job.bake.output.target = args.target;
+    (job.bake.crop, job.bake.backdrop) = (args.crop_options.clone(), args.backdrop_options.clone());
+    let mut outputs = guard(args, inputs, &page, &job)?;
     job.page = Some(page);
     (job.capture, job.force) = (args.capture.clone(), args.force);
     (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
     if let Some(most) = args.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
     }
-    (job.bake, job.budget) = (bake, Some(args.budget));
+    job.budget = Some(args.budget);
     if let Some(steps) = args.steps {
         (job.train.steps, job.budget) = (steps, None);
     }
@@ -114,7 +113,7 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
 }
 
 /// Refuses outputs that cannot or must not be written, before any work.
-fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, mut bake: BakeOptions, page: &Path) -> Result<Outputs<'a>> {
+fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, page: &Path, job: &MakeJob) -> Result<Outputs<'a>> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
         return Err(Error::invalid("output", args.output.display(), wants));
@@ -122,8 +121,9 @@ fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, mut bake: BakeOptions, page: &
     if page.extension().is_none_or(|e| e != "html") {
         return Err(Error::invalid("page", page.display(), "a name ending in .html"));
     }
-    let planned = bake.plan_output(&args.output, None)?;
+    let planned = job.bake.clone().plan_output(&args.output, None)?;
     let mut outputs = Outputs::new(inputs, args.force);
+    outputs.begun = job.unfinished();
     outputs.plan_scene(&planned)?;
     outputs.plan("--page", page)?;
     outputs.claim_report(args.report.as_deref())?;

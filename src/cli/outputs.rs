@@ -21,6 +21,8 @@ pub(super) struct Outputs<'a> {
     /// Inputs that later outputs may replace.
     resumed: HashMap<FileId, PathBuf>,
     planned: Vec<Planned>,
+    /// Outputs that an interrupted run of the same command wrote, which may be replaced.
+    pub(super) begun: Vec<PathBuf>,
     /// Folders of outputs, and whether an input in one of them is in danger.
     folders: Vec<(&'static str, PathBuf, InDanger)>,
     /// Held until the command ends.
@@ -52,6 +54,7 @@ impl<'a> Outputs<'a> {
             inputs: known(read.files()),
             resumed: HashMap::new(),
             planned: Vec::new(),
+            begun: Vec::new(),
             folders: Vec::new(),
             locks: Vec::new(),
             files: Vec::new(),
@@ -140,7 +143,8 @@ impl<'a> Outputs<'a> {
             let make = if cfg!(windows) { "mkdir" } else { "mkdir -p" };
             return refuse(format!("a file in a folder that exists; `{make} {folder}` makes this one"));
         }
-        let is_new = !self.replace && path.as_os_str() != "-" && !device;
+        let replaced = self.replace || self.begun.iter().any(|one| one == path);
+        let is_new = !replaced && path.as_os_str() != "-" && !device;
         let planned = Planned { option, path: path.to_owned(), id, is_new };
         self.check_input(&planned)?;
         planned.check_new()?;

@@ -6,14 +6,36 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 fn make(folder: &Path, more: &[&str]) -> Output {
+    command(folder, more).output().unwrap()
+}
+
+fn command(folder: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("make").arg(dataset()).args(["-o", "scene.glb", "--max-size", "60"]);
+    command.args(["--budget", "6s", "--max-triangles", "500"]).args(more).stdin(Stdio::null());
     command
-        .args(["--budget", "6s", "--max-triangles", "500"])
-        .args(more)
-        .stdin(Stdio::null())
-        .output()
-        .unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    // The page waits for a reader of this pipe.
+    assert!(Command::new("mkfifo").arg(at("scene.html")).status().unwrap().success());
+    let mut killed = command(folder.path(), &[]).stderr(Stdio::null()).spawn().unwrap();
+    while !at("scene.glb").exists() && killed.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    std::fs::remove_file(at("scene.html")).unwrap();
+    assert!(at("scene.glb").exists());
+    let finished = make(folder.path(), &[]);
+    assert!(finished.status.success(), "{}", stderr(&finished));
+    assert!(std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
+    let refused = make(folder.path(), &[]);
+    assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
 }
 
 #[test]

@@ -25,6 +25,31 @@ fn missing_and_broken_photos_are_errors_unless_skipped() {
 }
 
 #[test]
+fn a_strip_is_no_photo() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    image::GrayImage::new(1, 30_000).save(folder.path().join("images/view_0003.png")).unwrap();
+    let error = error_of(folder.path());
+    for part in ["view_0003.png", "is 1x30000 px; expected one side at most 64 times the other"] {
+        assert!(error.contains(part), "`{part}` is missing from: {error}");
+    }
+}
+
+#[test]
+fn a_lens_beyond_the_range_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let file = folder.path().join("sparse/0/cameras.txt");
+    let text = std::fs::read_to_string(&file).unwrap();
+    for [from, to] in [["168", "1e30"], ["81.92", "1e38"]] {
+        assert!(text.contains(from));
+        std::fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        let error = error_of(folder.path());
+        assert!(error.contains("0.001 to 100,000 times the longer side"), "{error}");
+    }
+}
+
+#[test]
 fn errors_name_the_file_and_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();

@@ -24,22 +24,29 @@ fn a_scene_that_is_dropped_into_godot_4_is_baked_by_the_add_on() {
     fs::remove_file(at("scene.glb.import")).unwrap();
     copy_folder(&here("editors/godot/addons"), &at("addons"));
     // Godot may run where this program's folder is not.
-    fs::copy(env!("CARGO_BIN_EXE_trisplat"), at("trisplat")).unwrap();
+    let programs = TempDir::new().unwrap();
+    fs::copy(env!("CARGO_BIN_EXE_trisplat"), programs.path().join("trisplat")).unwrap();
+    // Neither what a project says nor what lies in it is run.
+    fs::write(at("trisplat"), "#!/bin/sh\ntouch ran\n").unwrap();
+    fs::write(at("not-this"), "#!/bin/sh\ntouch ran\n").unwrap();
     fs::copy(studio(), at("scene.ply")).unwrap();
     let settings = "\n[editor_plugins]\n\nenabled=PackedStringArray(\"res://addons/trisplat/plugin.cfg\")\n\
-        \n[trisplat]\n\nprogram=\"res://trisplat\"\n";
+        \n[trisplat]\n\nprogram=\"res://not-this\"\n";
     fs::write(at("project.godot"), fs::read_to_string(at("project.godot")).unwrap() + settings).unwrap();
-    let more = ["--set", "chunk_triangles=3000", "--teacher", "off"].map(|word| format!("\"{word}\""));
+    let more = ["chunk_triangles=3000", "teacher=off"].map(|word| format!("\"{word}\""));
     let params = format!(
         "[remap]\n\nimporter=\"trisplat.scene\"\ntype=\"PackedScene\"\n\n[params]\n\nquality=0\nharden=false\n\
-        max_triangles=0\ncollision=true\nbackdrop=false\nscale=1.0\narguments=PackedStringArray({})\n",
+        max_triangles=0\ncollision=true\nbackdrop=false\nscale=1.0\nsettings=PackedStringArray({})\n",
         more.join(", ")
     );
     fs::write(at("scene.ply.import"), params).unwrap();
     // A file of no known format ends in one error that names it.
     fs::write(at("broken.spz"), "nothing").unwrap();
 
-    let imported = runs(Command::new(&godot4).arg(folder.path()).arg("--import"));
+    let path = format!(".::{}", programs.path().display());
+    let imported =
+        runs(Command::new(&godot4).arg(folder.path()).arg("--import").env("PATH", path).current_dir(&folder));
+    assert!(!at("ran").exists());
     let said =
         [imported.stdout, imported.stderr].map(|said| String::from_utf8_lossy(&said).into_owned()).concat();
     assert!(said.contains("trisplat cannot bake res://broken.spz: error: "), "{said}");
@@ -87,13 +94,25 @@ fn a_scene_that_is_dropped_into_unity_is_baked_by_the_importer() {
         String::from_utf8_lossy(&done.stdout).into_owned()
     };
     let program = env!("CARGO_BIN_EXE_trisplat");
-    let said = import(program, &studio(), &["--set", "chunk_triangles=3000", "--teacher", "off"]);
+    let said = import(program, &studio(), &["chunk_triangles=3000", "teacher=off"]);
     assert_same_scene(folder.path(), &said);
     // By default what lies behind comes too, drawn from inside only.
     let said = import(program, &here("samples/soups/trained.ply"), &[]);
     assert!(said.lines().any(|line| line.starts_with("node backdrop ") && line.ends_with("False")), "{said}");
     let lost = import(program, &at("missing.ply"), &[]);
     assert!(lost.starts_with("error trisplat cannot bake ") && lost.contains("does not exist"), "{lost}");
+    // What a project sets is an option and its value, whatever it looks like.
+    let lost = import(program, &studio(), &["--force"]);
+    assert!(lost.starts_with("error ") && lost.contains("--force"), "{lost}");
+    for program in ["no-such-program", "./trisplat", "editors/trisplat", ""] {
+        let lost = import(program, &studio(), &[]);
+        assert!(lost.starts_with("error ") && lost.contains("Preferences > Trisplat"), "{program}: {lost}");
+    }
+    let words = ["a b\\", "\\\\host\\", "\"a\"", "", "--report $X `y`", "a\\\"b"];
+    let said = runs(
+        Command::new("mono").arg(at("import.exe")).args(["--quoted", "/usr/bin/printf", "%s\\n"]).args(words),
+    );
+    assert_eq!(String::from_utf8_lossy(&said.stdout).lines().collect::<Vec<_>>(), words);
     let lost = import("no-such-program", &studio(), &[]);
     assert!(lost.starts_with("error ") && lost.contains("Preferences > Trisplat"), "{lost}");
 }
@@ -118,6 +137,29 @@ fn every_file_of_the_package_for_unity_has_its_own_guid() {
         }
     }
     assert!(guids.len() >= 8, "{guids:?}");
+}
+
+/// A name is sought in absolute folders of the PATH: the function of the extension, without Blender.
+#[cfg(unix)]
+#[test]
+fn the_extension_for_blender_runs_no_program_of_the_current_folder() {
+    let source = fs::read_to_string(here("editors/blender/__init__.py")).unwrap();
+    let found = &source[source.find("def found(").unwrap()..source.find("class IMPORT_SCENE").unwrap()];
+    let folder = TempDir::new().unwrap();
+    let program = folder.path().join("trisplat");
+    fs::write(&program, "").unwrap();
+    runs(Command::new("chmod").arg("+x").arg(&program));
+    let script =
+        format!("import os\n{found}\nimport sys\nprint(*[found(name) for name in sys.argv[1:]], sep='\\n')");
+    let said = |path: &str| {
+        let mut python = Command::new("/usr/bin/env");
+        let python3 = python.args(["python3", "-c", &script, "trisplat", "./trisplat", ""]).arg(&program);
+        let done = runs(python3.env("PATH", format!("{path}:/usr/bin:/bin")).current_dir(&folder));
+        String::from_utf8_lossy(&done.stdout).lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let whole = program.display().to_string();
+    assert_eq!(said(".:"), ["None", "None", "None", &whole]);
+    assert_eq!(said(&folder.path().display().to_string()), [&whole, "None", "None", &whole]);
 }
 
 /// Blender installs the extension from its archive, and imports every corner and colour that the program bakes.

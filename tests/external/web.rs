@@ -5,7 +5,7 @@ use super::browser::{assert_seen, chromium, named};
 #[path = "../pt/files.rs"]
 mod checkpoints;
 
-use super::{have, here, runs_with, studio};
+use super::{have, here, runs, runs_with, studio};
 use checkpoints::{checkpoint, floats};
 use serde_json::{Value, json};
 use std::fs;
@@ -140,6 +140,41 @@ fn node_writes_the_bytes_of_the_program() {
         assert_same(ours.path(), theirs.path(), &done["names"]);
         assert!(done["names"].as_array().unwrap().contains(&json!(output)) && done["stages"] != json!([]));
     }
+}
+
+/// With a program that writes two files of its output's name.
+#[test]
+fn an_output_is_returned_under_the_name_that_was_given() {
+    if !have("node", Command::new("node").arg("--version").output().is_ok()) {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for file in fs::read_dir(here("web/src")).unwrap().map(|file| file.unwrap().path()) {
+        fs::copy(&file, at(file.file_name().unwrap().to_str().unwrap())).unwrap();
+    }
+    fs::write(at("package.json"), r#"{"type": "module"}"#).unwrap();
+    fs::write(at("trisplat.wasm"), b"\0asm\x01\0\0\0").unwrap();
+    let run = "export const run = async (m, w, { output }) => ({ files: { [output]: Uint8Array.of(1), [`${output}.bin`]: Uint8Array.of(2) } });";
+    fs::write(at("run.js"), run).unwrap();
+    let names = ["/out/x.gltf", "./x.gltf", "../x.gltf", "a/b.c/x.gltf", "x.gltf"];
+    let script = format!(
+        "import {{ bake, bakeFiles }} from './index.js'; import {{ Files }} from './files.js';
+        for (const output of {names:?}) {{
+          const {{ files }} = await bakeFiles(new Uint8Array(1), {{}}, {{ output }});
+          const bytes = await bake(new Uint8Array(1), {{}}, {{ output }});
+          console.log(JSON.stringify([Object.keys(files), bytes.length]));
+        }}
+        const given = new Files({{ './a.ply': new Uint8Array(1), '/b/../c.ply': new Uint8Array(1) }});
+        console.log(JSON.stringify([given.get('a.ply')?.size, given.get('c.ply')?.size]));"
+    );
+    fs::write(at("test.mjs"), script).unwrap();
+    let done = runs(Command::new("node").arg(at("test.mjs")));
+    let mut wanted = names.map(|name| json!([[name, format!("{name}.bin")], 1])).to_vec();
+    wanted.push(json!([1, 1]));
+    let said = String::from_utf8_lossy(&done.stdout);
+    let said: Vec<Value> = said.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(said, wanted);
 }
 
 #[test]

@@ -206,6 +206,26 @@ fn polygons_anywhere_in_space_keep_their_outline_and_colors() {
     assert_eq!(colors[16], [0.5, 0.5, 0.0].map(linear_from_srgb));
 }
 
+#[test]
+fn a_name_that_an_obj_cannot_hold_is_refused_and_nothing_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let asset = Asset::from(mesh(1, false, false, false));
+    let write = |name: &str| {
+        trisplat_formats::write(
+            &asset,
+            &folder.path().join(name),
+            &trisplat_formats::OutputOptions::default(),
+        )
+    };
+    for name in ["a\nv 9 9 9.obj", "a\rv 9 9 9.obj", "a\u{2028}v 9 9 9.obj", "a\u{85}b.obj", " a.obj"] {
+        let error = write(name).expect_err(name).to_string();
+        assert!(error.contains("OBJ cannot quote the name of its .mtl"), "{error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    write("a#b \"c\" \u{e9}.obj").expect("a name that it holds");
+    write("a\nb.glb").expect("glTF quotes any name");
+}
+
 proptest! {
     #![proptest_config(crate::common::regressions::stored())]
 

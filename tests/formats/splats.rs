@@ -264,10 +264,14 @@ fn spz4_bytes() -> Vec<u8> {
 }
 
 fn webp(pixels: [u8; 4], width: u32) -> Vec<u8> {
+    webp_of(pixels, width, 1)
+}
+
+fn webp_of(pixels: [u8; 4], width: u32, height: u32) -> Vec<u8> {
     let mut out = Vec::new();
-    let bytes = pixels.repeat(width as usize);
+    let bytes = pixels.repeat((width * height) as usize);
     image::codecs::webp::WebPEncoder::new_lossless(&mut out)
-        .encode(&bytes, width, 1, image::ExtendedColorType::Rgba8)
+        .encode(&bytes, width, height, image::ExtendedColorType::Rgba8)
         .expect("in memory");
     out
 }
@@ -449,8 +453,8 @@ fn a_gltf_of_gaussians_that_cannot_be_read_says_why() {
 fn arrays_of_spz_4_that_do_not_fit_are_refused() {
     type Edit = fn(&mut Vec<u8>);
     let cases: [(Edit, &str); 5] = [
-        (|b| b[8..12].copy_from_slice(&u32::MAX.to_le_bytes()), "expected 38654705655"),
-        (|b| b[40] = 10, "10 by the table"),
+        (|b| b[8..12].copy_from_slice(&u32::MAX.to_le_bytes()), "promises 4294967295"),
+        (|b| b[40] = 10, "10 bytes by the table"),
         (|b| b[16..20].copy_from_slice(&u32::MAX.to_le_bytes()), "table of arrays"),
         (|b| b[39] = 1, "array 0: lies beyond"),
         (|b| b[128] = 0, "zstd -t"),
@@ -501,6 +505,67 @@ fn promises_beyond_the_file_or_the_limits_are_refused_before_memory_is_taken() {
     for (name, bytes) in [("a.ply", two), ("a.splat", splat_record().repeat(2))] {
         let error = read_in(folder.path(), name, &bytes, &few).expect_err("too many");
         assert!(matches!(error, Error::Limit { .. }), "{error}");
+    }
+}
+
+/// Bytes of zeros that gzip makes of a thousandth.
+const BOMB: usize = 1 << 26;
+
+#[test]
+fn a_bomb_of_gzip_is_unpacked_to_what_its_header_needs() {
+    let mut spz = spz_bytes(3);
+    spz.resize(BOMB, 0);
+    let began = std::time::Instant::now();
+    assert_eq!(read("a.spz", &gzipped(&spz)).expect("the rest is left").splats.len(), 1);
+    let mut many = spz_bytes(3)[..16].to_vec();
+    many[8..12].copy_from_slice(&200_000_000u32.to_le_bytes());
+    many.resize(BOMB, 0);
+    let error = read("a.spz", &gzipped(&many)).expect_err("more than gzip can hold").to_string();
+    assert!(error.contains("promises 200000000 Gaussians") && error.contains("cut short"), "{error}");
+    assert!(began.elapsed().as_secs() < 10, "{:?}", began.elapsed());
+}
+
+#[test]
+fn a_bomb_of_zstd_is_refused_before_it_is_unpacked() {
+    // A block of zstd repeats one byte 2^17 times in four bytes.
+    let blocks = [[0x02, 0x00, 0x10, 0x00]; 10_000].concat();
+    let frame = [&[0x28, 0xb5, 0x2f, 0xfd, 0x00, 0x58][..], &blocks, &[0x03, 0, 0x10, 0]].concat();
+    for (claimed, needle) in [(1u64 << 31, "2147483648 bytes by the table"), (9, "array")] {
+        let mut bytes = spz4_bytes();
+        bytes[32..40].copy_from_slice(&(frame.len() as u64).to_le_bytes());
+        bytes[40..48].copy_from_slice(&claimed.to_le_bytes());
+        bytes.truncate(128);
+        bytes.extend(&frame);
+        let began = std::time::Instant::now();
+        let error = read("a.spz", &bytes).expect_err("a bomb").to_string();
+        assert!(error.contains(needle) && !error.contains('\n'), "{error}");
+        assert!(began.elapsed().as_millis() < 1000, "{:?}", began.elapsed());
+    }
+}
+
+#[test]
+fn a_bomb_of_webp_or_json_in_sog_is_refused_before_it_is_unpacked() {
+    let large = webp_of([255, 0, 0, 255], 4000, 4000);
+    let text = format!("{{\"version\": 2, \"list\": [{}0]}}", "0,".repeat(BOMB / 2)).into_bytes();
+    for (name, bytes, needle) in
+        [("u.webp", large, "has 16000000 pixels"), ("meta.json", text, "at most 1048576")]
+    {
+        let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+        let small = zip::write::SimpleFileOptions::default();
+        let mut old = zip::ZipArchive::new(std::io::Cursor::new(sog_bytes(0))).expect("an archive");
+        for i in 0..old.len() {
+            let entry = old.by_index(i).expect("an entry");
+            if entry.name().expect("text") != name {
+                archive.raw_copy_file(entry).expect("copied");
+            }
+        }
+        archive.start_file(name, small).expect("an entry");
+        archive.write_all(&bytes).expect("its bytes");
+        let bytes = archive.finish().expect("a directory").into_inner();
+        let began = std::time::Instant::now();
+        let error = read("a.sog", &bytes).expect_err(name).to_string();
+        assert!(error.contains(name) && error.contains(needle), "{error}");
+        assert!(began.elapsed().as_millis() < 1000, "{:?}", began.elapsed());
     }
 }
 

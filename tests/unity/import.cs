@@ -11,8 +11,15 @@ static class Import
 {
     static void Main(string[] words)
     {
+        if (words[0] == "--quoted")
+        {
+            var echo = new System.Diagnostics.ProcessStartInfo(words[1], string.Join(" ", words.Skip(2).Select(Trisplat.TrisplatImporter.Quoted)));
+            echo.UseShellExecute = false;
+            using (var program = System.Diagnostics.Process.Start(echo)) program.WaitForExit();
+            return;
+        }
         EditorPrefs.SetString("trisplat.program", words[0]);
-        var importer = new Trisplat.TrisplatImporter { backdrop = words.Length == 3, arguments = words.Skip(3).ToArray() };
+        var importer = new Trisplat.TrisplatImporter { backdrop = words.Length == 3, settings = words.Skip(3).ToArray() };
         var context = new AssetImportContext(words[1]);
         importer.OnImportAsset(context);
         foreach (var error in context.errors) Console.WriteLine("error " + error);

@@ -96,6 +96,16 @@ export class Written {
   }
 }
 
+/** A path without a leading slash and without `.` and `..`, in a folder of such a path. */
+export function plain(path, folder = '') {
+  const parts = folder.split('/').filter(Boolean);
+  for (const part of path.split('/')) {
+    if (part === '..') parts.pop();
+    else if (part !== '' && part !== '.') parts.push(part);
+  }
+  return parts.join('/');
+}
+
 /** Marks a folder. */
 export const FOLDER = Symbol('folder');
 
@@ -110,7 +120,7 @@ export class Files {
     const readable = ([name, bytes]) => [name, ArrayBuffer.isView(bytes) ? new Bytes(bytes) : new Picked(bytes)];
     const all = Object.entries(given).map(readable);
     this.given = all.map(([, file]) => file);
-    for (const [name, file] of [...all, ...Object.entries(more).map(readable)]) this.#at.set(name, file);
+    for (const [name, file] of [...all, ...Object.entries(more).map(readable)]) this.#at.set(plain(name), file);
   }
 
   get(path) {

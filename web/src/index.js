@@ -28,8 +28,10 @@ export async function run(job, files, how = {}) {
 export async function bakeFiles(source, options = {}, how = {}) {
   const { files, first } = named(source);
   const { harden = false, max_bytes = null, ...rest } = options;
-  const output = how.output ?? 'scene.glb';
-  return run({ command: 'bake', inputs: how.inputs ?? [first], output, options: rest, harden, max_bytes }, files, how);
+  // All files are written beside each other: the program gets the last name, and the folder is put before each again.
+  const [, folder, output] = /^(.*\/)?(.*)$/s.exec(how.output ?? 'scene.glb');
+  const done = await run({ command: 'bake', inputs: how.inputs ?? [first], output, options: rest, harden, max_bytes }, files, how);
+  return { ...done, files: Object.fromEntries(Object.entries(done.files).map(([name, bytes]) => [(folder ?? '') + name, bytes])) };
 }
 
 /** Bakes, and returns the bytes of the file. */

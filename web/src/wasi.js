@@ -1,5 +1,5 @@
 // The system under the program: the calls of WASI preview 1 that it makes, over files in memory.
-import { FOLDER, Files, Written } from './files.js';
+import { FOLDER, Files, Written, plain } from './files.js';
 
 const OK = 0, BADF = 8, EXIST = 20, INVAL = 28, ISDIR = 31, NOENT = 44, NOSYS = 52, NOTDIR = 54, NOTEMPTY = 55, SPIPE = 70;
 const CHARACTERS = 2, DIRECTORY = 3, REGULAR = 4;
@@ -86,12 +86,7 @@ export class System {
   #path(fd, at, length) {
     const folder = this.#open.get(fd);
     if (folder?.what !== FOLDER) return null;
-    const parts = folder.path.split('/').filter(Boolean);
-    for (const part of this.#text(at, length).split('/')) {
-      if (part === '..') parts.pop();
-      else if (part !== '' && part !== '.') parts.push(part);
-    }
-    return parts.join('/');
+    return plain(this.#text(at, length), folder.path);
   }
 
   /** The vectors of a read or write, each as bytes of the memory. */

@@ -5,6 +5,7 @@ use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::path::{Path, PathBuf};
+use trisplat_scene::camera::{Camera, LENS};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, input};
 
@@ -43,6 +44,9 @@ pub(super) struct LensClaim {
     pub(super) distortion: Distortion,
 }
 
+/// Angles of a view, radians: at half a turn no focal length shows it.
+const WIDEST: std::ops::RangeInclusive<f64> = 1e-5..=3.1;
+
 impl LensClaim {
     /// The lens, with missing values from the photo: its size, square pixels, the principal point in the
     /// middle.
@@ -52,6 +56,11 @@ impl LensClaim {
             return Err(format!("its size is {}x{}", size.x, size.y));
         }
         let half = size.as_dvec2() / 2.0;
+        if let Some(angle) = self.angle.iter().flatten().find(|angle| !WIDEST.contains(*angle)) {
+            return Err(format!(
+                "camera_angle is {angle}: expected radians above 0 and below π, as of one picture"
+            ));
+        }
         let side = |i: usize| {
             let from_angle = self.angle[i].map(|angle| half[i] / (angle / 2.0).tan());
             self.focal[i].or(from_angle)
@@ -64,10 +73,8 @@ impl LensClaim {
         let center = DVec2::new(self.center[0].unwrap_or(half.x), self.center[1].unwrap_or(half.y));
         let lens = Lens { size, focal, center, distortion: self.distortion };
         let numbers = [self.distortion.radial.as_slice(), &self.distortion.tangential].concat();
-        if !(focal.min_element() > 0.0 && focal.is_finite() && center.is_finite())
-            || numbers.iter().any(|k| !k.is_finite())
-        {
-            return Err(format!("focal {focal}, center {center}: expected finite numbers, focal > 0"));
+        if !Camera::is_lens(focal, center, size) || numbers.iter().any(|k| !k.is_finite()) {
+            return Err(format!("focal {focal}, center {center}: expected finite numbers, {LENS}"));
         }
         Ok(lens)
     }
@@ -119,6 +126,28 @@ impl<'a> NamedFiles<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_lens_beyond_the_range_of_lenses_is_refused_with_a_reason() {
+        let size = UVec2::new(640, 480);
+        let resolved = |claim: LensClaim| claim.resolve(size);
+        let of = |f: f64, cx: f64| LensClaim {
+            focal: [Some(f); 2],
+            center: [Some(cx), None],
+            ..LensClaim::default()
+        };
+        assert!(resolved(of(500.0, 320.0)).is_ok() && resolved(of(500.0, -3000.0)).is_ok());
+        for (f, cx) in [(1e30, 320.0), (500.0, 1e38), (1e-3, 320.0), (-500.0, 320.0), (f64::NAN, 320.0)] {
+            let reason = resolved(of(f, cx)).unwrap_err();
+            assert!(reason.contains("0.001 to 100,000 times the longer side"), "{reason}");
+        }
+        for angle in [7.0, std::f64::consts::PI, 0.0, -1.0, 45.0, f64::NAN] {
+            let reason =
+                resolved(LensClaim { angle: [Some(angle), None], ..LensClaim::default() }).unwrap_err();
+            assert!(reason.contains("radians above 0 and below π"), "{reason}");
+        }
+        assert!(resolved(LensClaim { angle: [Some(3.0), None], ..LensClaim::default() }).is_ok());
+    }
 
     #[test]
     fn a_path_that_leaves_the_folder_is_an_error_and_an_absolute_one_a_warning() {

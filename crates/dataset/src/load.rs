@@ -199,10 +199,20 @@ fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions)
     Ok(views)
 }
 
+/// Longer side of a photo in shorter ones, at most: a strip shows no scene, and cannot be shrunk.
+const LONGEST_SHAPE: u32 = 64;
+
 /// One view, and a warning when its photo has another size than its camera.
 fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
     let stored = RgbImage::size_of(&found.path, &options.limits)?;
     check_memory(&found.path, stored, options)?;
+    if stored.max_element() / LONGEST_SHAPE > stored.min_element() {
+        let reason = format!(
+            "is {}x{} px; expected one side at most {LONGEST_SHAPE} times the other, as in a photo",
+            stored.x, stored.y
+        );
+        return Err(Error::unsupported(&found.path, reason));
+    }
     let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
     let claimed = found.lens.resolve(stored).map_err(at_fault)?;
     let warning = check_shape(&claimed, stored).map_err(at_fault)?;

@@ -1,8 +1,7 @@
 //! Files that make an engine draw each level of detail where it suffices; each engine has its own kind.
 
-use crate::tiles;
+use crate::{lines::quoted, tiles};
 use glam::DVec3;
-use serde_json::{Value, json};
 use std::fmt::Write;
 use trisplat_scene::Asset;
 use trisplat_scene::report::generator;
@@ -110,8 +109,8 @@ const CAMERA: f64 = 0.767_327;
 pub(super) fn text(scene: &EngineScene) -> String {
     let mut out = format!("[gd_scene load_steps={} format=3]\n\n", scene.files.len() + 1);
     for (i, file) in scene.files.iter().enumerate() {
-        let name = file.name.replace('\\', "\\\\").replace('"', "\\\"");
-        line(&mut out, format_args!("[ext_resource type=\"PackedScene\" path=\"{name}\" id=\"{i}\"]"));
+        let name = quoted(&file.name);
+        line(&mut out, format_args!("[ext_resource type=\"PackedScene\" path={name} id=\"{i}\"]"));
     }
     line(&mut out, format_args!("\n[node name=\"Scene\" type=\"Node3D\"]"));
     let distances = scene.distances(CAMERA);
@@ -197,17 +196,24 @@ pub(super) fn unreal(name: &str, scene: &EngineScene) -> String {
     filled(UNREAL, name, scene, &sizes)
 }
 
-/// A template with the scene in it. Strings of JSON are strings of C# and of Python.
+/// A template with the scene in it. What is put in is not searched for keys: names may contain them.
 fn filled(template: &str, name: &str, scene: &EngineScene, sizes: &[String]) -> String {
-    let files: Vec<String> = scene.files.iter().map(|file| json!(file.name).to_string()).collect();
+    let files: Vec<String> = scene.files.iter().map(|file| quoted(&file.name)).collect();
     let put = [
         ("{generator}", generator()),
         ("{class}", class(name)),
         ("{files}", files.join(", ")),
         ("{sizes}", sizes.join(", ")),
-        ("{name}", Value::from(name).to_string()),
+        ("{name}", quoted(name)),
     ];
-    put.iter().fold(template.to_owned(), |text, (key, value)| text.replace(key, value))
+    let (mut out, mut rest) = (String::new(), template);
+    while let Some((at, key, value)) =
+        put.iter().filter_map(|(key, value)| Some((rest.find(key)?, key, value))).min()
+    {
+        out.extend([&rest[..at], value]);
+        rest = &rest[at + key.len()..];
+    }
+    out + rest
 }
 
 /// A name that is valid in both languages and unique for every scene.
@@ -295,6 +301,7 @@ mod godot_tests {
 mod scripts_tests {
     use super::cube;
     use super::*;
+    use crate::lines::breaks_text;
 
     /// The numbers in the first line with `key`, between the brackets.
     fn numbers(text: &str, key: &str) -> Vec<f64> {
@@ -328,6 +335,24 @@ mod scripts_tests {
     fn classes_of_scenes_differ() {
         assert_eq!(class("room2"), "room2");
         assert!(class("a-b") != class("a.b") && class("a-b").starts_with("a_b_"));
+    }
+
+    /// Names that hold keys, line breaks of three languages, quotes and marks that turn text round.
+    #[test]
+    fn a_name_is_never_code() {
+        let name = "{name}\"+{files}\\{class}\u{2028}\u{85}\n\r\u{202e}x";
+        let mut scene = cube();
+        scene.files[0].name = name.into();
+        for text in [unity(name, &scene), unreal(name, &scene), text(&scene)] {
+            let wanted = r#""{name}\"+{files}\\{class}\u2028\u0085\n\r\u202ex""#;
+            assert!(text.contains(wanted), "{text}");
+            assert!(!text.chars().any(|c| breaks_text(c) && c != '\n'), "{text}");
+            assert_eq!(
+                text.matches("+{files}").count(),
+                text.matches(wanted).count(),
+                "only within strings: {text}"
+            );
+        }
     }
 
     #[test]

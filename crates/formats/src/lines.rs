@@ -170,6 +170,23 @@ pub(super) fn write_blocks(
     Ok(())
 }
 
+// ---- Names in text ------------------------------------------------------------------------------------
+
+/// True where a language may end a line, or show text in another order.
+pub(super) fn breaks_text(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// A name as a string of JSON, C#, Python and Godot, in printable characters of one line.
+pub(super) fn quoted(name: &str) -> String {
+    on_one_line(&serde_json::Value::from(name).to_string())
+}
+
+fn on_one_line(json: &str) -> String {
+    let escaped = |c: char| if breaks_text(c) { format!("\\u{:04x}", u32::from(c)) } else { c.into() };
+    json.chars().map(escaped).collect()
+}
+
 // ---- The provenance of a scene, as one comment line of a PLY or OBJ file -----------------------------
 
 const KEY: &str = "trisplat ";
@@ -181,7 +198,7 @@ pub(super) fn to_comment(provenance: &Provenance) -> String {
         return String::new();
     }
     // Plain strings and numbers always serialize.
-    serde_json::to_string(provenance).map(|json| format!("{KEY}{json}")).unwrap_or_default()
+    serde_json::to_string(provenance).map(|json| format!("{KEY}{}", on_one_line(&json))).unwrap_or_default()
 }
 
 /// The provenance in the comments. A broken comment of ours becomes a warning, not an error, because the

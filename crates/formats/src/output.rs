@@ -4,6 +4,7 @@ mod encode;
 
 use crate::gltf::{GltfOptions, TextureFormat};
 use crate::levels::EngineLevels;
+use crate::lines::breaks_text;
 use crate::target::OutputTarget;
 use crate::tiles;
 use schemars::JsonSchema;
@@ -260,6 +261,14 @@ impl Output {
             return refuse("a name in UTF-8, because files that belong together name each other");
         }
         let format = format.map_or_else(|| OutputFormat::of(path), Ok)?;
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
+        if format == OutputFormat::Obj
+            && (name.contains(breaks_text) || name.starts_with(char::is_whitespace))
+        {
+            return refuse(
+                "a name of printable characters that begins with no space: OBJ cannot quote the name of its .mtl",
+            );
+        }
         let second = match format {
             OutputFormat::Gltf => Some(path.with_extension("bin")),
             OutputFormat::Obj => Some(path.with_extension("mtl")),
@@ -271,7 +280,6 @@ impl Output {
         if format == OutputFormat::Tiles && !tiles::is_tileset(path) {
             return refuse("a name ending in tileset.json");
         }
-        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("scene.glb");
         let sidecar = match format {
             OutputFormat::Glb | OutputFormat::Gltf if !stream => options.target.sidecar(name),
             _ => None,

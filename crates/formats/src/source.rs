@@ -124,8 +124,49 @@ fn unpacked(path: &Path, mut file: File, len: u64, limits: &Limits) -> Result<(F
     if (read, magic) != (2, GZIP) {
         return Ok((file, len));
     }
-    let unpacked = input::spool(path, &mut flate2::read::MultiGzDecoder::new(file), limits);
-    unpacked.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))
+    let place = "its compressed bytes";
+    let damaged = |error| damaged(path, error, place, "gzip -t");
+    let (mut stream, mut head) = (flate2::read::MultiGzDecoder::new(file), Vec::new());
+    (&mut stream).take(HEAD).read_to_end(&mut head).map_err(io).map_err(damaged)?;
+    let most = HEAD.saturating_add(needed(&head, len));
+    let mut whole = head.chain(stream).take(most.saturating_add(1));
+    let (file, unpacked) = input::spool(path, &mut whole, limits).map_err(damaged)?;
+    if unpacked > most {
+        let reason = format!(
+            "unpack to more than {most} bytes, which is more than such a header needs; `gunzip` the file if that is right"
+        );
+        return Err(Error::malformed(path, place, reason));
+    }
+    Ok((file, unpacked))
+}
+
+/// Bytes of a file that its header lies in.
+const HEAD: u64 = 1 << 20;
+/// Bytes of a number in text, at most; corners of a face, and their count.
+const NUMBER: u64 = 64;
+const CORNERS: u64 = 4097;
+/// Of formats without counts: text shrinks to a tenth, seldom to a hundredth.
+const TEXT_RATIO: u64 = 128;
+
+/// Most bytes behind the header of a file that begins with `head`; `packed` is its compressed size.
+fn needed(head: &[u8], packed: u64) -> u64 {
+    let head = head.strip_prefix(input::BYTE_ORDER_MARK).unwrap_or(head);
+    if let [b'g', b'l', b'T', b'F', _, _, _, _, a, b, c, d, ..] = *head {
+        return u32::from_le_bytes([a, b, c, d]).into();
+    }
+    if !head.starts_with(b"ply") {
+        return TEXT_RATIO.saturating_mul(packed.max(HEAD));
+    }
+    let (mut rows, mut all) = (0u64, 0u64);
+    for line in String::from_utf8_lossy(head).lines().take_while(|line| line.trim() != "end_header") {
+        match line.split_whitespace().collect::<Vec<_>>()[..] {
+            ["element", _, count] => rows = count.parse().unwrap_or(0),
+            ["property", "list", ..] => all = all.saturating_add(rows.saturating_mul(NUMBER * CORNERS)),
+            ["property", ..] => all = all.saturating_add(rows.saturating_mul(NUMBER)),
+            _ => {}
+        }
+    }
+    all
 }
 
 /// The error of a decoder that met wrong bytes, with the program that tests them.
@@ -192,5 +233,23 @@ mod tests {
         std::fs::write(&path, &bytes).expect("writable");
         let few = Limits { file_bytes: 20, ..Limits::DEFAULT };
         assert!(Source::open(&path, &few).is_err(), "larger than the limit once unpacked");
+    }
+
+    #[test]
+    fn a_bomb_of_ply_gz_is_not_unpacked_beyond_what_its_counts_need() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+            element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        let glb = [&b"glTF\x02\0\0\0"[..], &100u32.to_le_bytes()].concat();
+        for (name, head) in [("a.ply.gz", ply.as_bytes()), ("a.glb.gz", &glb), ("a.obj.gz", b"v 0 0 0\n")] {
+            let path = folder.path().join(name);
+            let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+            packed.write_all(head).expect("in memory");
+            packed.write_all(&vec![b'\n'; 200 << 20]).expect("in memory");
+            std::fs::write(&path, packed.finish().expect("in memory")).expect("writable");
+            let error = Source::open(&path, &Limits::DEFAULT).expect_err(name).to_string();
+            assert!(error.contains(name) && error.contains("more than such a header needs"), "{error}");
+        }
+        assert_eq!(needed(ply.as_bytes(), 1), 64 * (3 * 3 + 4097));
     }
 }

@@ -4,6 +4,7 @@
 
 use crate::gltf::{ColorEncoding, GltfOptions, PositionEncoding};
 use crate::levels::EngineLevels;
+use crate::lines::quoted;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -185,7 +186,7 @@ impl OutputTarget {
     /// meshes, lightmap coordinates and vertex compression.
     pub(crate) fn sidecar(self, glb_file_name: &str) -> Option<(String, String)> {
         (self == OutputTarget::Godot).then(|| {
-            let source = glb_file_name.replace('\\', "\\\\").replace('"', "\\\"");
+            let source = quoted(&format!("res://{glb_file_name}"));
             (format!("{glb_file_name}.import"), GODOT_IMPORT.replace("{source}", &source))
         })
     }
@@ -199,7 +200,7 @@ type="PackedScene"
 
 [deps]
 
-source_file="res://{source}"
+source_file={source}
 
 [params]
 

@@ -73,12 +73,15 @@ pub struct MakeDone {
 }
 
 /// A finished training.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct StoredTraining {
     /// Its inputs and options, as text.
     key: String,
     stages: Vec<StageReport>,
     warnings: Vec<String>,
+    /// New files that a bake of it writes, until all are there.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    outputs: Vec<PathBuf>,
 }
 
 impl MakeJob {
@@ -161,9 +164,7 @@ impl MakeJob {
         let [scene, point, notes, teacher] =
             [SCENE, CHECKPOINT, NOTES, TEACHER].map(|name| self.work.join(name));
         let key = self.training_key(path)?;
-        let before: Option<StoredTraining> =
-            input::read_text(&notes, &Limits::DEFAULT).ok().and_then(|text| serde_json::from_str(&text).ok());
-        let before = before.filter(|before| before.key == key);
+        let before = stored(&notes).filter(|before| before.key == key);
         if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
             for stage in &before.stages {
                 // The finished run's own figures.
@@ -180,7 +181,7 @@ impl MakeJob {
             // From here on the notes name this training, and a checkpoint beside them would pass for its own.
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
         }
-        save(&notes, &StoredTraining { key: key.clone(), stages: vec![], warnings: vec![] })?;
+        save(&notes, &StoredTraining { key: key.clone(), ..StoredTraining::default() })?;
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
         if photos.views.len() < LEAST_PHOTOS {
@@ -233,7 +234,9 @@ impl MakeJob {
         }
         trained.trained.save(&scene)?;
         let (stages, warnings) = (trained.report.stages, trained.report.warnings);
-        save(&notes, &StoredTraining { key, stages: stages.clone(), warnings: warnings.clone() })?;
+        let kept =
+            StoredTraining { key, stages: stages.clone(), warnings: warnings.clone(), outputs: vec![] };
+        save(&notes, &kept)?;
         for stage in stages {
             add(stage, report, observer);
         }
@@ -258,8 +261,27 @@ impl MakeJob {
         Ok(format!("{} {list} {options}", full.display()))
     }
 
+    /// Outputs that an interrupted run of this job wrote: it may replace them.
+    pub fn unfinished(&self) -> Vec<PathBuf> {
+        stored(&self.work.join(NOTES)).map(|notes| notes.outputs).unwrap_or_default()
+    }
+
+    /// Enters the outputs that a bake is about to write.
+    fn note(&self, outputs: Vec<PathBuf>) -> Result<()> {
+        let notes = self.work.join(NOTES);
+        let Some(before) = stored(&notes) else { return Ok(()) };
+        let mut ours = Manifest::read(&self.work, FILES)?;
+        ours.begin(&[NOTES])?;
+        save(&notes, &StoredTraining { outputs, ..before })?;
+        ours.finish()
+    }
+
     /// Bakes, and writes the file and the page.
     fn bake(&mut self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<()> {
+        let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
+        let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).chain(self.page.clone()).collect();
+        new.retain(|path| !path.exists() || begun.contains(path));
+        self.note(new)?;
         let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
         job.photos = Some(Dataset::load(path, &self.dataset_options)?);
         job.dataset_options = self.dataset_options.clone();
@@ -280,8 +302,12 @@ impl MakeJob {
                 ControlFlow::Continue(())
             })?;
         }
-        Ok(())
+        self.note(Vec::new())
     }
+}
+
+fn stored(path: &Path) -> Option<StoredTraining> {
+    serde_json::from_str(&input::read_text(path, &Limits::DEFAULT).ok()?).ok()
 }
 
 fn save(path: &Path, value: &StoredTraining) -> Result<()> {

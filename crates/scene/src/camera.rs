@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::limits::Limits;
-use glam::{DVec3, Mat3, Mat4, UVec2, Vec2, Vec3};
+use glam::{DVec2, DVec3, Mat3, Mat4, UVec2, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +20,10 @@ pub struct Camera {
     /// Image width and height, px.
     pub size: UVec2,
 }
+
+/// The ranges of a lens, for messages: what is beyond them draws nothing, or one point.
+pub const LENS: &str =
+    "focal lengths of 0.001 to 100,000 times the longer side and a centre within 10,000 times it, px";
 
 impl Camera {
     /// A camera at `eye` that looks at `target`, with `up` upwards in its picture; `fov_y` is the vertical field of view, radians.
@@ -90,14 +94,23 @@ impl Camera {
         f64::from(self.focal.x + self.focal.y) / 2.0
     }
 
-    /// Checks that everything is finite, the focal lengths are positive, and the size is above zero and within `limits`.
+    /// Whether a lens has these focal lengths and this principal point, px, for pictures of `size`: [`LENS`].
+    pub fn is_lens(focal: DVec2, center: DVec2, size: UVec2) -> bool {
+        let longer = f64::from(size.max_element());
+        let range = 1e-3 * longer..=1e5 * longer;
+        size.min_element() > 0
+            && focal.to_array().iter().all(|f| range.contains(f))
+            && center.abs().max_element() <= 1e4 * longer
+    }
+
+    /// Checks that everything is finite, the lens is [possible](Camera::is_lens), and the size is within `limits`.
     pub fn validate(&self, limits: &Limits) -> Result<()> {
         let finite = self.rotation.is_finite()
             && self.translation.is_finite()
             && self.focal.is_finite()
             && self.center.is_finite();
-        if !finite || !(self.focal.min_element() > 0.0) || self.size.min_element() == 0 {
-            return Err(Error::invalid("camera", format!("{self:?}"), "finite numbers, focal > 0, size > 0"));
+        if !finite || !Self::is_lens(self.focal.as_dvec2(), self.center.as_dvec2(), self.size) {
+            return Err(Error::invalid("camera", format!("{self:?}"), format!("finite numbers, {LENS}")));
         }
         limits.camera("camera", self.size)
     }

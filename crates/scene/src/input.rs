@@ -157,7 +157,9 @@ fn check_regular(path: &Path, meta: &Metadata) -> Result<()> {
     if meta.is_dir() {
         return Err(Error::unsupported(path, "is a folder; give a file"));
     }
-    if !meta.is_file() {
+    // Such a file looks empty, and its reader may wait for ever.
+    let made = meta.len() == 0 && std::fs::canonicalize(path).is_ok_and(|full| full.starts_with("/proc"));
+    if !meta.is_file() || made {
         let reason = "is a device or a pipe; give a file, or - where standard input may be given";
         return Err(Error::unsupported(path, reason));
     }
@@ -273,7 +275,7 @@ mod tests {
     fn devices_and_pipes_are_refused_and_what_a_shell_hands_over_is_read() {
         use std::io::Write;
         use std::os::fd::AsRawFd;
-        for device in ["/dev/zero", "/dev/null", "/dev/full"] {
+        for device in ["/dev/zero", "/dev/null", "/dev/full", "/proc/kmsg", "/proc/self/environ"] {
             let message = read(Path::new(device), &Limits::DEFAULT).unwrap_err().to_string();
             assert!(message.contains("device"), "{message}");
         }

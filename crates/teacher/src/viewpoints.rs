@@ -136,11 +136,15 @@ impl Search {
         let (up, from) = (self.up, around(reach, self.up, true));
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !splat_views::surround(splats, &around, middle, reach * length) {
-            let Viewpoints { kind, cameras } = self.viewpoints(count)?;
-            let cameras = match kind {
-                ViewpointKind::Inside => cameras.iter().map(|c| c.resized(UVec2::splat(longer_px))).collect(),
-                _ => splat_views::around(splats, up, count, longer_px),
+            // Thin rods cover too little of a picture for the search, but are seen from around.
+            let inside = self.viewpoints(count).filter(|found| found.kind == ViewpointKind::Inside);
+            let Some(Viewpoints { kind, cameras }) = inside else {
+                return Viewpoints::chosen(
+                    ViewpointKind::Around,
+                    splat_views::around(splats, up, count, longer_px),
+                );
             };
+            let cameras = cameras.iter().map(|c| c.resized(UVec2::splat(longer_px))).collect();
             return Viewpoints::chosen(kind, cameras);
         }
         let places = splat_views::places(splats, length, self.up);

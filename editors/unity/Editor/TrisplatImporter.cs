@@ -4,6 +4,7 @@ using System.Collections.Generic;
 using System.Diagnostics;
 using System.IO;
 using System.Linq;
+using System.Text.RegularExpressions;
 using UnityEditor;
 using UnityEditor.AssetImporters;
 using UnityEngine;
@@ -28,8 +29,8 @@ namespace Trisplat
         public bool backdrop = true;
         [Tooltip("Metres to one unit of the scene.")]
         public float scale = 1;
-        [Tooltip("Any other flags of `trisplat bake`.")]
-        public string[] arguments = { };
+        [Tooltip("Other options of `trisplat bake`, as `trisplat schema bake` lists them: chunk_triangles=3000.")]
+        public string[] settings = { };
 
         public override void OnImportAsset(AssetImportContext context)
         {
@@ -60,14 +61,25 @@ namespace Trisplat
             if (maxTriangles > 0) flags.AddRange(new[] { "--max-triangles", maxTriangles.ToString() });
             if (collision) flags.Add("--collision");
             if (!backdrop) flags.AddRange(new[] { "--backdrop", "off" });
-            return flags.Concat(arguments);
+            // One word each: none can be another flag.
+            return flags.Concat(settings.Select(setting => "--set=" + setting));
+        }
+
+        // A word of a command line. Windows takes backslashes as they are, except before a quote; Mono elsewhere takes each for an escape.
+        public static string Quoted(string word)
+        {
+            var escaped = Path.DirectorySeparatorChar == '\\'
+                ? Regex.Replace(word, @"(\\*)(""|\z)", match => match.Groups[1].Value + match.Value.Replace("\"", "\\\""))
+                : Regex.Replace(word, @"[\\""$`]", @"\$&");
+            return '"' + escaped + '"';
         }
 
         void Bake(string scene, string glb)
         {
             var words = new[] { "bake", scene, "--output", glb }.Concat(Flags());
-            var quoted = words.Select(word => '"' + word.Replace("\"", "\\\"") + '"');
-            var start = new ProcessStartInfo(TrisplatPreferences.Program, string.Join(" ", quoted))
+            const string lost = "the program was not found: Preferences > Trisplat > Program";
+            var path = TrisplatPreferences.Find() ?? throw new InvalidOperationException(lost);
+            var start = new ProcessStartInfo(path, string.Join(" ", words.Select(Quoted)))
             {
                 UseShellExecute = false, CreateNoWindow = true, RedirectStandardError = true,
             };
@@ -82,7 +94,7 @@ namespace Trisplat
             }
             catch (System.ComponentModel.Win32Exception)
             {
-                throw new InvalidOperationException("the program was not found: Preferences > Trisplat > Program");
+                throw new InvalidOperationException(lost);
             }
         }
 

@@ -36,6 +36,7 @@ pub use buffers::named_files;
 pub use check::{Finding, Severity};
 pub(crate) use check::{Findings, check};
 pub use container::{Container, check_size, glb_size, stream_offsets};
+pub(crate) use meshopt::MAX_UNPACK_RATIO;
 pub use options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 pub(crate) use part::node_names;
 pub(crate) use read::gltf_info;

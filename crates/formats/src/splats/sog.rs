@@ -8,10 +8,11 @@
 //! ```
 
 use super::{finish, read_all, unit, with_largest, zeroed};
+use crate::gltf::MAX_UNPACK_RATIO;
 use crate::{ReadOptions, Source, format};
 use glam::{DVec3, UVec2, Vec3};
 use image::codecs::webp::WebPDecoder;
-use image::{DynamicImage, ImageDecoder};
+use image::{DynamicImage, ImageDecoder, RgbaImage};
 use serde::Deserialize;
 use std::borrow::Cow;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -20,8 +21,18 @@ use std::io::{BufReader, Cursor};
 use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats};
 
+/// Most bytes of `meta.json`: three codebooks take some 20 kB.
+const MOST_META: u64 = 1 << 20;
 /// Lists of coefficients side by side in their picture.
 const LISTS_PER_ROW: usize = 64;
+/// Lists that a number of 16 bits tells apart.
+const MOST_LISTS: usize = 1 << 16;
+/// Pixels that may be added to four times as many as Gaussians: some writers fill squares of a power of two.
+const SPARE_PIXELS: usize = 1 << 12;
+/// Bytes of a picture without pixels, at most: colour profiles and texts.
+const SPARE_BYTES: u64 = 1 << 16;
+/// Bytes of a Gaussian in the pictures that every file has.
+const PER_SPLAT: u64 = 20;
 
 #[derive(Deserialize)]
 struct Version {
@@ -72,14 +83,21 @@ struct Archive<'a> {
     zip: zip::ZipArchive<BufReader<&'a File>>,
     /// The folder of `meta.json` in it.
     folder: String,
+    /// Bytes of the file.
+    len: u64,
     limits: Limits,
 }
 
-/// The pixels of a picture, RGBA.
+/// A picture, RGBA.
 struct Picture {
     name: String,
-    size: UVec2,
-    pixels: Vec<[u8; 4]>,
+    rgba: RgbaImage,
+}
+
+impl Picture {
+    fn pixels(&self) -> &[[u8; 4]] {
+        self.rgba.as_raw().as_chunks().0
+    }
 }
 
 /// Whether an open zip archive is a scene in SOG. A broken one is not.
@@ -101,7 +119,7 @@ where
 pub(crate) fn read(source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let path = &source.path;
     let mut archive = Archive::open(&source, &options.limits)?;
-    let json = archive.bytes("meta.json")?;
+    let json = archive.bytes("meta.json", MOST_META)?;
     let parse = |e: serde_json::Error| Error::malformed(path, "meta.json", e.to_string());
     match serde_json::from_slice::<Version>(&json).map_err(parse)?.version {
         Some(2) => {}
@@ -122,16 +140,20 @@ impl<'a> Archive<'a> {
             .map_err(|e| Error::malformed(path, "zip directory", e.to_string()))?;
         let meta = names(&zip).into_iter().find(|name| name.rsplit('/').next() == Some("meta.json"));
         let folder = meta.and_then(|name| name.strip_suffix("meta.json").map(str::to_owned));
-        Ok(Self { path, zip, folder: folder.unwrap_or_default(), limits: *limits })
+        Ok(Self { path, zip, folder: folder.unwrap_or_default(), len: source.len, limits: *limits })
     }
 
-    fn bytes(&mut self, name: &str) -> Result<Vec<u8>> {
+    /// The bytes of an entry, which can need no more than `most`.
+    fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>> {
         let entry = self
             .zip
             .by_name(&format!("{}{name}", self.folder))
             .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
         let promised = entry.size();
-        self.limits.document(format!("{}: {name}", self.path.display()), promised)?;
+        if promised > most {
+            let reason = format!("unpacks to {promised} bytes; what it stands for needs at most {most}");
+            return Err(Error::malformed(self.path, name, reason));
+        }
         let bytes = read_all(self.path, entry, promised, &self.limits)
             .map_err(|e| Error::malformed(self.path, name, format!("cannot be read: {e}")))?;
         if bytes.len() as u64 != promised {
@@ -140,58 +162,71 @@ impl<'a> Archive<'a> {
         Ok(bytes)
     }
 
-    fn picture(&mut self, name: &str) -> Result<Picture> {
-        let bytes = self.bytes(name)?;
+    /// A picture of `least` to `most` pixels.
+    fn picture(&mut self, name: &str, least: usize, most: usize) -> Result<Picture> {
+        let bytes = self.bytes(name, SPARE_BYTES + 4 * most as u64)?;
         let broken = |e: image::ImageError| {
             Error::malformed(self.path, name, format!("is no whole WebP picture: {e}"))
         };
         let decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(broken)?;
         let size = UVec2::from(decoder.dimensions());
         self.limits.picture(format!("{}: {name}", self.path.display()), size)?;
+        let pixels = size.as_usizevec2().element_product();
+        if !(least..=most).contains(&pixels) {
+            let reason = format!("has {pixels} pixels; expected {least} to {most}");
+            return Err(Error::malformed(self.path, name, reason));
+        }
         let rgba = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgba8();
-        let pixels = rgba.pixels().map(|pixel| pixel.0).collect();
-        Ok(Picture { name: name.to_owned(), size, pixels })
+        Ok(Picture { name: name.to_owned(), rgba })
     }
 
     /// A picture with a pixel for each of `count` Gaussians.
     fn picture_of(&mut self, name: &str, count: usize) -> Result<Picture> {
-        let picture = self.picture(name)?;
-        if picture.pixels.len() < count {
-            let reason = format!("has {} pixels for {count} Gaussians", picture.pixels.len());
-            return Err(Error::malformed(self.path, name, reason));
-        }
-        Ok(picture)
+        self.picture(name, count, 4 * count + SPARE_PIXELS)
     }
 
     fn splats(&mut self, meta: &Meta, highest: u8) -> Result<Splats> {
-        let count = meta.count;
+        let (count, len) = (meta.count, self.len);
         self.limits.vertices(self.path.display(), count as u64)?;
-        let [low, high] =
-            [self.picture_of(&meta.means.files[0], count)?, self.picture_of(&meta.means.files[1], count)?];
-        let quats = self.picture_of(&meta.quats.files[0], count)?;
-        let scales = self.picture_of(&meta.scales.files[0], count)?;
-        let colors = self.picture_of(&meta.sh0.files[0], count)?;
+        if count as u64 * PER_SPLAT > MAX_UNPACK_RATIO.saturating_mul(len) {
+            let reason = format!("promises {count} Gaussians, more than a file of {len} bytes can hold");
+            return Err(Error::malformed(self.path, "meta.json", reason));
+        }
         let (scale_codes, color_codes) =
             (self.codes(&meta.scales.codebook)?, self.codes(&meta.sh0.codebook)?);
+        // No more than two pictures are in memory at once.
+        let [low, high] = [&meta.means.files[0], &meta.means.files[1]];
+        let (low, high) = (self.picture_of(low, count)?, self.picture_of(high, count)?);
         let degree = meta.higher.as_ref().map_or(0, |higher| higher.bands.min(highest));
         let mut splats = zeroed(self.path, count, degree.min(3), &self.limits)?;
         let k = splats.sh_count();
-        for i in 0..count {
+        for (position, (low, high)) in splats.positions.iter_mut().zip(low.pixels().iter().zip(high.pixels()))
+        {
             let mean = |axis: usize| {
-                let share =
-                    f64::from(u16::from_le_bytes([low.pixels[i][axis], high.pixels[i][axis]])) / 65535.0;
+                let share = f64::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
                 let (min, max) = (meta.means.mins[axis], meta.means.maxs[axis]);
                 let logarithm = min + (max - min) * share;
                 (logarithm.abs().exp() - 1.0) * logarithm.signum()
             };
-            splats.positions[i] = DVec3::new(mean(0), mean(1), mean(2)).as_vec3();
-            let log = |axis: usize| scale_codes[usize::from(scales.pixels[i][axis])];
-            splats.scales[i] = Vec3::new(log(0).exp() as f32, log(1).exp() as f32, log(2).exp() as f32);
-            let [r, g, b, opacity] = colors.pixels[i];
-            splats.sh[i * k] = [r, g, b].map(|code| color_codes[usize::from(code)] as f32);
-            splats.opacity[i] = f32::from(opacity) / 255.0;
-            splats.rotations[i] = unit(self.rotation(quats.pixels[i], i)?);
+            *position = DVec3::new(mean(0), mean(1), mean(2)).as_vec3();
         }
+        drop((low, high));
+        let quats = self.picture_of(&meta.quats.files[0], count)?;
+        for (i, (rotation, pixel)) in splats.rotations.iter_mut().zip(quats.pixels()).enumerate() {
+            *rotation = unit(self.rotation(*pixel, i)?);
+        }
+        drop(quats);
+        let scales = self.picture_of(&meta.scales.files[0], count)?;
+        for (scale, [x, y, z, _]) in splats.scales.iter_mut().zip(scales.pixels()) {
+            *scale = Vec3::from([x, y, z].map(|code| scale_codes[usize::from(*code)].exp() as f32));
+        }
+        drop(scales);
+        let colors = self.picture_of(&meta.sh0.files[0], count)?;
+        for (i, [r, g, b, opacity]) in colors.pixels().iter().take(count).enumerate() {
+            splats.sh[i * k] = [r, g, b].map(|code| color_codes[usize::from(*code)] as f32);
+            splats.opacity[i] = f32::from(*opacity) / 255.0;
+        }
+        drop(colors);
         if let Some(higher) = &meta.higher {
             self.add_higher(higher, &mut splats)?;
         }
@@ -227,16 +262,16 @@ impl<'a> Archive<'a> {
             return Err(Error::malformed(self.path, "meta.json", reason));
         }
         let codes = self.codes(&higher.codebook)?;
-        let lists = self.picture(&higher.files[0])?;
-        let labels = self.picture_of(&higher.files[1], count)?;
         let per_list = (usize::from(higher.bands) + 1).pow(2) - 1;
-        if lists.size.x as usize != LISTS_PER_ROW * per_list {
-            let reason = format!("is {} px wide; expected {}", lists.size.x, LISTS_PER_ROW * per_list);
+        let lists = self.picture(&higher.files[0], 0, MOST_LISTS * per_list)?;
+        let labels = self.picture_of(&higher.files[1], count)?;
+        if lists.rgba.width() as usize != LISTS_PER_ROW * per_list {
+            let reason = format!("is {} px wide; expected {}", lists.rgba.width(), LISTS_PER_ROW * per_list);
             return Err(Error::malformed(self.path, lists.name, reason));
         }
-        for (i, [low, high, ..]) in labels.pixels.iter().take(count).enumerate() {
+        for (i, [low, high, ..]) in labels.pixels().iter().take(count).enumerate() {
             let first = usize::from(u16::from_le_bytes([*low, *high])) * per_list;
-            let Some(list) = lists.pixels.get(first..first + per_list) else {
+            let Some(list) = lists.pixels().get(first..first + per_list) else {
                 let reason = format!("Gaussian {i} names a list of coefficients that is not there");
                 return Err(Error::malformed(self.path, labels.name, reason));
             };

@@ -14,20 +14,21 @@
 //! Axes: +x right, +y up, +z back.
 
 use super::{finish, read_all, unit, zeroed};
+use crate::gltf::MAX_UNPACK_RATIO;
 use crate::source::damaged;
 use crate::{ReadOptions, Source, format};
 use glam::DVec3;
 use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
+use std::io::Read;
 use std::path::Path;
 use trisplat_scene::{Error, ImportedSplats, Limits, Provenance, Result, ScreenFilter, Splats, UpAxis};
 
 const HEADER: usize = 16;
 /// Of version 4.
 const LONG_HEADER: usize = 32;
-/// Gzip makes nothing smaller than this many times.
-const LARGEST_RATIO: u64 = 1032;
-
+/// What encoders of zstd refer back to, whatever the length of an array.
+const LEAST_WINDOW: u64 = 1 << 23;
 /// What the header says.
 struct Header {
     version: u32,
@@ -37,55 +38,65 @@ struct Header {
     antialiased: bool,
 }
 
-/// The Gaussians of the file.
+/// The next array, at most that many bytes.
+type Next<'a> = dyn FnMut(u64) -> Result<Vec<u8>> + 'a;
+
+/// The Gaussians of the file. Nothing is unpacked beyond what the header's count needs, one array at a time.
 pub(crate) fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedSplats> {
     let is_plain = source.head()?.starts_with(b"NGSP");
     let (path, limits) = (&source.path, &options.limits);
     let file = std::io::BufReader::new(&*source.file);
-    let bytes = if is_plain {
-        streams(path, &read_all(path, file, source.len, limits)?, limits)?
+    let splats = if is_plain {
+        let bytes = read_all(path, file, source.len, limits)?;
+        let header = Header::parse(&source, &bytes, limits)?;
+        header.splats(path, &mut frames(path, &bytes, limits)?, options)?
     } else {
-        let most = source.len.saturating_mul(LARGEST_RATIO);
-        let unpacked = read_all(path, flate2::read::GzDecoder::new(file), most, limits);
-        unpacked.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))?
+        let mut stream = flate2::read::GzDecoder::new(file);
+        let mut next = |length: u64| {
+            let array = read_all(path, (&mut stream).take(length), length, limits);
+            array.map_err(|error| damaged(path, error, "its compressed bytes", "gzip -t"))
+        };
+        let header = Header::parse(&source, &next(HEADER as u64)?, limits)?;
+        let splats = header.splats(path, &mut next, options)?;
+        // The check sum follows the last array.
+        next(1)?;
+        splats
     };
-    let header = Header::parse(&source, &bytes)?;
-    let splats = header.splats(&source, &bytes[HEADER..], options)?;
     let provenance = Provenance { up: Some(UpAxis::Y), ..Provenance::default() };
     finish(path, splats, provenance, Vec::new(), DVec3::ZERO)
 }
 
-/// The short header and the arrays of version 4, which then lie as in version 3.
-fn streams(path: &Path, bytes: &[u8], limits: &Limits) -> Result<Vec<u8>> {
+/// The arrays of version 4, in order.
+fn frames<'a>(
+    path: &'a Path,
+    bytes: &'a [u8],
+    limits: &'a Limits,
+) -> Result<impl FnMut(u64) -> Result<Vec<u8>> + 'a> {
+    let cut = move |place: &str| Error::malformed(path, place, "lies beyond the end of the file: cut short");
     if bytes.len() < LONG_HEADER || word(bytes, 4) != 4 {
-        // The header is judged with that of other versions.
-        return Ok(bytes[..bytes.len().min(HEADER)].to_vec());
+        return Err(cut("table of arrays"));
     }
-    let cut = |place: &str| Error::malformed(path, place, "lies beyond the end of the file: cut short");
     let (table, arrays) = (word(bytes, 16) as usize, usize::from(bytes[15]));
     let lengths = bytes.get(table..).and_then(|rest| rest.get(..16 * arrays));
     let lengths = lengths.ok_or_else(|| cut("table of arrays"))?;
-    let (mut packed, mut out) = (&bytes[table + lengths.len()..], bytes[..HEADER].to_vec());
-    let per_splat = [9, 1, 3, 3, 4, 3 * ((u64::from(bytes[12]) + 1).pow(2) - 1)];
-    for (i, (entry, each)) in lengths.chunks_exact(16).zip(per_splat).enumerate() {
+    let (mut packed, mut entries) = (&bytes[table + lengths.len()..], lengths.chunks_exact(16).enumerate());
+    Ok(move |wanted: u64| {
+        let Some((i, entry)) = entries.next() else { return Ok(Vec::new()) };
         let place = format!("array {i}");
         let [length, unpacked] =
             [0, 8].map(|at| u64::from(word(entry, at)) | u64::from(word(entry, at + 4)) << 32);
-        let some = usize::try_from(length).ok().and_then(|length| packed.split_at_checked(length));
-        let (array, behind) = some.ok_or_else(|| cut(&place))?;
-        let decoder = StreamingDecoder::new(array).map_err(|e| Error::io(path, std::io::Error::other(e)));
-        let array = decoder.and_then(|decoder| read_all(path, decoder, unpacked, limits));
-        let array = array.map_err(|error| damaged(path, error, &place, "zstd -t"))?;
-        let wanted = u64::from(word(bytes, 8)) * each;
-        if [array.len() as u64, unpacked] != [wanted; 2] {
-            let reason = format!("has {} bytes, {unpacked} by the table; expected {wanted}", array.len());
+        if unpacked != wanted {
+            let reason = format!("has {unpacked} bytes by the table; expected {wanted}");
             return Err(Error::malformed(path, place, reason));
         }
-        limits.reserve::<u8>(path.display(), &mut out, array.len())?;
-        out.extend(array);
+        let some = usize::try_from(length).ok().and_then(|length| packed.split_at_checked(length));
+        let (array, behind) = some.ok_or_else(|| cut(&place))?;
         packed = behind;
-    }
-    Ok(out)
+        let decoder = StreamingDecoder::new_with_max_window_size(array, wanted.max(LEAST_WINDOW));
+        let decoder = decoder.map_err(|e| Error::io(path, std::io::Error::other(e)));
+        let array = decoder.and_then(|decoder| read_all(path, decoder, wanted, limits));
+        array.map_err(|error| damaged(path, error, &place, "zstd -t"))
+    })
 }
 
 /// The number of four bytes from `at`.
@@ -96,7 +107,7 @@ fn word(bytes: &[u8], at: usize) -> u32 {
 }
 
 impl Header {
-    fn parse(source: &Source, bytes: &[u8]) -> Result<Self> {
+    fn parse(source: &Source, bytes: &[u8], limits: &Limits) -> Result<Self> {
         let malformed = |reason: String| Error::malformed(&source.path, "header", reason);
         if bytes.len() < HEADER || !bytes.starts_with(b"NGSP") {
             return Err(malformed("does not begin with NGSP: not an SPZ file, or a broken one".to_owned()));
@@ -112,48 +123,67 @@ impl Header {
             return Err(malformed(reason));
         }
         let count = word(bytes, 8) as usize;
-        Ok(Self { version, count, sh_degree, fractional_bits, antialiased: bytes[14] & 1 == 1 })
+        let header = Self { version, count, sh_degree, fractional_bits, antialiased: bytes[14] & 1 == 1 };
+        let per_splat = header.arrays().iter().sum::<usize>();
+        if count as u64 * per_splat as u64 > MAX_UNPACK_RATIO.saturating_mul(source.len) {
+            let reason = format!(
+                "promises {count} Gaussians of {per_splat} bytes, more than a file of {} bytes can hold: cut short",
+                source.len
+            );
+            return Err(malformed(reason));
+        }
+        limits.vertices(source.path.display(), count as u64)?;
+        Ok(header)
     }
 
-    fn splats(&self, source: &Source, bytes: &[u8], options: &ReadOptions) -> Result<Splats> {
-        let all = (usize::from(self.sh_degree) + 1).pow(2) - 1;
-        let (turn, rest) = (if self.version == 2 { 3 } else { 4 }, 3 * all);
-        let per_splat = 9 + 1 + 3 + 3 + turn + rest;
-        if self.count.checked_mul(per_splat).is_none_or(|needed| needed > bytes.len()) {
-            let reason = format!(
-                "promises {} Gaussians of {per_splat} bytes, but only {} bytes follow: cut short",
-                self.count,
-                bytes.len()
-            );
-            return Err(Error::malformed(&source.path, "header", reason));
-        }
-        let mut left = bytes;
+    /// Bytes of a Gaussian in each array: positions, opacities, colours, scales, rotations, SH.
+    fn arrays(&self) -> [usize; 6] {
+        let harmonics = 3 * ((usize::from(self.sh_degree) + 1).pow(2) - 1);
+        [9, 1, 3, 3, if self.version == 2 { 3 } else { 4 }, harmonics]
+    }
+
+    fn splats(&self, path: &Path, next: &mut Next<'_>, options: &ReadOptions) -> Result<Splats> {
+        let [_, _, _, _, turn, rest] = self.arrays();
         let mut array = |each: usize| {
-            let (array, behind) = left.split_at(self.count * each);
-            left = behind;
-            array
+            let wanted = self.count as u64 * each as u64;
+            let array = next(wanted)?;
+            let (count, has) = (self.count, array.len());
+            if has as u64 != wanted {
+                let reason =
+                    format!("promises {count} Gaussians; an array has {has} of {wanted} bytes: cut short");
+                return Err(Error::malformed(path, "header", reason));
+            }
+            Ok(array)
         };
-        let [positions, opacity, colors, scales, turns, harmonics] =
-            [array(9), array(1), array(3), array(3), array(turn), array(rest)];
         let degree = self.sh_degree.min(options.sh_degree);
-        let mut splats = zeroed(&source.path, self.count, degree, &options.limits)?;
+        let positions = array(9)?;
+        let mut splats = zeroed(path, self.count, degree, &options.limits)?;
         let (k, unit_length) = (splats.sh_count(), 0.5f64.powi(self.fractional_bits.into()));
-        for i in 0..self.count {
+        for (position, bytes) in splats.positions.iter_mut().zip(positions.as_chunks::<9>().0) {
             let fixed = |axis: usize| {
-                let at = 9 * i + 3 * axis;
-                let [low, middle, high] = [positions[at], positions[at + 1], positions[at + 2]];
+                let [low, middle, high] = [0, 1, 2].map(|at| bytes[3 * axis + at]);
                 f64::from(i32::from_le_bytes([0, low, middle, high]) >> 8) * unit_length
             };
-            splats.positions[i] = DVec3::new(fixed(0), fixed(1), fixed(2)).as_vec3();
-            let log = |axis: usize| f64::from(scales[3 * i + axis]) / 16.0 - 10.0;
-            splats.scales[i] = DVec3::new(log(0), log(1), log(2)).exp().as_vec3();
-            splats.opacity[i] = f32::from(opacity[i]) / 255.0;
-            splats.rotations[i] = unit(rotation(&turns[turn * i..turn * (i + 1)]));
-            let channels = [0, 1, 2];
-            splats.sh[i * k] = channels.map(|c| ((f64::from(colors[3 * i + c]) / 255.0 - 0.5) / 0.15) as f32);
-            for j in 1..k {
-                let at = rest * i + 3 * (j - 1);
-                splats.sh[i * k + j] = channels.map(|c| (f32::from(harmonics[at + c]) - 128.0) / 128.0);
+            *position = DVec3::new(fixed(0), fixed(1), fixed(2)).as_vec3();
+        }
+        drop(positions);
+        for (opacity, byte) in splats.opacity.iter_mut().zip(array(1)?) {
+            *opacity = f32::from(byte) / 255.0;
+        }
+        for (color, bytes) in splats.sh.chunks_exact_mut(k).zip(array(3)?.as_chunks::<3>().0) {
+            color[0] = bytes.map(|byte| ((f64::from(byte) / 255.0 - 0.5) / 0.15) as f32);
+        }
+        for (scale, bytes) in splats.scales.iter_mut().zip(array(3)?.as_chunks::<3>().0) {
+            *scale = DVec3::from(bytes.map(|byte| f64::from(byte) / 16.0 - 10.0)).exp().as_vec3();
+        }
+        for (turned, bytes) in splats.rotations.iter_mut().zip(array(turn)?.chunks_exact(turn)) {
+            *turned = unit(rotation(bytes));
+        }
+        let harmonics = array(rest)?;
+        for (i, coefficients) in splats.sh.chunks_exact_mut(k).enumerate() {
+            let bytes = harmonics[rest * i..].as_chunks::<3>().0;
+            for (out, bytes) in coefficients[1..].iter_mut().zip(bytes) {
+                *out = bytes.map(|byte| (f32::from(byte) - 128.0) / 128.0);
             }
         }
         if self.antialiased {

@@ -34,9 +34,11 @@ impl Temporary {
     pub(super) fn create(target: &Path) -> io::Result<Self> {
         let path = temporary_name(target);
         for _ in 0..TRIES {
+            // Locked until the file is registered: a signal comes before it exists, or removes it.
+            let mut list = list();
             match File::options().write(true).create_new(true).open(&path) {
                 Ok(file) if lock(&file) && is_at(&file, &path) => {
-                    register(&path);
+                    list.push(path.clone());
                     let (target, is_new) = (target.to_owned(), !target.exists());
                     let (named, folders) = (Vec::new(), Vec::new());
                     let file = BufWriter::with_capacity(BUFFER_BYTES, file);
@@ -188,6 +190,22 @@ impl Drop for MadeFolders {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_signal_finds_every_temporary_file_that_exists() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("a.glb");
+        // As a process that is about to end.
+        let ending = list();
+        let made = std::thread::scope(|scope| {
+            let writer = scope.spawn(|| Temporary::create(&target).unwrap());
+            std::thread::sleep(std::time::Duration::from_millis(200));
+            assert!(!temporary_name(&target).exists(), "it would be left behind");
+            drop(ending);
+            writer.join().unwrap()
+        });
+        assert!(list().contains(&made.path) && made.path.exists());
+    }
 
     #[test]
     fn a_folder_in_which_nothing_came_to_be_goes_again() {

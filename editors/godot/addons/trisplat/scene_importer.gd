@@ -3,15 +3,30 @@
 extends EditorImportPlugin
 
 const PROGRAM := "trisplat/program"
+## The user's, not the project's: opening a project must not choose what runs.
+var preferences: EditorSettings
 const QUALITIES: Array[String] = ["default", "fast", "small"]
 
-## Adds the program to the project's settings.
-static func declare_program():
-	if not ProjectSettings.has_setting(PROGRAM):
-		ProjectSettings.set_setting(PROGRAM, "trisplat")
-	ProjectSettings.set_initial_value(PROGRAM, "trisplat")
-	ProjectSettings.set_as_basic(PROGRAM, true)
-	ProjectSettings.add_property_info({"name": PROGRAM, "type": TYPE_STRING, "hint": PROPERTY_HINT_GLOBAL_FILE})
+## Adds the program to the editor's settings.
+func declare_program():
+	if not preferences.has_setting(PROGRAM):
+		preferences.set_setting(PROGRAM, "trisplat")
+	preferences.set_initial_value(PROGRAM, "trisplat", false)
+	preferences.add_property_info({"name": PROGRAM, "type": TYPE_STRING, "hint": PROPERTY_HINT_GLOBAL_FILE})
+
+## An absolute path, or that of a name in an absolute folder of the PATH, never in the current folder; empty if it is not there.
+func find(name: String) -> String:
+	if name.is_absolute_path():
+		return name if FileAccess.file_exists(name) and not name.contains("://") else ""
+	if name.is_empty() or name.get_file() != name:
+		return ""
+	var windows := OS.get_name() == "Windows"
+	for folder in OS.get_environment("PATH").split(";" if windows else ":", false):
+		for ending in ["", ".exe"] if windows else [""]:
+			var path: String = folder.path_join(name + ending)
+			if folder.is_absolute_path() and not folder.contains("://") and FileAccess.file_exists(path):
+				return path
+	return ""
 
 func _get_importer_name():
 	return "trisplat.scene"
@@ -51,8 +66,8 @@ func _get_import_options(_path, _preset):
 		{"name": "collision", "default_value": true},
 		{"name": "backdrop", "default_value": true},
 		{"name": "scale", "default_value": 1.0},
-		# Any other flags of `trisplat bake`.
-		{"name": "arguments", "default_value": PackedStringArray()},
+		# Other options of `trisplat bake`, as `trisplat schema bake` lists them: chunk_triangles=3000.
+		{"name": "settings", "default_value": PackedStringArray()},
 	]
 
 func _get_option_visibility(_path, _option, _options):
@@ -71,19 +86,20 @@ func flags(options: Dictionary) -> PackedStringArray:
 		made.append_array(["--backdrop", "off"])
 	if options.scale != 1.0:
 		made.append_array(["--set", "place.scale=%s" % options.scale])
-	made.append_array(options.arguments)
+	# One word each: none can be another flag.
+	for setting in options.settings:
+		made.append("--set=" + setting)
 	return made
 
 func _import(source_file, save_path, options, _variants, _gen_files):
-	declare_program()
-	var program := ProjectSettings.globalize_path(ProjectSettings.get_setting(PROGRAM))
+	var program := find(preferences.get_setting(PROGRAM))
 	var glb := ProjectSettings.globalize_path(save_path + ".glb")
 	var bake := PackedStringArray(["bake", ProjectSettings.globalize_path(source_file), "--output", glb, "--force", "--quiet"])
 	bake.append_array(flags(options))
 	var said := []
-	var code := OS.execute(program, bake, said, true)
+	var code := -1 if program.is_empty() else OS.execute(program, bake, said, true)
 	if code != 0:
-		var why := "the program was not found: Project Settings > Trisplat > Program" if code == -1 else "".join(said).strip_edges()
+		var why := "the program was not found: Editor Settings > Trisplat > Program" if code == -1 else "".join(said).strip_edges()
 		push_error("trisplat cannot bake %s: %s" % [source_file, why])
 		return FAILED
 	var root := read(glb)
