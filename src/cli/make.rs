@@ -125,6 +125,9 @@ fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, page: &Path, job: &MakeJob) ->
     let mut outputs = Outputs::new(inputs, args.force);
     outputs.begun = job.unfinished();
     outputs.plan_scene(&planned)?;
+    if let Some(file) = job.subject_file() {
+        outputs.plan_scene(&job.subject_bake().plan_output(&file, None)?)?;
+    }
     outputs.plan("--page", page)?;
     outputs.claim_report(args.report.as_deref())?;
     Ok(outputs)
@@ -139,7 +142,12 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
         return;
     }
     for file in &done.report.outputs {
-        progress.line(&format!("wrote {} ({} bytes)", file.path, super::messages::thousands(file.bytes)));
+        let bytes = super::messages::thousands(file.bytes);
+        progress.line(&format!(
+            "wrote {} ({bytes} bytes){}",
+            file.path,
+            purpose(Path::new(&file.path), done, args)
+        ));
     }
     if let Some(details @ TrainDetails { psnr: Some(psnr), ssim: Some(ssim), .. }) =
         &done.report.details::<TrainDetails>()
@@ -153,6 +161,17 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
     }
     let pages = done.report.outputs.iter().filter(|file| file.path.ends_with(".html"));
     pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
+}
+
+/// What a file is for, where there are two of a kind.
+fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
+    match &done.subject {
+        Some(subject) if subject == file => {
+            ": the subject alone, for viewers that frame the whole file, and to place it elsewhere"
+        }
+        Some(_) if file == args.output => ": everything with its surroundings, to look around from within",
+        _ => "",
+    }
 }
 
 /// A held-out PSNR in the words of docs/from-photos.md.
@@ -197,6 +216,7 @@ fn announced(part: MakePart, budget: Seconds) -> Option<String> {
         MakePart::Train => {
             Some(format!("of the {budget} of --budget, most are for training and the rest for the bake"))
         }
+        MakePart::Subject => Some("the subject alone, as a file of its own".to_owned()),
         MakePart::Bake => None,
     }
 }

@@ -58,11 +58,26 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let stages = report["stages"].as_array().unwrap();
     let has = |name: &str| stages.iter().any(|stage| stage["name"] == name);
     assert!(has("capture") && has("train") && has("refit") && has("write"), "{stages:?}");
-    assert_eq!(report["outputs"].as_array().unwrap().len(), 2, "{report}");
+    assert_eq!(report["outputs"].as_array().unwrap().len(), 3, "{report}");
+    // A capture with a subject gets a file of it, and the last lines say which file is for what.
+    is_a_subject(&std::fs::read(at("scene.subject.glb")).unwrap(), glb.len());
+    let line =
+        |name: &str| said.lines().find(|line| line.contains(&format!("wrote {name} "))).unwrap_or_default();
+    assert!(
+        line("scene.subject.glb").contains(": the subject alone, for viewers that frame the whole file"),
+        "{said}"
+    );
+    assert!(
+        line("scene.glb").ends_with(": everything with its surroundings, to look around from within"),
+        "{said}"
+    );
 
     // Nothing is replaced without --force.
     let refused = make(folder.path(), &[]);
     assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+    std::fs::rename(at("scene.glb"), at("other.glb")).unwrap();
+    let refused = make(folder.path(), &[]);
+    assert!(stderr(&refused).contains("scene.subject.glb"), "{}", stderr(&refused));
     let again = make(folder.path(), &["--force"]);
     assert!(again.status.success() && stderr(&again).contains("(done before)"), "{}", stderr(&again));
     assert!(std::fs::read(at("scene.glb")).unwrap() == glb, "the same scene");

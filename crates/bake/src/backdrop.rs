@@ -65,7 +65,7 @@ impl BackdropOptions {
     pub fn scene_budget(&self, budget: Option<u64>) -> Option<u64> {
         match self.backdrop {
             BackdropWhen::Off => budget,
-            _ => budget.map(|most| most - backdrop_triangles(most as usize).min(most / 2)),
+            _ => budget.map(|most| most - subdivisions(most as usize, budget).map_or(0, face_count)),
         }
     }
 }
@@ -85,13 +85,14 @@ pub struct BackdropDetails {
 
 trisplat_scene::stage!(BackdropDetails, "backdrop");
 
-/// Puts a sphere behind `mesh` when `views` see holes in it.
+/// Puts a sphere behind `mesh` when `views` see holes in it, and a `budget` of triangles leaves room for it.
 ///
 /// Errors: a photo that cannot be decoded.
 pub fn backdrop(
     mesh: &mut Mesh,
     views: Option<&mut Views>,
     options: &BackdropOptions,
+    budget: Option<u64>,
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     let Some(views) = views.filter(|v| !v.is_empty()) else {
@@ -117,10 +118,13 @@ pub fn backdrop(
     if options.backdrop == BackdropWhen::Auto && holes.share < LEAST_HOLES {
         return Ok(Outcome::Skipped("triangles cover the photos"));
     }
+    let Some(subdivisions) = subdivisions(mesh.face_count(), budget) else {
+        return Ok(Outcome::Skipped("`max_triangles` leaves no room for what is behind"));
+    };
     let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
     let radius = far.max(views.radius()) * RADIUS_FACTOR;
-    let sphere = sphere(subdivisions(mesh.face_count()));
+    let sphere = sphere(subdivisions);
     let count = sphere.len();
     let positions = sphere.into_iter().flatten().map(|v| center + v * radius).collect();
     let colors = Colors::Face(vec![holes.color; count]);
@@ -182,14 +186,16 @@ fn find_holes(mesh: &Mesh, views: &mut Views) -> Result<Holes> {
     Ok(Holes { share: open / f64::max(all, 1e-9), counted, color: mean })
 }
 
-/// Subdivisions of the octahedron for a scene of `triangles`.
-fn subdivisions(faces: usize) -> u32 {
-    (3..=MOST_SUBDIVISIONS).rev().find(|l| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces).unwrap_or(2)
+/// Subdivisions of the octahedron for a scene of `faces`; `None` where a budget leaves no room for it.
+fn subdivisions(faces: usize, budget: Option<u64>) -> Option<u32> {
+    let fits = |l: &u32| face_count(*l) as usize * SCENE_PER_BACKDROP <= faces;
+    let most = (3..=MOST_SUBDIVISIONS).rev().find(fits).unwrap_or(2);
+    (1..=most).rev().find(|l| budget.is_none_or(|budget| face_count(*l) <= share_behind(budget)))
 }
 
-/// Triangles of the sphere behind a scene of `triangles`.
-fn backdrop_triangles(faces: usize) -> u64 {
-    face_count(subdivisions(faces))
+/// The triangles of a budget that surroundings take at most: small budgets are for what one looks at.
+pub(super) fn share_behind(budget: u64) -> u64 {
+    budget / 8
 }
 
 /// Triangles of the unit sphere, their fronts inside. `[8 · 4^subdivisions]`
@@ -221,7 +227,9 @@ mod tests {
     fn a_budget_is_never_exceeded() {
         for most in [1, 5, 300, 5000, 100_000, 2_000_000] {
             let scene = BackdropOptions::DEFAULT.scene_budget(Some(most)).unwrap_or(0);
-            assert!(scene + backdrop_triangles(scene as usize) <= most || most < 512, "{most}: {scene}");
+            let behind = subdivisions(scene as usize, Some(most)).map_or(0, face_count);
+            assert!(scene + behind <= most && behind <= most / 8, "{most}: {scene} + {behind}");
+            assert!(scene > 0 && (behind > 0 || most < 256), "{most}: {scene} + {behind}");
         }
     }
 }

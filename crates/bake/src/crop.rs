@@ -43,6 +43,9 @@ pub struct CropDetails {
     pub outside: u64,
     /// Triangles of the subject, or of what it stands on, that ended beyond the region and were cut there.
     pub cut: u64,
+    /// Radius of the subject, as a share of the median distance of the cameras from it; absent without cameras.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subject_share: Option<f64>,
 }
 
 trisplat_scene::stage!(CropDetails, "crop");
@@ -72,6 +75,7 @@ pub(crate) fn crop_and_volume(
         return Ok((Outcome::Skipped("`crop` was not given"), None));
     }
     let (keep, volume) = kept(scene, cameras, up, options)?;
+    details.subject_share = volume.as_ref().and_then(|volume| volume.share(cameras));
     let (kept, total) = (keep.iter().filter(|keep| **keep).count(), keep.len());
     if kept == total {
         return Ok((Outcome::Skipped("every triangle is inside"), volume));

@@ -20,7 +20,7 @@ use super::refit::{UnseenColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{joined, recognise_shell, spared};
 use super::solid::solid;
-use super::teacher::{TeacherWhen, is_solid, teacher};
+use super::teacher::{TeacherDetails, TeacherWhen, is_solid, own_cameras, solid_views, teacher};
 use super::texture::{TextureDetails, texture};
 use super::tiles::tiles;
 use super::unseen::{FaceLimit, UnseenDetails, UnseenOptions, masked, unseen};
@@ -65,29 +65,33 @@ impl<'a> Recipe<'a> {
         let mut pictures = Pictures { photos, drawn: None };
         let loaded = self.background(loaded, &pictures)?;
         let loaded = self.crop(loaded, &pictures)?;
-        pictures.drawn = self.teacher(&loaded, &pictures)?;
+        let (loaded, own) = self.own_cameras(loaded, given.as_ref(), &pictures);
+        let given = self.few_given(given, &loaded.scene, &own)?;
+        let apart = self.counted(given.as_ref());
+        pictures.drawn = self.teacher(&loaded, given.as_ref(), &pictures, &own)?;
         let loaded = self.arrange(loaded, &pictures)?;
         let traits = self.traits(&loaded, &pictures);
         let collision = self.collision(&loaded, &pictures)?;
         let facing = self.surface(&loaded, &pictures)?;
         let ImportedScene { mut scene, provenance, warnings, cameras } = loaded;
         self.report.warnings.extend(warnings);
-        let cameras = Cameras::new(cameras, &pictures);
+        let cameras = Cameras::new(cameras, &pictures, own);
         if let Scene::Soup(soup) = &mut scene {
             // Only the teacher draws more.
             soup.truncate_sh(0);
         }
-        let mesh = self.solidify(scene, &cameras.watching)?;
-        let mesh = self.unseen(mesh, pictures.any(), &cameras, traits.is_soft)?;
+        let mesh = self.solidify(scene, apart, &cameras.watching)?;
+        let mesh = self.few_shell(mesh, apart, &cameras.watching)?;
+        let mesh = self.unseen(mesh, apart, pictures.any(), &cameras, traits.is_soft)?;
         self.misfit(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
         let (mesh, shell) = self.part_shell(mesh, &cameras.watching);
         let shell = match is_single {
-            true => self.whole_shell(shell, &mesh, &cameras.watching),
+            true => self.whole_shell(shell, &mesh, apart, &cameras.watching),
             false => shell,
         };
-        let shell = self.soft_shell(shell, mesh.face_count(), pictures.any().is_some());
+        let shell = self.soft_shell(shell, mesh.face_count() + apart, pictures.any().is_some());
         let behind = joined(given, shell)?;
 
         // Levels are made from the scene at this point, and placed like it.
@@ -174,7 +178,7 @@ impl<'a> Recipe<'a> {
         let mut solidified = |mut loaded: ImportedScene| match &mut loaded.scene {
             Scene::Soup(soup) => {
                 soup.truncate_sh(0);
-                Ok(ImportedScene { scene: Scene::Mesh(of_soup.solidify(loaded.scene, &[])?), ..loaded })
+                Ok(ImportedScene { scene: Scene::Mesh(of_soup.solidify(loaded.scene, 0, &[])?), ..loaded })
             }
             Scene::Mesh(_) => Ok(loaded),
         };
@@ -227,13 +231,51 @@ impl<'a> Recipe<'a> {
         Ok(ImportedScene { scene, provenance, warnings, cameras })
     }
 
+    /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: where its file says that one looks from. Its triangles
+    /// share no vertices then, if hardly any do.
+    fn own_cameras(
+        &self,
+        mut loaded: ImportedScene,
+        given: Option<&Mesh>,
+        pictures: &Pictures<'_>,
+    ) -> (ImportedScene, Vec<Camera>) {
+        let all = (loaded.scene.triangle_count() + given.map_or(0, Mesh::face_count)) as u64;
+        let is_limited = self.options.prune.max_triangles.is_some_and(|most| most < all);
+        let is_ranked = is_limited && self.options.teacher.teacher == TeacherWhen::Auto;
+        let knows = pictures.photos.is_some() || !loaded.cameras.is_empty();
+        let own = match &loaded.scene {
+            Scene::Mesh(_) if is_ranked && !knows => own_cameras(&loaded),
+            _ => Vec::new(),
+        };
+        if let Scene::Mesh(mesh) = &mut loaded.scene
+            && !own.is_empty()
+            && 2 * mesh.vertex_count() > 5 * mesh.face_count()
+        {
+            *mesh = std::mem::take(mesh).unshared();
+        }
+        (loaded, own)
+    }
+
     /// On the scene as it was trained: all other stages try to keep this look.
-    fn teacher(&mut self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> Result<Option<Views>> {
+    fn teacher(
+        &mut self,
+        loaded: &ImportedScene,
+        given: Option<&Mesh>,
+        pictures: &Pictures<'_>,
+        own: &[Camera],
+    ) -> Result<Option<Views>> {
         let (options, photos) = (self.options, pictures.photos.is_some());
         let measure = |_: &Option<Views>| loaded.scene.counts();
+        let solid = solid_views(&loaded.scene, given.filter(|_| !self.is_cropped()), own)?;
         let behind = self.report.details::<BackgroundDetails>().and_then(|found| found.behind());
-        self.report.stage(self.observer, None, measure, |views, details| {
-            teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details)
+        self.report.stage(self.observer, None, measure, |views, details: &mut TeacherDetails| match solid {
+            Some(solid) => {
+                details.pictures = Some(solid.len() as u64);
+                details.size_px = own.first().map(|camera| camera.size.to_array());
+                *views = Some(solid);
+                Ok(Outcome::Changed(()))
+            }
+            None => teacher(views, loaded, photos, behind, &options.teacher, &options.solid, details),
         })
     }
 
@@ -270,13 +312,12 @@ impl<'a> Recipe<'a> {
     }
 
     /// The part of the recipe that turns the input into opaque, coloured triangles.
-    fn solidify(&mut self, scene: Scene, cameras: &[Camera]) -> Result<Mesh> {
+    fn solidify(&mut self, scene: Scene, apart: usize, cameras: &[Camera]) -> Result<Mesh> {
         let options = self.options;
         // Cameras judge the importance of triangles better than size does.
-        let pruning = match cameras.is_empty() {
-            true => options.prune.clone(),
-            false => PruneOptions { max_triangles: None, ..options.prune.clone() },
-        };
+        let most = options.prune.max_triangles.filter(|_| cameras.is_empty());
+        let max_triangles = most.map(|most| most.saturating_sub(apart as u64).max(1));
+        let pruning = PruneOptions { max_triangles, ..options.prune.clone() };
 
         // Early, because every later stage costs per triangle and relies on finite geometry.
         let is_mesh = matches!(scene, Scene::Mesh(_));
@@ -317,6 +358,7 @@ impl<'a> Recipe<'a> {
     fn unseen(
         &mut self,
         mesh: Mesh,
+        apart: usize,
         mut views: Option<&mut Views>,
         cameras: &Cameras,
         is_soft: bool,
@@ -324,9 +366,10 @@ impl<'a> Recipe<'a> {
         let options = self.options;
         // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
         let chosen = cameras.of_photos.is_empty();
+        let left = options.prune.max_triangles.map(|most| most.saturating_sub(apart as u64).max(1));
         let budget = match &views {
-            Some(_) => options.backdrop.scene_budget(options.prune.max_triangles),
-            None => options.prune.max_triangles,
+            Some(_) if apart == 0 => options.backdrop.scene_budget(left),
+            _ => left,
         };
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
@@ -341,9 +384,9 @@ impl<'a> Recipe<'a> {
                     let progress = &mut progress.part(0.0, 0.5);
                     details.masked = masked(mesh, views.as_deref_mut(), &unseen_options, progress)?;
                 }
-                let spared = spared(mesh, budget);
+                let spared = spared(mesh, left);
                 // A scene that keeps its shell gets no sphere, so its budget leaves no room for one.
-                let most = if spared.is_empty() { budget } else { options.prune.max_triangles };
+                let most = if spared.is_empty() { budget } else { left };
                 let limit = FaceLimit { most, spared };
                 let outcome = unseen(mesh, cameras, views, &unseen_options, &limit, details, progress)?;
                 Ok(if details.masked.is_some_and(|dropped| dropped > 0) {
@@ -382,10 +425,11 @@ impl<'a> Recipe<'a> {
     /// Inputs of the fitting; not computed when it is off.
     fn traits(&self, loaded: &ImportedScene, pictures: &Pictures<'_>) -> SceneTraits {
         let asks = self.options.reshape.reshape == ReshapeWhen::Auto;
+        let is_soup = matches!(loaded.scene, Scene::Soup(_));
         let looks_soft = || matches!(&loaded.scene, Scene::Soup(soup) if !is_solid(soup));
         SceneTraits {
             // Only soft scenes have a teacher.
-            is_soft: pictures.drawn.is_some() || asks && looks_soft(),
+            is_soft: pictures.drawn.is_some() && is_soup || asks && looks_soft(),
             is_closed: loaded.scene.shell_count() > 0,
         }
     }

@@ -6,7 +6,7 @@
 //! place. Other programs close their scenes with sky domes without such a flag. These are recognised by four
 //! signs that no wall shows.
 
-use super::backdrop::BackdropWhen;
+use super::backdrop::{BackdropWhen, closed, share_behind};
 use super::weld::place_bits;
 use glam::Vec3;
 use std::collections::HashMap;
@@ -19,8 +19,8 @@ use trisplat_scene::{Result, Scene};
 const MOST_CUT: usize = 8192;
 /// Least triangles of the scene for each triangle of a cut shell.
 const SCENE_PER_CUT: usize = 2;
-/// A shell stays whole if the budget of triangles is at least this many times its size.
-const LEAST_SHELLS: u64 = 8;
+/// How much farther than the scene a surface of few, large triangles is, because their middles are nearer than their corners.
+const FARTHER: f32 = 1.25;
 
 /// Flags the far shell of a soup whose file has no flags.
 pub(super) fn recognise_shell(scene: &mut Scene, when: BackdropWhen) {
@@ -47,7 +47,8 @@ pub(super) fn take_shell(mesh: &mut Mesh, cameras: &[Camera]) -> Mesh {
 /// Whether a `shell` that is cut has room beside the `scene_faces` of the scene, in a `budget` too.
 pub(super) fn is_cut(shell: &Mesh, scene_faces: usize, budget: Option<u64>) -> bool {
     let count = 4 * shell.face_count();
-    let fits = budget.is_none_or(|most| (scene_faces + count) as u64 <= most);
+    let fits =
+        budget.is_none_or(|most| (scene_faces + count) as u64 <= most && count as u64 <= share_behind(most));
     count <= MOST_CUT && count * SCENE_PER_CUT <= scene_faces && fits
 }
 
@@ -99,13 +100,21 @@ pub(super) fn joined(given: Option<Mesh>, shell: Mesh) -> Result<Option<Mesh>> {
     }
 }
 
+/// Surroundings of at most `most` triangles around a scene with these corners: a closed surface of fewer, larger ones. Empty where `most` closes
+/// nothing.
+pub(super) fn few(shell: &Mesh, corners: impl Iterator<Item = Vec3>, cameras: &[Camera], most: u64) -> Mesh {
+    let center = middle(shell, cameras);
+    let reach = corners.map(|corner| corner.distance(center)).fold(0.0, f32::max);
+    closed(shell, center, FARTHER * reach, most).unwrap_or_default()
+}
+
 /// The faces of the shell in `mesh` that stay even if unseen, because a shell with holes closes nothing. All
 /// of them, unless the mesh is larger than `budget` and the shell takes a large part of it: small budgets are
 /// spent on visible triangles. `[F]`
 pub(super) fn spared(mesh: &Mesh, budget: Option<u64>) -> Vec<bool> {
     let count = mesh.shell.iter().filter(|shell| **shell).count() as u64;
     let spares = match budget.filter(|most| *most < mesh.face_count() as u64) {
-        Some(budget) => count <= budget / LEAST_SHELLS,
+        Some(budget) => count <= share_behind(budget),
         None => true,
     };
     if count > 0 && spares { mesh.shell.clone() } else { Vec::new() }
@@ -188,7 +197,8 @@ mod tests {
     fn a_shell_is_cut_only_where_there_is_room() {
         let shell = take_shell(&mut scene(0), &[]);
         assert!(is_cut(&shell, 64, None) && !is_cut(&shell, 63, None));
-        assert!(is_cut(&shell, 64, Some(96)) && !is_cut(&shell, 64, Some(95)));
+        assert!(is_cut(&shell, 64, Some(256)) && !is_cut(&shell, 64, Some(255)), "an eighth");
+        assert!(is_cut(&shell, 300, Some(332)) && !is_cut(&shell, 300, Some(331)));
         let mut large = shell;
         while is_cut(&large, 1 << 20, None) {
             large = cut(&large);

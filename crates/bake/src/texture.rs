@@ -216,7 +216,7 @@ pub(crate) fn texture_all(inputs: &mut [ImportedScene]) -> Result<()> {
 }
 
 /// A triangle of one colour has one texel, any other those of its corners.
-fn with_texture(mesh: Mesh) -> Result<Mesh> {
+pub(crate) fn with_texture(mesh: Mesh) -> Result<Mesh> {
     let mut mesh = mesh.unshared();
     let length = |face: usize| {
         let corners = mesh.corner_colors(face).map(|corner| corner.map(srgb_from_linear));

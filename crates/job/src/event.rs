@@ -28,6 +28,8 @@ pub enum MakePart {
     Train,
     /// The files.
     Bake,
+    /// The file of the subject alone.
+    Subject,
 }
 
 /// A training that is about to begin. Only that of the scene has warnings, stages, a plan and a card.

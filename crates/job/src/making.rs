@@ -7,19 +7,21 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::BakeOptions;
+use trisplat_bake::{BakeOptions, CropDetails};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
-use trisplat_formats::output;
+use trisplat_formats::output::{self, OutputFormat};
 use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
 use trisplat_scene::report::{Report, StageReport};
-use trisplat_scene::{Error, Limits, Result, Seconds, input};
+use trisplat_scene::{Asset, Error, Limits, Region, Result, Seconds, input};
 use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.
 const TRAINING: f64 = 0.85;
 /// Steps between checkpoints: a killed run loses at most these.
 const CHECKPOINT_EVERY: u64 = 500;
+/// A subject that is larger than this share of the cameras' distance surrounds them, as a room does.
+const LARGEST_SUBJECT: f64 = 0.6;
 /// Fewer photos show no shape, or leave none to judge it by.
 const LEAST_PHOTOS: usize = 3;
 /// Why a finished part is skipped.
@@ -68,6 +70,8 @@ pub struct MakeDone {
     pub dataset: PathBuf,
     /// Quality of the capture; `None` for a given data set.
     pub verdict: Option<VerdictDetails>,
+    /// The file of the subject alone, if the capture has one.
+    pub subject: Option<PathBuf>,
     /// Whether it was stopped; the same job continues from there.
     pub stopped: bool,
 }
@@ -127,7 +131,7 @@ impl MakeJob {
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
-        let mut done = MakeDone { report, dataset, verdict: None, stopped: false };
+        let mut done = MakeDone { report, dataset, verdict: None, subject: None, stopped: false };
         if let Some(verdict) = verdict {
             done.stopped = verdict.is_none();
             done.verdict = verdict;
@@ -137,7 +141,7 @@ impl MakeJob {
         }
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
-            self.bake(&done.dataset, &mut done.report, observer)?;
+            done.subject = self.bake(&done.dataset, &mut done.report, observer)?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
         Ok(done)
@@ -276,24 +280,41 @@ impl MakeJob {
         ours.finish()
     }
 
-    /// Bakes, and writes the file and the page.
-    fn bake(&mut self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<()> {
+    /// The file of the subject alone, beside that of everything: OUT.subject.glb. `None` where a region was asked for, and of formats without
+    /// files beside them.
+    pub fn subject_file(&self) -> Option<PathBuf> {
+        use OutputFormat::{Glb, Gltf, Obj, Ply, Usdz};
+        let has_one = matches!(OutputFormat::of(&self.output), Ok(Glb | Gltf | Obj | Ply | Usdz));
+        let ending = self.output.extension()?.to_str()?;
+        let file = || self.output.with_extension(format!("subject.{ending}"));
+        (has_one && self.bake.crop.crop.is_empty()).then(file)
+    }
+
+    /// The options for the file of the subject.
+    pub fn subject_bake(&self) -> BakeOptions {
+        let mut options = self.bake.clone();
+        options.crop.crop = vec![Region::Subject];
+        options
+    }
+
+    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
+    fn bake(&mut self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<Option<PathBuf>> {
         let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
         let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).chain(self.page.clone()).collect();
+        if let Some(file) = self.subject_file() {
+            new.extend(self.subject_bake().plan_output(&file, None)?.paths().map(Path::to_owned));
+        }
         new.retain(|path| !path.exists() || begun.contains(path));
         self.note(new)?;
         let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
         job.photos = Some(Dataset::load(path, &self.dataset_options)?);
         job.dataset_options = self.dataset_options.clone();
+        let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
         let done = job.save(&self.output, observer)?;
         report.options = done.report.options.clone();
         report.stages.extend(done.report.stages);
         report.outputs.extend(done.report.outputs);
-        for warning in done.report.warnings {
-            if !report.warnings.contains(&warning) {
-                report.warnings.push(warning);
-            }
-        }
+        warn(report, done.report.warnings);
         if let Some(page) = &self.page {
             let mut options = BakeOptions::default();
             let planned = options.plan_output(page, None)?;
@@ -302,7 +323,47 @@ impl MakeJob {
                 ControlFlow::Continue(())
             })?;
         }
-        self.note(Vec::new())
+        let subject = match self.subject_file() {
+            Some(file) if observer(Event::Part(MakePart::Subject)).is_continue() => {
+                let written = write_subject(of_subject, &file, &done.asset, report, observer)?;
+                written.then_some(file)
+            }
+            _ => None,
+        };
+        self.note(Vec::new()).map(|()| subject)
+    }
+}
+
+/// Bakes the subject and writes its file. Returns false where nothing stands out, as in a room, and where it is all of `whole`.
+fn write_subject(
+    mut job: BakeJob,
+    file: &Path,
+    whole: &Asset,
+    report: &mut Report,
+    observer: Observer<'_>,
+) -> Result<bool> {
+    let planned = job.options.plan_output(file, None)?;
+    let options = job.options.output.clone();
+    let done = match job.run(observer) {
+        Err(Error::Invalid { option, .. }) if option == "crop" => return Ok(false),
+        done => done?,
+    };
+    let share = done.report.details::<CropDetails>().and_then(|details| details.subject_share);
+    let is_all = !whole.has_backdrop() && 4 * done.asset.mesh.face_count() > 3 * whole.mesh.face_count();
+    if is_all || share.is_none_or(|share| share > LARGEST_SUBJECT) {
+        return Ok(false);
+    }
+    output::write(&done.asset, &planned, planned.start()?, &options, report, &mut stages(observer))?;
+    warn(report, done.report.warnings);
+    Ok(true)
+}
+
+/// Adds what was not said before.
+fn warn(report: &mut Report, warnings: Vec<String>) {
+    for warning in warnings {
+        if !report.warnings.contains(&warning) {
+            report.warnings.push(warning);
+        }
     }
 }
 

@@ -211,10 +211,12 @@ pub(crate) fn is_scattered(shell: &Mesh) -> bool {
     shell.face_count() <= MOST_FACES && places.len() > shell.face_count()
 }
 
-/// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that the shell shows there.
-pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32) -> Mesh {
+/// A surface around `center` where `shell` is, but nowhere nearer than `least`, in the colours that the shell shows there, of at most `most`
+/// triangles; `None` where that is too few to close anything.
+pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32, most: u64) -> Option<Mesh> {
     let enough = |s: &u32| face_count(*s) >= shell.face_count() as u64;
-    let subdivisions = (2..MOST_SUBDIVISIONS).find(enough).unwrap_or(MOST_SUBDIVISIONS);
+    let enough = (2..MOST_SUBDIVISIONS).find(enough).unwrap_or(MOST_SUBDIVISIONS);
+    let subdivisions = (1..=enough).rev().find(|s| face_count(*s) <= most)?;
     let picture = panorama(shell, center, ROWS_PER_FACE << subdivisions);
     let (mut mesh, _) = surface(center, subdivisions, Some(shell), least);
     let color = |face: usize| {
@@ -224,7 +226,7 @@ pub(crate) fn closed(shell: &Mesh, center: Vec3, least: f32) -> Mesh {
         codes.map(|code| linear_from_srgb(f32::from(code) / 255.0))
     };
     mesh.colors = Colors::Face((0..mesh.face_count()).map(color).collect());
-    mesh
+    Some(mesh)
 }
 
 #[cfg(test)]
@@ -250,7 +252,7 @@ mod tests {
     fn scattered_triangles_become_one_surface_in_their_colours() {
         let shell = scattered();
         assert!(is_scattered(&shell));
-        let found = closed(&shell, Vec3::ZERO, 1.0);
+        let found = closed(&shell, Vec3::ZERO, 1.0, u64::MAX).unwrap();
         assert!(!is_scattered(&found) && found.face_count() == 128);
         for face in 0..found.face_count() {
             let (middle, color) = (found.centroid(face), found.corner_colors(face)[0]);
@@ -258,6 +260,10 @@ mod tests {
             let wanted = if middle.y > 0.0 { 1.0 } else { 0.2 };
             assert!(middle.y.abs() < 4.0 || (color[2] - wanted).abs() < 0.01, "{middle}: {color:?}");
         }
-        assert!(closed(&shell, Vec3::ZERO, 20.0).positions.iter().all(|v| v.length() > 19.9));
+        let far = closed(&shell, Vec3::ZERO, 20.0, u64::MAX).unwrap();
+        assert!(far.positions.iter().all(|v| v.length() > 19.9));
+        // Fewer, larger triangles where a limit asks for that.
+        let count = |most| closed(&shell, Vec3::ZERO, 1.0, most).map(|found| found.face_count());
+        assert_eq!([31, 32, 127, 128].map(count), [None, Some(32), Some(32), Some(128)]);
     }
 }

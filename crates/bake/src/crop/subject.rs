@@ -9,7 +9,7 @@ use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::lists::Sets;
+use trisplat_scene::math::lists::{Sets, median};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Scene, UpAxis};
@@ -79,6 +79,14 @@ const LEAST_WHOLE: f32 = 0.5;
 const CELLS_OF_SUPPORT: usize = 40;
 
 impl SubjectVolume {
+    /// Its radius as a share of the median distance of `cameras` from its middle.
+    pub(super) fn share(&self, cameras: &[Camera]) -> Option<f64> {
+        let (ball, outline) = (self.frame.ball, &self.outline);
+        let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));
+        let away = median(cameras.iter().map(|c| c.position().distance(center)).collect(), f32::total_cmp)?;
+        Some(f64::from(ball.radius * outline.half.max_element() / away))
+    }
+
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
     pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
         let within = |face: usize| {
@@ -245,6 +253,11 @@ impl Frame {
     /// A place in these coordinates.
     fn within(&self, at: Vec3) -> Vec3 {
         Vec3::from(self.axes.map(|axis| axis.dot(at - self.ball.center))) / self.ball.radius
+    }
+
+    /// An offset in these coordinates as one in the scene's.
+    fn out(&self, offset: Vec3) -> Vec3 {
+        (0..3).map(|axis| self.axes[axis] * offset[axis]).sum()
     }
 
     /// A triangle that is near enough and not too large.

@@ -37,8 +37,8 @@ pub(super) struct Cameras {
 }
 
 impl Cameras {
-    /// `stored` are those in the file of the scene.
-    pub(super) fn new(stored: Vec<Camera>, pictures: &Pictures<'_>) -> Self {
+    /// `stored` are those in the file of the scene; `own` watch a scene without any.
+    pub(super) fn new(stored: Vec<Camera>, pictures: &Pictures<'_>, own: Vec<Camera>) -> Self {
         let of_photos = match pictures.photos.as_deref() {
             // Pictures may be drawn for some of the cameras only.
             Some(photos) if stored.is_empty() || !photos.is_drawn() => photos.cameras().to_vec(),
@@ -46,6 +46,7 @@ impl Cameras {
         };
         let watching = match &pictures.drawn {
             Some(drawn) if of_photos.is_empty() => drawn.cameras().to_vec(),
+            None if of_photos.is_empty() => own,
             _ => of_photos.clone(),
         };
         Self { of_photos, watching }
