@@ -164,7 +164,7 @@ fn what_photos_see_only_where_masks_say_that_nothing_counts_is_dropped() {
     let behind = |when| {
         let (mut with, mut details) = (kept.clone(), BackdropDetails::default());
         let options = BackdropOptions { backdrop: when };
-        backdrop(&mut with, Some(&mut views(&dataset)), &options, &mut details).unwrap();
+        backdrop(&mut with, Some(&mut views(&dataset)), &options, None, &mut details).unwrap();
         with.face_count() - kept.face_count()
     };
     assert_eq!(behind(BackdropWhen::Auto), 0);
@@ -394,13 +394,14 @@ fn holes_are_closed_with_what_photos_show_through_them() {
     let (_folder, dataset) = photograph(&truth, |_, photo| photo);
     let (mut closed, mut details) = (mesh.clone(), BackdropDetails::default());
     let mut views = views(&dataset);
-    backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, None, &mut details).unwrap();
     assert!(details.holes.unwrap() > 0.3, "{details:?}");
     assert_eq!(closed.face_count(), 100 + 128);
     refit(&mut closed, Some(&mut views), &RefitOptions::DEFAULT, &mut RefitDetails::default()).unwrap();
     let (open, shut) = (difference(&mesh, &truth), difference(&closed, &truth));
     assert!(shut < 0.05 * open, "{open} codes with holes, {shut} without: {details:?}");
-    let again = backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, &mut details).unwrap();
+    let again =
+        backdrop(&mut closed, Some(&mut views), &BackdropOptions::DEFAULT, None, &mut details).unwrap();
     assert_eq!(again, Outcome::Skipped("triangles cover the photos"));
 }
 
