@@ -352,3 +352,30 @@ fn info_and_bake_measure_the_same_softness() {
         report["stages"].as_array().unwrap().iter().find(|stage| stage["name"] == "teacher").unwrap();
     assert_eq!(teacher["details"]["softness"], info["softness"], "{teacher}");
 }
+
+#[test]
+fn a_mesh_that_says_nothing_hears_what_was_taken_for_up_and_what_its_alpha_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ply, out) = (folder.path().join("a.ply"), folder.path().join("a.glb"));
+    let rows = |alpha: u8| {
+        let row = |at: &str| format!("{at} 200 100 50 {alpha}\n");
+        ["0 0 0", "1 0 0", "0 1 0"].map(row).concat()
+    };
+    let names = ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue", "uchar alpha"];
+    let head = format!(
+        "ply\nformat ascii 1.0\nelement vertex 6\n{}element face 2\nproperty list uchar int vertex_indices\nend_header\n",
+        names.map(|name| format!("property {name}\n")).concat()
+    );
+    std::fs::write(&ply, format!("{head}{}{}3 0 1 2\n3 3 4 5\n", rows(255), rows(0))).unwrap();
+    let said = |more: &[&str]| {
+        let fixed: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"bake", &ply, &"-o", &out, &"-f"];
+        let more = more.iter().map(|word| word as &dyn AsRef<std::ffi::OsStr>);
+        let output = trisplat(&fixed.into_iter().chain(more).collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let text = said(&[]);
+    assert!(text.contains("removed 1 triangle whose alpha is below 0.014"), "{text}");
+    assert!(text.contains("taken as −y: --up y if it lies on its head"), "{text}");
+    assert!(!said(&["--up", "y"]).contains("taken as"));
+}

@@ -61,6 +61,7 @@ fn names_of_libraries_and_pictures_are_found_as_programs_write_them() {
         ("SCENE.MTL", "mtllib scene.mtl\n", "newmtl M\nmap_kd MY COL.PNG\n"),
         ("a.mtl", "mtllib C:\\Users\\me\\a.mtl\n", "newmtl m\nmap_Kd C:\\textures\\My Col.png\n"),
         ("a.mtl", "mtllib /home/me/a.mtl\n", "newmtl m\nmap_Kd /home/me/my col.png\n"),
+        ("a.mtl", "mtllib a.mtl\n", "newmtl m\nmap_Kd textures/my col.png\n"),
         ("a.mtl", "mtllib ./a.mtl\n", "newmtl m\nmap_Kd .\\my col.png\n"),
     ] {
         let folder = folder(&[(library, mtl), ("s.obj", &format!("{obj}{SQUARE}"))]);

@@ -210,8 +210,8 @@ fn pictures(library: &Path, options: &ReadOptions) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case only. One elsewhere, such as `C:\wall.png` of
-/// another machine, is looked for beside it.
+/// The path of a file that the OBJ or PLY at `path` names, or of one whose name differs in case only. One that is not there, such as
+/// `C:\wall.png` of another machine, is looked for beside it.
 pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<PathBuf> {
     let refuse = |why: &str| Err(Error::unsupported(path, format!("it names {name:?}, {why}")));
     if path.as_os_str() == "-" {
@@ -221,15 +221,17 @@ pub(crate) fn found(path: &Path, name: &str, options: &ReadOptions) -> Result<Pa
     let relative = PathBuf::from(unquoted(name).replace('\\', "/"));
     let folder = path.parent().unwrap_or(Path::new(""));
     let outside = relative.is_absolute() || name.contains(':') || input::leaves_folder(&relative);
-    if outside && !(options.allow_outside && folder.join(&relative).exists()) {
-        let own = relative.file_name().map(|name| in_any_case(folder, Path::new(name)));
-        return match own.filter(|own| own.is_file()) {
-            Some(own) => Ok(own),
-            None if options.allow_outside => Ok(folder.join(relative)),
-            None => refuse("outside the folder of the file; if that is right, give `allow_outside`"),
-        };
+    let refused = outside && !options.allow_outside;
+    let there = in_any_case(folder, &relative);
+    if !refused && there.is_file() {
+        return Ok(there);
     }
-    Ok(in_any_case(folder, &relative))
+    let own = relative.file_name().map(|name| in_any_case(folder, Path::new(name)));
+    match own.filter(|own| own.is_file()) {
+        Some(own) => Ok(own),
+        None if refused => refuse("outside the folder of the file; if that is right, give `allow_outside`"),
+        None => Ok(there),
+    }
 }
 
 /// The path of `relative` in `folder`, with the case that its parts have on disk where they exist in another.

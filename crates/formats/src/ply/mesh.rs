@@ -132,7 +132,7 @@ fn pictures(
     }
     let read = |(number, name): (usize, &String)| {
         let read = picture(vertices.path, name, options);
-        let unread = |e| warnings.push(format!("a texture is not read, its triangles are white: {e}"));
+        let unread = |e| warnings.push(format!("a texture is not read: {e}"));
         (number, read.map_err(unread).ok())
     };
     let textures: Textures = names.iter().enumerate().map(read).collect();
