@@ -427,10 +427,12 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
         ));
     }
     let (all, shell) = (trained.soup.len(), trained.soup.shell_count());
-    if shell > 0 && all == shell && !trained.stopped {
+    // An empty scene keeps one.
+    if all <= shell + 1 && !trained.stopped {
         let steps = counted(trained.steps, "step");
+        let left = if all == shell { "no triangle but the shell" } else { "only one triangle" };
         bar.line(&format!(
-            "warning: no triangle but the shell is left, because {steps} cannot make one opaque: --steps 1000 or more"
+            "warning: {left} is left, because {steps} cannot make one opaque: --steps 1000 or more"
         ));
     }
     if trained.dropped > 0 {

@@ -284,3 +284,17 @@ fn a_training_that_leaves_nothing_but_its_shell_says_so() {
     let said = stderr(&succeed(&mut train(folder.path(), &["-o", "b.ply", "--preset", "outdoor"])));
     assert!(!said.contains("but the shell"), "{said}");
 }
+
+#[test]
+fn a_run_of_so_few_steps_that_nothing_is_left_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_trisplat"));
+    command.current_dir(folder.path()).arg("train").arg(dataset()).args(["-o", "a.ply", "--steps", "40"]);
+    let said = super::stderr(
+        &command.args(["--max-size", "60", "--set", "init.shell_subdivisions=0"]).output().unwrap(),
+    );
+    assert!(
+        said.contains("only one triangle is left, because 40 steps") && said.contains("--steps 1000 or more"),
+        "{said}"
+    );
+}
