@@ -357,7 +357,23 @@ fn middle(a: &Camera, b: &Camera) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_scene::Rng;
+    use trisplat_scene::{ImportedSplats, Provenance, Rng};
+
+    #[test]
+    fn thin_rods_are_seen_from_around() {
+        let splats = Splats {
+            positions: (0..5).map(|i| direction(i, 5)).collect(),
+            scales: vec![Vec3::new(0.3, 0.006, 0.006); 5],
+            rotations: (0..5).map(|i| Quat::from_rotation_arc(Vec3::X, direction(4 - i, 5))).collect(),
+            opacity: vec![0.99; 5],
+            sh: vec![[1.0; 3]; 5],
+            ..Splats::default()
+        };
+        let provenance = Provenance::default();
+        let loaded = ImportedSplats { splats, provenance, warnings: Vec::new(), cameras: Vec::new() };
+        let found = Viewpoints::of_splats(&loaded.splats, &loaded.stand_in(), &[], (12, 100)).unwrap();
+        assert_eq!((found.kind, found.cameras.len()), (ViewpointKind::Around, 12));
+    }
 
     /// Opaque triangles of about `size` at `places`.
     fn soup(places: impl Iterator<Item = Vec3>, size: f32) -> Soup {
