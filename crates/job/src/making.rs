@@ -206,7 +206,7 @@ impl MakeJob {
                 job.options =
                     trisplat_scene::layered::Layered::over(&point.meta.options, point.meta.options.clone())
             }
-            None => job.limit(self.budget.map(|budget| Seconds(TRAINING * budget.0))),
+            None => job.limit(self.budget, TRAINING),
         }
         job.resume = resume;
         job.outputs = RunOptions {

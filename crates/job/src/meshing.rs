@@ -73,7 +73,7 @@ impl MeshJob {
             (None, Some(photos)) => {
                 let mut job = TrainJob::new(photos.clone(), self.train);
                 job.dataset_options = self.dataset_options.clone();
-                job.limit(self.budget);
+                job.limit(self.budget, 1.0);
                 let done = match job.run(observer) {
                     Err(Error::Stopped { .. }) => return Ok(None),
                     done => done?,

@@ -10,7 +10,7 @@ use trisplat_formats as formats;
 use trisplat_scene::layered::Layered;
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds};
 use trisplat_teacher as teacher;
-use trisplat_train::budget::StepLimit;
+use trisplat_train::budget::{StepLimit, WholeBudget};
 use trisplat_train::{Checkpoint, TrainOptions, TrainPreset};
 
 /// Steps and triangles of a teacher, as a share of the run's.
@@ -106,6 +106,14 @@ pub(super) fn enough_for_teacher(photos: usize) -> StepLimit {
 /// Budget for a teacher after `spent` seconds of the run's budget.
 pub(super) fn teacher_budget(run: Budget, spent: f64) -> Budget {
     Budget { seconds: Seconds(spent + (run.seconds.0 - spent) * BUDGET_SHARE), ..run }
+}
+
+/// What the budget of a teacher is a part of: that of the run, or what this is a part of.
+pub(super) fn whole(run: Budget, whole: Option<WholeBudget>, spent: f64) -> WholeBudget {
+    let whole = whole.unwrap_or(WholeBudget { seconds: run.seconds, factor: 1.0, beside: 0.0 });
+    let (factor, beside) =
+        (whole.factor / BUDGET_SHARE, whole.beside + whole.factor * spent * (1.0 - 1.0 / BUDGET_SHARE));
+    WholeBudget { factor, beside, ..whole }
 }
 
 /// Training options of a teacher. A budget chooses its triangles unless the run's are given.

@@ -11,7 +11,7 @@ use trisplat_scene::layered::{Layered, Origin};
 use trisplat_scene::process::cpu_secs;
 use trisplat_scene::report::{Report, StageDetails, StageReport};
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
-use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit};
+use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit, WholeBudget};
 use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
@@ -55,6 +55,8 @@ pub struct TrainJob {
     pub teacher_file: Option<PathBuf>,
     /// Time budget. It chooses steps, triangles and the size of photos.
     pub budget: Option<Budget>,
+    /// What it is a part of.
+    pub(super) whole: Option<WholeBudget>,
     /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
     pub watched: Option<TrialRun>,
     /// Wall-clock time of the short trainings.
@@ -98,6 +100,7 @@ impl TrainJob {
             teacher_share: None,
             teacher_file: None,
             budget: None,
+            whole: None,
             watched: None,
             watch_secs: 0.0,
             began: None,
@@ -108,10 +111,15 @@ impl TrainJob {
         }
     }
 
-    /// Gives the run this CPU time from now on; without one, the steps of its options, which count as given: then equal jobs make equal bytes.
-    pub(super) fn limit(&mut self, cpu_time: Option<Seconds>) {
+    /// Gives the run this share of a CPU time from now on; without one, the steps of its options, which count as given: then equal jobs make equal bytes.
+    pub(super) fn limit(&mut self, cpu_time: Option<Seconds>, share: f64) {
         match cpu_time {
-            Some(time) => self.budget = Some(Budget::cpu(Seconds(cpu_secs() + time.0))),
+            Some(time) => {
+                let spent = cpu_secs();
+                self.budget = Some(Budget::cpu(Seconds(spent + share * time.0)));
+                self.whole =
+                    Some(WholeBudget { seconds: time, factor: share.recip(), beside: -spent / share });
+            }
             None => self.options = self.options.clone().giving(&["steps"]),
         }
     }
@@ -284,6 +292,7 @@ impl TrainJob {
             dataset_options: self.dataset_options.clone(),
             options: teacher::teacher_options(&self.options, self.budget.is_some()),
             budget: self.budget.map(|budget| teacher::teacher_budget(budget, spent)),
+            whole: self.budget.map(|budget| teacher::whole(budget, self.whole, spent)),
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
         let paced = job.keep_to_budget(enough, began)?;
@@ -333,6 +342,7 @@ impl TrainJob {
             size_given: how.max_size.is_some() || self.dataset.kind == DatasetKind::Drawn,
             from: self.from.as_ref().map(|scene| scene.scene.triangle_count() as u64),
             enough,
+            whole: self.whole,
             ..PlanInput::new(&self.dataset, options, budget, spending.seconds(), speed)
         })?;
         self.options.options = pace.apply(options);

@@ -151,6 +151,19 @@ pub struct PlanInput<'a> {
     pub from: Option<u64>,
     /// What is enough for it.
     pub enough: StepLimit,
+    /// The budget that was asked for, if this is a part of it.
+    pub whole: Option<WholeBudget>,
+}
+
+/// A budget, parts of which are planned on their own.
+#[derive(Debug, Clone, Copy)]
+pub struct WholeBudget {
+    /// All of it.
+    pub seconds: Seconds,
+    /// Its seconds for each second of the part, ...
+    pub factor: f64,
+    /// ... and those beside.
+    pub beside: f64,
 }
 
 impl<'a> PlanInput<'a> {
@@ -174,6 +187,7 @@ impl<'a> PlanInput<'a> {
             size_given: false,
             from: None,
             enough: StepLimit::default(),
+            whole: None,
         }
     }
 
@@ -236,8 +250,10 @@ impl<'a> PlanInput<'a> {
 
     fn too_small(&self, photo: UVec2) -> Error {
         let needed = self.spent_secs + self.beside_secs(photo)[1] + self.run(FEWEST_STEPS, photo).1;
-        let wants = format!("{}s or more for this data set", (1.2 * needed).ceil().max(1.0));
-        Error::invalid(self.budget.option(), self.budget.seconds, wants)
+        let itself = WholeBudget { seconds: self.budget.seconds, factor: 1.0, beside: 0.0 };
+        let WholeBudget { seconds, factor, beside } = self.whole.unwrap_or(itself);
+        let needed = (1.2 * (factor * needed + beside)).ceil().max(1.0);
+        Error::invalid(self.budget.option(), seconds, format!("{needed}s or more for this data set"))
     }
 }
 
@@ -409,6 +425,7 @@ mod tests {
             size_given: false,
             from: None,
             enough: StepLimit::default(),
+            whole: None,
         }
     }
 

@@ -213,15 +213,8 @@ impl Reader<'_> {
         let count =
             self.check(&place, basic.into_iter().zip([3, 4, 3, 1]).chain(sh.iter().map(|i| (*i, 3))))?;
         let coefficients = sh.len();
-        Ok(Part {
-            place,
-            numbers: Numbers::Accessors { basic, sh },
-            count,
-            coefficients,
-            transform,
-            turn,
-            scale: size,
-        })
+        let numbers = Numbers::Accessors { basic, sh };
+        Ok(Part { place, numbers, count, coefficients, transform, turn, scale: size })
     }
 
     /// The Gaussians of an SPZ file in a buffer view.
