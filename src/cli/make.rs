@@ -13,12 +13,18 @@ use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
 use trisplat_formats::OutputTarget;
 use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
+use trisplat_scene::math::lists::median;
+use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::budget::BudgetDetails;
-use trisplat_train::{BackendOptions, PhotoScore, TrainDetails, TrainOptions};
+use trisplat_train::{BackendOptions, TrainDetails, TrainOptions};
 
-/// From here on nothing needs to be done about a scene, dB on held-out photos.
-const GOOD_PSNR: f64 = 28.0;
+/// From here on nothing needs to be done about a scene of that many photos, dB on held-out ones: fewer leave more unseen.
+const GOOD_PSNR: [(usize, f64); 3] = [(60, 28.0), (30, 25.0), (0, 22.0)];
+/// A photo that is so much worse than half of the others, dB, was blurred or moved, or its pose is wrong.
+const FAR_BELOW: f64 = 5.0;
+/// More time that gained less, dB, is not advised again.
+const LEAST_GAIN: f64 = 0.3;
 /// A training that spent this share of its budget would have used more.
 const USED_UP: f64 = 0.8;
 /// How many of the photos that came out worst are named.
@@ -55,6 +61,9 @@ pub struct MakeArgs {
     /// Most triangles; by default the budget decides
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub max_triangles: Option<u64>,
+    /// Train although too few points tie the photos together
+    #[arg(long)]
+    pub anyway: bool,
     /// Write the results of every step as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -86,7 +95,7 @@ pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode
     (job.bake.crop, job.bake.backdrop) = (args.crop_options.clone(), args.backdrop_options.clone());
     let mut outputs = guard(args, inputs, &page, &job)?;
     job.page = Some(page);
-    (job.capture, job.force) = (args.capture.clone(), args.force);
+    (job.capture, job.force, job.anyway) = (args.capture.clone(), args.force, args.anyway);
     (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
     if let Some(most) = args.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
@@ -149,15 +158,8 @@ fn say(done: &MakeDone, args: &MakeArgs, work: &str, progress: &Progress) {
             purpose(Path::new(&file.path), done, args)
         ));
     }
-    if let Some(details @ TrainDetails { psnr: Some(psnr), ssim: Some(ssim), .. }) =
-        &done.report.details::<TrainDetails>()
-    {
-        let (psnr, size) = (*psnr, ShrunkSize::beside(details.photo_size));
-        progress.line(&format!(
-            "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {}",
-            worth(psnr)
-        ));
-        next(details, psnr, args.steps, args.budget).iter().for_each(|next| progress.line(next));
+    if let Some(details) = done.report.details::<TrainDetails>() {
+        verdict(&details, done, args).iter().for_each(|line| progress.line(line));
     }
     let pages = done.report.outputs.iter().filter(|file| file.path.ends_with(".html"));
     pages.for_each(|page| progress.line(&format!("open {} in a browser", page.path)));
@@ -174,21 +176,63 @@ fn purpose(file: &Path, done: &MakeDone, args: &MakeArgs) -> &'static str {
     }
 }
 
+/// The score of the file, as `trisplat eval` has it, what it is worth for that many photos, and what comes next.
+fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<String> {
+    let of_training = || Some((details.psnr?, details.ssim?));
+    let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
+    let Some((psnr, ssim)) = of_file.or_else(of_training) else { return Vec::new() };
+    let photos: Vec<(&str, f64)> = match &done.score {
+        Some(score) => score.images.iter().map(|photo| (&photo.name[..], photo.score.psnr)).collect(),
+        None => details.held_out.iter().map(|photo| (&photo.name[..], photo.psnr)).collect(),
+    };
+    // A few photos of what no other shows say little about the scene.
+    let half = median(photos.iter().map(|photo| photo.1).collect(), f64::total_cmp).unwrap_or(psnr);
+    let (size, count) = (ShrunkSize::beside(details.photo_size), counted(done.trained_on as u64, "photo"));
+    let mut lines = vec![format!(
+        "{psnr:.1} dB / {ssim:.3} on photos that training did not see{size}: {} for {count}",
+        worth(half, done.trained_on)
+    )];
+    let below: Vec<String> = photos
+        .iter()
+        .filter(|photo| photo.1 < half - FAR_BELOW)
+        .map(|photo| format!("{} ({:.1} dB)", photo.0, photo.1))
+        .collect();
+    if !below.is_empty() {
+        let named = below.iter().take(5).cloned().collect::<Vec<_>>().join(", ");
+        lines.push(format!(
+            "far below the others: {named}: blurred, moved, with a wrong pose, or seen by no other photo"
+        ));
+    }
+    let helps = done.earlier.is_none_or(|earlier| psnr >= earlier + LEAST_GAIN);
+    if half < good(done.trained_on) {
+        lines.extend(next(details, &photos, helps, args.steps, args.budget));
+    }
+    lines
+}
+
+/// The PSNR that captures of that many photos reach when nothing is wrong, dB.
+fn good(photos: usize) -> f64 {
+    GOOD_PSNR.iter().find(|(least, _)| photos >= *least).map_or(0.0, |(_, psnr)| *psnr)
+}
+
 /// A held-out PSNR in the words of docs/from-photos.md.
-fn worth(psnr: f64) -> &'static str {
-    match psnr {
-        p if p >= GOOD_PSNR => "good",
-        p if p >= GOOD_PSNR - 3.0 => "looks right",
-        p if p >= 20.0 => "recognisable",
-        _ => "something is wrong: poses, exposure, or too few photos",
+fn worth(psnr: f64, photos: usize) -> &'static str {
+    match psnr - good(photos) {
+        off if off >= 0.0 => "good",
+        off if off >= -3.0 => "looks right",
+        off if off >= -8.0 => "recognisable",
+        _ => "something is wrong, poses or exposure,",
     }
 }
 
-/// What makes a scene of this `psnr` better: more time, if it was used up, and photos where they are needed most. `None` of a good one.
-fn next(details: &TrainDetails, psnr: f64, steps: Option<u64>, budget: Seconds) -> Option<String> {
-    if psnr >= GOOD_PSNR {
-        return None;
-    }
+/// What makes a scene better: more time, if it was used up and time `helps`, and photos where they are needed most.
+fn next(
+    details: &TrainDetails,
+    photos: &[(&str, f64)],
+    helps: bool,
+    steps: Option<u64>,
+    budget: Seconds,
+) -> Option<String> {
     let spent = |budget: &BudgetDetails| budget.spent_secs >= USED_UP * budget.budget.seconds.0;
     let time = match steps {
         Some(steps) => Some(format!("--steps {}", 2 * steps)),
@@ -197,10 +241,11 @@ fn next(details: &TrainDetails, psnr: f64, steps: Option<u64>, budget: Seconds) 
             details.budget.as_ref().is_none_or(spent).then(|| format!("--budget {}", Seconds(2.0 * budget.0)))
         }
     };
-    let mut worst: Vec<&PhotoScore> = details.held_out.iter().collect();
-    worst.sort_by(|a, b| a.psnr.total_cmp(&b.psnr).then_with(|| a.name.cmp(&b.name)));
+    let mut worst = photos.to_vec();
+    worst.sort_by(|a, b| a.1.total_cmp(&b.1).then_with(|| a.0.cmp(b.0)));
     let worst: Vec<String> =
-        worst.iter().take(WORST).map(|photo| format!("{} ({:.1} dB)", photo.name, photo.psnr)).collect();
+        worst.iter().take(WORST).map(|(name, psnr)| format!("{name} ({psnr:.1} dB)")).collect();
+    let time = time.filter(|_| helps);
     let photos = (!worst.is_empty()).then(|| format!("more photos of what {} shows", worst.join(" or ")));
     let ways: Vec<String> =
         time.map(|time| format!("more time ({time} --force)")).into_iter().chain(photos).collect();
@@ -225,24 +270,23 @@ fn announced(part: MakePart, budget: Seconds) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn scored(photos: &[(&str, f64)]) -> TrainDetails {
-        let score = |&(name, psnr): &(&str, f64)| PhotoScore {
-            name: name.to_owned(),
-            psnr,
-            ssim: 0.5,
-            psnr_corrected: None,
-        };
-        TrainDetails { held_out: photos.iter().map(score).collect(), ..TrainDetails::default() }
+    #[test]
+    fn the_verdict_names_what_to_do_next() {
+        let photos = [("a.jpg", 26.0), ("b.jpg", 18.0), ("c.jpg", 21.0)];
+        let next = |helps, steps| next(&TrainDetails::default(), &photos, helps, steps, Seconds(90.0));
+        let said = next(true, None).unwrap_or_default();
+        let wants = "next: more time (--budget 3m --force), or more photos of what b.jpg (18.0 dB) or c.jpg (21.0 dB) shows";
+        assert_eq!(said, wants);
+        let said = next(true, Some(500)).unwrap_or_default();
+        assert!(said.contains("(--steps 1000 --force)"), "{said}");
+        let said = next(false, None).unwrap_or_default();
+        assert!(said.starts_with("next: more photos of what b.jpg"), "time did not help before: {said}");
     }
 
     #[test]
-    fn the_verdict_names_what_to_do_next() {
-        let photos = scored(&[("a.jpg", 26.0), ("b.jpg", 18.0), ("c.jpg", 21.0)]);
-        let said = next(&photos, 22.0, None, Seconds(90.0)).unwrap_or_default();
-        let wants = "next: more time (--budget 3m --force), or more photos of what b.jpg (18.0 dB) or c.jpg (21.0 dB) shows";
-        assert_eq!(said, wants);
-        let said = next(&photos, 22.0, Some(500), Seconds(90.0)).unwrap_or_default();
-        assert!(said.contains("(--steps 1000 --force)"), "{said}");
-        assert_eq!(next(&photos, 29.0, None, Seconds(90.0)), None);
+    fn few_photos_are_judged_by_what_few_photos_reach() {
+        assert_eq!([worth(28.0, 100), worth(22.0, 18), worth(22.0, 100)], ["good", "good", "recognisable"]);
+        assert_eq!([worth(19.5, 25), worth(18.2, 18)], ["looks right", "recognisable"]);
+        assert!(worth(7.1, 5).starts_with("something is wrong"));
     }
 }

@@ -1,13 +1,15 @@
 //! From photos, a video or a data set to files for an engine: capture, training, bake. Finished parts are not repeated.
 
 use super::baking::{BakeInput, BakeJob};
+use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
+use super::scores::StepScore;
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BakeOptions, CropDetails};
+use trisplat_bake::{BackdropWhen, BakeOptions, CropDetails};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
@@ -49,6 +51,8 @@ pub struct MakeJob {
     pub capture: CaptureOptions,
     /// Set photos of other inputs in the working folder aside, as `photos.old`.
     pub force: bool,
+    /// Train although too few points tie the photos together.
+    pub anyway: bool,
     /// Options for reading the data set.
     pub dataset_options: DatasetOptions,
     /// Training options.
@@ -70,6 +74,12 @@ pub struct MakeDone {
     pub dataset: PathBuf,
     /// Quality of the capture; `None` for a given data set.
     pub verdict: Option<VerdictDetails>,
+    /// How close the file comes to photos that training did not see; `None` where it is not the whole scene, and of files that are not read back.
+    pub score: Option<StepScore>,
+    /// PSNR of an earlier run for the same photos with less time or fewer steps, dB.
+    pub earlier: Option<f64>,
+    /// Photos that training saw.
+    pub trained_on: usize,
     /// The file of the subject alone, if the capture has one.
     pub subject: Option<PathBuf>,
     /// Whether it was stopped; the same job continues from there.
@@ -86,6 +96,30 @@ struct StoredTraining {
     /// New files that a bake of it writes, until all are there.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     outputs: Vec<PathBuf>,
+    /// The part of the key that names the photos.
+    #[serde(default)]
+    photos: String,
+    /// Budget in seconds, or steps.
+    #[serde(default)]
+    effort: f64,
+    /// PSNR of its file, dB.
+    #[serde(default)]
+    psnr: Option<f64>,
+    /// That of a run before with less effort.
+    #[serde(default)]
+    earlier: Option<f64>,
+}
+
+impl StoredTraining {
+    /// The score of a run before `self` with less effort, if `last` was one, or knows it.
+    fn after(mut self, last: Option<&Self>) -> Self {
+        let last = last.filter(|last| last.photos == self.photos);
+        self.earlier = last.and_then(|last| match last.key == self.key {
+            true => last.earlier,
+            false => last.psnr.filter(|_| last.effort < self.effort),
+        });
+        self
+    }
 }
 
 impl MakeJob {
@@ -98,6 +132,7 @@ impl MakeJob {
             output,
             capture: CaptureOptions::default(),
             force: false,
+            anyway: false,
             dataset_options: DatasetOptions::default(),
             train: TrainOptions::default(),
             backend: BackendOptions::default(),
@@ -131,10 +166,27 @@ impl MakeJob {
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
-        let mut done = MakeDone { report, dataset, verdict: None, subject: None, stopped: false };
+        let (score, earlier, subject) = (None, None, None);
+        let mut done = MakeDone {
+            report,
+            dataset,
+            verdict: None,
+            score,
+            earlier,
+            trained_on: 0,
+            subject,
+            stopped: false,
+        };
         if let Some(verdict) = verdict {
             done.stopped = verdict.is_none();
             done.verdict = verdict;
+        }
+        let hopeless = done.verdict.as_ref().and_then(VerdictDetails::hopeless);
+        if let Some(why) = hopeless.filter(|_| !self.anyway) {
+            let reason = format!(
+                "is a poor capture: {why}; take photos that overlap by half or more, or train with `anyway`"
+            );
+            return Err(Error::unsupported(&done.dataset, reason));
         }
         if !done.stopped {
             done.stopped = !self.train_once(&done.dataset, &mut done.report, observer)?;
@@ -142,6 +194,8 @@ impl MakeJob {
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
             done.subject = self.bake(&done.dataset, &mut done.report, observer)?;
+            (done.trained_on, done.score) = self.score(&done.dataset)?;
+            done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
         Ok(done)
@@ -167,8 +221,11 @@ impl MakeJob {
     ) -> Result<bool> {
         let [scene, point, notes, teacher] =
             [SCENE, CHECKPOINT, NOTES, TEACHER].map(|name| self.work.join(name));
-        let key = self.training_key(path)?;
-        let before = stored(&notes).filter(|before| before.key == key);
+        let (photos, key) = self.training_key(path)?;
+        let effort = self.budget.map_or(self.train.steps as f64, |budget| budget.0);
+        let last = stored(&notes);
+        let own = StoredTraining { key, photos, effort, ..StoredTraining::default() }.after(last.as_ref());
+        let before = last.filter(|before| before.key == own.key);
         if let Some(before) = before.as_ref().filter(|before| !before.stages.is_empty() && scene.is_file()) {
             for stage in &before.stages {
                 // The finished run's own figures.
@@ -185,7 +242,7 @@ impl MakeJob {
             // From here on the notes name this training, and a checkpoint beside them would pass for its own.
             std::fs::remove_file(&point).map_err(|e| Error::io(&point, e))?;
         }
-        save(&notes, &StoredTraining { key: key.clone(), ..StoredTraining::default() })?;
+        save(&notes, &own)?;
         let how = reading(&self.dataset_options, resume.as_ref());
         let photos = Dataset::load(path, &how)?;
         if photos.views.len() < LEAST_PHOTOS {
@@ -238,8 +295,7 @@ impl MakeJob {
         }
         trained.trained.save(&scene)?;
         let (stages, warnings) = (trained.report.stages, trained.report.warnings);
-        let kept =
-            StoredTraining { key, stages: stages.clone(), warnings: warnings.clone(), outputs: vec![] };
+        let kept = StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..own };
         save(&notes, &kept)?;
         for stage in stages {
             add(stage, report, observer);
@@ -248,8 +304,39 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// Everything that a training depends on: photos, poses and options.
-    fn training_key(&self, path: &Path) -> Result<String> {
+    /// Scores the file as `trisplat eval` does; also returns the number of photos that training saw.
+    fn score(&self, path: &Path) -> Result<(usize, Option<StepScore>)> {
+        let photos = Dataset::load(path, &self.dataset_options)?;
+        let count = photos.train().count();
+        let is_read = matches!(
+            OutputFormat::of(&self.output),
+            Ok(OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Obj | OutputFormat::Ply)
+        );
+        let is_apart = matches!(self.bake.backdrop.backdrop, BackdropWhen::File | BackdropWhen::Sky);
+        if !is_read || is_apart || !self.bake.crop.crop.is_empty() || photos.test().next().is_none() {
+            return Ok((count, None));
+        }
+        let mut job = EvalJob::new(&self.output);
+        job.dataset_options = self.dataset_options.clone();
+        Ok((count, job.run(&photos)?.steps.pop()))
+    }
+
+    /// Notes the score for the next run; returns that of an earlier one with less effort.
+    fn remember(&self, score: Option<&StepScore>) -> Result<Option<f64>> {
+        let notes = self.work.join(NOTES);
+        let Some(before) = stored(&notes) else { return Ok(None) };
+        let (earlier, psnr) = (before.earlier, score.map(|score| score.mean.psnr));
+        if psnr.is_some() && psnr != before.psnr {
+            let mut ours = Manifest::read(&self.work, FILES)?;
+            ours.begin(&[NOTES])?;
+            save(&notes, &StoredTraining { psnr, ..before })?;
+            ours.finish()?;
+        }
+        Ok(earlier)
+    }
+
+    /// Everything that a training depends on: photos and poses, and these with the options.
+    fn training_key(&self, path: &Path) -> Result<(String, String)> {
         let meta = |path: &Path| {
             let meta = std::fs::metadata(path).ok();
             format!("{:?}", meta.map(|meta| (meta.len(), meta.modified().ok())))
@@ -262,7 +349,8 @@ impl MakeJob {
             serde_json::to_string(&options).map_err(|e| Error::invalid("options", e, "finite numbers"))?;
         let full = std::fs::canonicalize(path).map_err(|e| Error::io(path, e))?;
         let list = if path.is_file() { meta(path) } else { files.join(" ") };
-        Ok(format!("{} {list} {options}", full.display()))
+        let photos = format!("{} {list}", full.display());
+        Ok((photos.clone(), format!("{photos} {options}")))
     }
 
     /// Outputs that an interrupted run of this job wrote: it may replace them.

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::report::{StageEvent, StageObserver};
+use trisplat_scene::report::{StageEvent, StageObserver, counted};
 use trisplat_scene::{Limits, Result, parallel};
 
 /// Longer side of analysed pictures, px.
@@ -33,6 +33,8 @@ const REGISTERED: [f64; 2] = [0.95, 0.6];
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
 /// ... and range of exposures, stops.
 const STOPS: f64 = 0.5;
+/// Fewer points for each photo tie no scene together.
+const LEAST_TIES: u64 = 8;
 /// Verdict on a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -67,6 +69,14 @@ pub struct VerdictDetails {
 }
 
 trisplat_scene::stage!(VerdictDetails, "verdict");
+
+impl VerdictDetails {
+    /// Why no training helps: too few points tie the photos together.
+    pub fn hopeless(&self) -> Option<String> {
+        let ties = || format!("{} tie {}", counted(self.points, "point"), counted(self.registered, "photo"));
+        (self.points < LEAST_TIES * self.registered).then(ties)
+    }
+}
 
 /// Grade of a capture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize, JsonSchema)]
@@ -251,7 +261,7 @@ fn word(details: &VerdictDetails) -> Verdict {
     let share = details.registered as f64 / details.photos.max(1) as f64;
     let error = details.error_px.unwrap_or(0.0);
     let many_blurred = 10 * details.blurred.len() as u64 > details.photos;
-    if share < REGISTERED[1] || error > ERROR_PX[1] {
+    if share < REGISTERED[1] || error > ERROR_PX[1] || details.hopeless().is_some() {
         Verdict::Poor
     } else if share < REGISTERED[0] || error > ERROR_PX[0] || many_blurred || !details.advice.is_empty() {
         Verdict::Fair
@@ -261,7 +271,8 @@ fn word(details: &VerdictDetails) -> Verdict {
 }
 
 fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
-    let mut advice = Vec::new();
+    let overlap = |ties| format!("{ties}: take photos that overlap by half or more");
+    let mut advice: Vec<String> = details.hopeless().map(overlap).into_iter().collect();
     for gap in details.gaps.iter().take(3) {
         let place = match (&gap.after, &gap.before) {
             (Some(after), Some(before)) => format!("between {after} and {before}"),
@@ -348,6 +359,16 @@ mod tests {
         let gaps = gaps(&stored(6), &tracks, &by_name);
         assert_eq!(gaps.len(), 1);
         assert_eq!((gaps[0].after.as_deref(), gaps[0].lost), (Some("2.jpg"), 0));
+    }
+
+    #[test]
+    fn a_capture_that_few_points_tie_is_poor() {
+        let of = |points| VerdictDetails { points, photos: 5, registered: 5, ..VerdictDetails::default() };
+        assert_eq!(of(25).hopeless().as_deref(), Some("25 points tie 5 photos"));
+        let advice = advice(&of(25), &ModelDetails::default());
+        assert_eq!(advice, ["25 points tie 5 photos: take photos that overlap by half or more"]);
+        assert_eq!((word(&of(25)), word(&of(400))), (Verdict::Poor, Verdict::Good));
+        assert_eq!(of(40).hopeless(), None);
     }
 
     #[test]
