@@ -1,21 +1,19 @@
 //! Data sets: real photos, the sample, lenses and options.
 
 mod broken;
+mod models;
 mod mutants;
 mod phone;
+mod photogrammetry;
 mod silhouettes;
 mod transforms;
+mod wide;
 
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Distortion, Lens, Masks, View, random_points};
-use trisplat_scene::{
-    Limits,
-    camera::Camera,
-    image::{Image, RgbImage},
-    math::metric,
-};
+use trisplat_scene::{Limits, camera::Camera, image::RgbImage, math::metric};
 use trisplat_synthetic::{Ray, SyntheticOptions, trace};
 
 const REAL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data");
@@ -241,7 +239,8 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join("images")).unwrap();
     trisplat_synthetic::write_poses(folder.path(), &options).unwrap();
-    let distortion = Distortion { radial: [-0.12, 0.03, 0.0, 0.0], tangential: [0.002, -0.001] };
+    let distortion =
+        Distortion { radial: [-0.12, 0.03, 0.0, 0.0], tangential: [0.002, -0.001], ..Distortion::default() };
     for index in 0..3 {
         let camera = trisplat_synthetic::camera(&options, index);
         let lens = Lens {
@@ -250,7 +249,7 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
             center: camera.center.as_dvec2(),
             distortion,
         };
-        distorted_photo(&camera, &lens)
+        trisplat_synthetic::render_lens(&camera, &lens)
             .save_png(folder.path().join(format!("images/view_{index:04}.png")))
             .unwrap();
     }
@@ -269,22 +268,6 @@ fn photos_of_a_distorted_lens_become_photos_of_a_pinhole() {
         let bent = RgbImage::load(&view.photo.path).unwrap().downscaled(view.camera.size);
         assert!(psnr > metric::psnr(&bent.rgb, &want.rgb, None) + 6.0);
     }
-}
-
-/// The scene through a distorting lens, 16 rays a pixel.
-fn distorted_photo(camera: &Camera, lens: &Lens) -> Image {
-    let to_world = camera.rotation.as_dmat3().transpose();
-    let origin = -(to_world * camera.translation.as_dvec3());
-    let pixel = |i: u32| {
-        let corner = DVec2::new(f64::from(i % camera.size.x), f64::from(i / camera.size.x));
-        let ray = |k: u32| {
-            let pixel = corner + (DVec2::new(f64::from(k % 4), f64::from(k / 4)) + 0.5) / 4.0;
-            let direction = to_world * lens.direction(pixel).unwrap().extend(1.0);
-            trace(Ray { origin, direction }).unwrap().rgb
-        };
-        ((0..16).map(ray).sum::<DVec3>() / 16.0).as_vec3().to_array()
-    };
-    Image { size: camera.size, pixels: (0..camera.size.x * camera.size.y).map(pixel).collect() }
 }
 
 // ---- options

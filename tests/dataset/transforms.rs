@@ -3,14 +3,14 @@
 use super::*;
 
 /// Camera to world, OpenGL axes, as JSON rows.
-fn matrix(camera: &Camera) -> String {
+pub(super) fn matrix(camera: &Camera) -> String {
     let (r, c) = (camera.rotation.as_dmat3().transpose(), camera.position().as_dvec3());
     let row = |i: usize| format!("[{:?},{:?},{:?},{:?}]", r.x_axis[i], -r.y_axis[i], -r.z_axis[i], c[i]);
     format!("[{},{},{},[0,0,0,1]]", row(0), row(1), row(2))
 }
 
 /// A folder with the first six photos of the sample, and their views.
-fn six_photos(subfolder: &str) -> (tempfile::TempDir, Vec<View>) {
+pub(super) fn six_photos(subfolder: &str) -> (tempfile::TempDir, Vec<View>) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir_all(folder.path().join(subfolder)).unwrap();
     let views: Vec<View> = load(Path::new(SAMPLE)).views.into_iter().take(6).collect();
@@ -20,7 +20,11 @@ fn six_photos(subfolder: &str) -> (tempfile::TempDir, Vec<View>) {
     (folder, views)
 }
 
-fn frames(views: &[View], path: impl Fn(&View) -> String, extra: impl Fn(&View) -> String) -> String {
+pub(super) fn frames(
+    views: &[View],
+    path: impl Fn(&View) -> String,
+    extra: impl Fn(&View) -> String,
+) -> String {
     let row = |view: &View| {
         let (path, matrix, extra) = (path(view), matrix(&view.camera), extra(view));
         format!("{{\"file_path\": \"{path}\", {extra} \"transform_matrix\": {matrix}}}")
@@ -158,7 +162,7 @@ fn every_cut_of_a_transforms_file_fails_cleanly() {
         ("[0,0,0,1]", "[0,0,1,1]", "last row"),
         ("\"camera_angle_x\": 0.9", "\"w\": 160, \"h\": 120", "focal"),
         ("\"camera_angle_x\": 0.9", "\"camera_angle_x\": 4.0", "focal"),
-        ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"camera_model\": \"OPENCV_FISHEYE\"", "FISHEYE"),
+        ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"camera_model\": \"OMNI\"", "OMNI"),
         ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"k1\": -9.0", "folds"),
     ] {
         assert!(json.contains(from));
@@ -166,4 +170,84 @@ fn every_cut_of_a_transforms_file_fails_cleanly() {
         let error = error_of(folder.path());
         assert!(error.contains(part), "`{part}` is missing from: {error}");
     }
+}
+
+#[test]
+fn a_matrix_for_every_frame_and_numbers_that_python_writes() {
+    let (folder, views) = six_photos("images");
+    let own = |v: &View| {
+        let (f, c) = (v.camera.focal, v.camera.center);
+        format!(
+            "\"K\": [[{}, 0, {}], [0, {}, {}], [0, 0, 1]], \"w\": 160, \"h\": 120, \"sharp\": NaN,",
+            f.x, c.x, f.y, c.y
+        )
+    };
+    let rows = frames(&views, |v| format!("images/{}", v.name), own);
+    let json = format!(
+        "{{\"camera_angle_x\": 1.5, \"aabb\": [-Infinity, Infinity], \"of\": \"NaN \\\\ \\\" NaN\", \"frames\": [{rows}]}}"
+    );
+    let file = folder.path().join("transforms.json");
+    std::fs::write(&file, &json).unwrap();
+    assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    for (from, to, part) in [
+        ("\"camera_angle_x\": 1.5", "\"k1\": NaN", "k1 is not a finite number"),
+        ("\"sharp\": NaN", "\"cx\": -Infinity", "frame 0: cx is not a finite number"),
+        (",0,0,1]]", ",0,0,NaN]]", "frame 0: transform_matrix"),
+    ] {
+        std::fs::write(
+            &file,
+            json.replacen(from, to, 1).replacen(
+                "[0,0,0,1]",
+                "[0,0,0,NaN]",
+                usize::from(from.starts_with(",0")),
+            ),
+        )
+        .unwrap();
+        let error = error_of(folder.path());
+        assert!(error.contains(part), "`{part}` is missing from: {error}");
+    }
+}
+
+#[test]
+fn the_lists_of_nerfstudio_are_the_split() {
+    let (folder, views) = six_photos("images");
+    let rows = frames(&views, |v| format!("images/{}", v.name), |_| String::new());
+    let list = |name: &str, range: std::ops::Range<usize>| {
+        let names: Vec<String> = views[range].iter().map(|v| format!("\"./images/{}\"", v.name)).collect();
+        format!("\"{name}\": [{}],", names.join(", "))
+    };
+    let write = |lists: &[String]| {
+        let json = format!("{{\"camera_angle_x\": 0.9, {} \"frames\": [{rows}]}}", lists.concat());
+        std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+        load(folder.path())
+    };
+    let names = |dataset: &Dataset, test: bool| -> Vec<String> {
+        dataset.views.iter().filter(|v| v.test == test).map(|v| v.name[8..9].to_owned()).collect()
+    };
+    let both =
+        write(&[list("train_filenames", 0..4), list("test_filenames", 4..6), list("val_filenames", 4..6)]);
+    assert_eq!((names(&both, false).concat(), names(&both, true).concat()), ("0123".into(), "45".into()));
+    let val = write(&[list("train_filenames", 2..5), list("val_filenames", 0..1)]);
+    assert_eq!((names(&val, false).concat(), names(&val, true).concat()), ("234".into(), "0".into()));
+    assert!(val.warnings[0].contains("2 of 6 photos left out"), "{:?}", val.warnings);
+    let test = write(&[list("test_filenames", 1..2)]);
+    assert_eq!(names(&test, true), ["1"]);
+}
+
+#[test]
+fn photos_named_by_another_machine_are_found() {
+    let (folder, views) = six_photos("images");
+    let foreign = |v: &View| format!("C:\\\\scans\\\\set\\\\{}", v.name.replace(".png", ".dng"));
+    let json = format!(
+        "{{\"fl_x\": 168, \"fl_y\": 167.2, \"cx\": 81.92, \"cy\": 58.92, \"frames\": [{}]}}",
+        frames(&views, foreign, |_| String::new())
+    );
+    std::fs::write(folder.path().join("transforms.json"), json).unwrap();
+    let dataset = assert_cameras(folder.path(), &views, &DatasetOptions::default());
+    assert_eq!(dataset.views[0].name, "view_0000.png");
+    let [warning] = &dataset.warnings[..dataset.warnings.len() - 1] else { panic!("{:?}", dataset.warnings) };
+    assert!(
+        warning.contains("6 files") && warning.contains(r"`C:\scans\set\view_0000.dng`, found as"),
+        "{warning}"
+    );
 }

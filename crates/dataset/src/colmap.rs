@@ -2,6 +2,7 @@
 
 use super::colmap_model::{ImageRow, Model, PointRow};
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
+use super::lens::Lens;
 use super::options::DatasetOptions;
 use super::points::PointFile;
 use super::posed::{DatasetKind, Reprojection};
@@ -9,7 +10,17 @@ use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Limits, Result};
+
+/// A pose held by fewer points is left out ...
+const LEAST_TIES: usize = 10;
+/// ... where half of the photos have this many.
+const USUAL_TIES: usize = 50;
+/// Fewer observations say nothing of the points.
+const LEAST_SIGHTINGS: usize = 50;
+/// A point this far from where a photo shows it, of the longer side, is not that point.
+const MOST_APART: f64 = 0.1;
 
 /// The place and format of a model.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,34 +29,58 @@ pub(super) struct ModelFiles {
     pub(super) binary: bool,
 }
 
-/// The model of a data set: in `sparse/0`, `sparse`, `colmap/sparse/0` or the folder itself.
+/// The model of a data set: in `sparse`, `colmap/sparse` or the folder itself, there in a numbered folder before the
+/// folder; of several the one of the most photos.
 pub(super) fn locate(root: &Path) -> Option<ModelFiles> {
-    let folders = ["sparse/0", "sparse", "colmap/sparse/0", ""].map(|f| root.join(f));
-    folders.into_iter().find_map(|folder| {
+    models(root).into_iter().next()
+}
+
+/// The models that a reconstruction fell into, that of the most photos first.
+fn models(root: &Path) -> Vec<ModelFiles> {
+    let places = ["sparse", "colmap/sparse", ""].map(|place| models_in(&root.join(place)));
+    let mut models = places.into_iter().find(|found| !found.is_empty()).unwrap_or_default();
+    if models.len() > 1 {
+        models.sort_by_cached_key(|files| std::cmp::Reverse(files.photos()));
+    }
+    models
+}
+
+/// The models in the numbered folders of `folder`, else in it.
+fn models_in(folder: &Path) -> Vec<ModelFiles> {
+    let model = |folder: PathBuf| {
         let has = |extension: &str| {
             ["cameras", "images"].iter().all(|name| folder.join(format!("{name}.{extension}")).is_file())
         };
         let binary = has("bin");
         (binary || has("txt")).then_some(ModelFiles { folder, binary })
-    })
+    };
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
+    let number = |name: std::ffi::OsString| name.to_str()?.parse::<u32>().ok().map(|n| (n, name));
+    let mut numbered: Vec<_> = entries.filter_map(|entry| number(entry.file_name())).collect();
+    numbered.sort_unstable();
+    let found: Vec<_> = numbered.into_iter().filter_map(|(_, name)| model(folder.join(name))).collect();
+    if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
 }
 
 /// Reads the model and finds its photos.
 pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<FoundDataset> {
     let mut warnings = Vec::new();
-    let (model, points) = (files.model(&options.limits, false)?, files.points(&mut warnings));
+    let (mut model, mut points) = (files.model(&options.limits, true)?, files.points(&mut warnings));
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
     if model.images.is_empty() {
         return Err(Error::malformed(&list, "images", "the model has no image; run COLMAP's mapper again"));
     }
-    let root = photo_root(root, options)?;
-    let folder = root.join(&options.images);
-    let mut named = NamedFiles::new(&list, &folder, options.allow_outside);
-    let photos = model.images.iter().map(|image| photo(image, &model, &mut named)).collect::<Result<_>>()?;
-    warnings.extend(named.warning());
-    if files.folder.parent().is_some_and(|sparse| sparse.join("1").is_dir()) {
-        warnings.push("the reconstruction fell into several models; only sparse/0 is used".into());
+    if let Some(reason) = foreign_points(&model, &files.places(&options.limits)?) {
+        warnings.push(format!("{} {reason}: its points are not used", points.name()));
+        points = PointFile::None;
     }
+    leave_out_loose(&mut model, &mut warnings);
+    warnings.extend(fell_apart(root, files));
+    let (root, folder) = photo_folders(root, &model.images[0].name, options)?;
+    let mut named = NamedFiles::new(&list, &folder, options);
+    let photos = model.images.iter().map(|image| photo(image, &model, &mut named)).collect::<Result<_>>()?;
+    warnings.extend(named.warnings());
     Ok(FoundDataset {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
         points,
@@ -56,19 +91,75 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
     })
 }
 
-/// The folder that holds the folder of photos: the data set's, or a parent when the model's own folder
-/// was given.
-fn photo_root(root: &Path, options: &DatasetOptions) -> Result<PathBuf> {
-    match with_photos(root, &options.images) {
-        Some(folder) => Ok(folder.to_owned()),
-        None => Err(Error::unsupported(
-            root.join(&options.images),
-            "does not exist; put the photos of the COLMAP model into it, or name their folder with `images`",
-        )),
-    }
+/// The warning that the reconstruction of the data set at `root` is only one of several.
+fn fell_apart(root: &Path, files: &ModelFiles) -> Option<String> {
+    let models = models(root);
+    let others: Vec<String> = models.iter().skip(1).map(|other| other.photos().to_string()).collect();
+    let first = models.first().filter(|first| *first == files && !others.is_empty())?;
+    let place = first.folder.strip_prefix(root).unwrap_or(&first.folder).display();
+    let (count, photos) = (models.len(), first.photos());
+    Some(format!(
+        "the reconstruction fell into {count} models: only {place} is used, of {photos} photos; the others have {}",
+        others.join(", ")
+    ))
 }
 
-/// The same, if there is one; `images` is the name of the folder of photos.
+/// Why the points cannot be those of the model, if they cannot.
+fn foreign_points(model: &Model, places: &HashMap<u64, DVec3>) -> Option<String> {
+    let observed: usize = model.images.iter().map(|image| image.observations.len()).sum();
+    if observed == 0 || places.is_empty() {
+        return None;
+    }
+    let other = "is of another reconstruction than the photos";
+    let found = sightings(model, places);
+    if found.is_empty() {
+        return Some(format!("{other}: none of the points of {observed} observations exists"));
+    }
+    // The photos may have been observed at another size than their cameras have.
+    let scales = found.iter().filter_map(|(_, at, seen)| Some(at.as_ref()?.length() / seen.length()));
+    let scale = median(scales.collect(), f64::total_cmp).unwrap_or(1.0);
+    let is_apart = |(lens, at, seen): &&(&Lens, Option<DVec2>, DVec2)| {
+        let most = MOST_APART * lens.size.as_dvec2().max_element();
+        !at.is_some_and(|at| at.distance(*seen * scale) <= most)
+    };
+    let (apart, count) = (found.iter().filter(is_apart).count(), found.len());
+    (count >= LEAST_SIGHTINGS && 2 * apart > count)
+        .then(|| format!("{other}: {apart} of {count} points are not where the photos show them"))
+}
+
+/// Leaves out photos whose poses hang on next to nothing.
+fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
+    let ties = |image: &ImageRow| image.observations.len();
+    let usual = median(model.images.iter().map(ties).collect(), usize::cmp).unwrap_or(0);
+    // A photo of none has its pose from elsewhere.
+    let loose = |image: &ImageRow| usual >= USUAL_TIES && (1..LEAST_TIES).contains(&ties(image));
+    let (total, out) = (model.images.len(), model.images.iter().filter(|image| loose(image)).count());
+    let Some(first) = model.images.iter().find(|image| loose(image)) else { return };
+    warnings.push(format!(
+        "{out} of {total} photos left out: fewer than {LEAST_TIES} points hold their poses (`{}`: {}, half of the photos have \
+         {usual} or more)",
+        first.name,
+        ties(first)
+    ));
+    model.images.retain(|image| !loose(image));
+}
+
+/// The folder of masks and lists, and that of the photos: below the data set, or a parent when the model's own folder was given;
+/// or the photos, of which one is `name`, lie beside the model.
+fn photo_folders(root: &Path, name: &str, options: &DatasetOptions) -> Result<(PathBuf, PathBuf)> {
+    if let Some(folder) = with_photos(root, &options.images) {
+        return Ok((folder.to_owned(), folder.join(&options.images)));
+    }
+    if root.join(name.replace('\\', "/")).is_file() {
+        return Ok((root.to_owned(), root.to_owned()));
+    }
+    Err(Error::unsupported(
+        root.join(&options.images),
+        "does not exist; put the photos of the COLMAP model into it, or name their folder with `images`",
+    ))
+}
+
+/// The folder at or above `root` that has a folder of photos, `images`.
 pub(super) fn with_photos<'a>(root: &'a Path, images: &Path) -> Option<&'a Path> {
     let candidates = [Some(root), root.parent(), root.parent().and_then(Path::parent)];
     candidates.into_iter().flatten().find(|folder| folder.join(images).is_dir())
@@ -86,18 +177,17 @@ fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<Foun
         mask: None,
         rotation: image.rotation,
         translation: image.translation,
-        lens: LensClaim {
-            size: Some(lens.size),
-            focal: lens.focal.to_array().map(Some),
-            angle: [None; 2],
-            center: lens.center.to_array().map(Some),
-            distortion: lens.distortion,
-        },
+        lens: LensClaim::of(lens),
         held_out: false,
     })
 }
 
 impl ModelFiles {
+    /// Number of its photos; 0 if it is broken, which its reader reports.
+    fn photos(&self) -> usize {
+        self.model(&Limits::DEFAULT, false).map_or(0, |model| model.images.len())
+    }
+
     /// Its cameras and images, with their observations if `observations` is set.
     pub(super) fn model(&self, limits: &Limits, observations: bool) -> Result<Model> {
         let read = if self.binary { colmap_binary::read } else { colmap_text::read };
@@ -132,6 +222,19 @@ impl ModelFiles {
     }
 }
 
+/// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and the observed pixel.
+fn sightings<'a>(model: &'a Model, places: &HashMap<u64, DVec3>) -> Vec<(&'a Lens, Option<DVec2>, DVec2)> {
+    let mut found = Vec::new();
+    for image in &model.images {
+        let Some(lens) = model.cameras.get(&image.camera) else { continue };
+        found.extend(image.observations.iter().filter_map(|(id, seen)| {
+            let ray = image.rotation * *places.get(id)? + image.translation;
+            Some((lens, lens.pixel(ray), seen.as_dvec2()))
+        }));
+    }
+    found
+}
+
 /// Projects every point of the model at `root` into every photo that observed it; `None` without a model or
 /// observations.
 ///
@@ -140,18 +243,10 @@ pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reproj
     let Some(files) = locate(root) else { return Ok(None) };
     let (model, places) = (files.model(limits, true)?, files.places(limits)?);
     let (mut sum, mut observations, mut behind) = (0.0, 0u64, 0u64);
-    for image in &model.images {
-        let Some(lens) = model.cameras.get(&image.camera) else { continue };
-        for (id, seen) in &image.observations {
-            let Some(&place) = places.get(id) else { continue };
-            let v = image.rotation * place + image.translation;
-            let error = lens.project(DVec2::new(v.x, v.y) / v.z).distance(seen.as_dvec2());
-            if v.z > 0.0 && error.is_finite() {
-                sum += error;
-                observations += 1;
-            } else {
-                behind += 1;
-            }
+    for (_, at, seen) in sightings(&model, &places) {
+        match at.map(|at| at.distance(seen)).filter(|error| error.is_finite()) {
+            Some(error) => (sum, observations) = (sum + error, observations + 1),
+            None => behind += 1,
         }
     }
     let mean_px = if observations > 0 { sum / observations as f64 } else { 0.0 };

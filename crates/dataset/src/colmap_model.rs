@@ -1,6 +1,6 @@
 //! A COLMAP model in memory, with the meaning of camera models and quaternions.
 
-use super::lens::{Distortion, Lens};
+use super::lens::{Distortion, Lens, Projection};
 use glam::{DMat3, DQuat, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
@@ -42,31 +42,39 @@ pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> std::resu
     rotation.ok_or_else(|| format!("image {image} has no pose: {wxyz:?}, {moved}"))
 }
 
-/// COLMAP's camera models: number in binary files, name in text files, number of parameters.
-const CAMERA_MODELS: [(&str, usize); 5] =
-    [("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8)];
-
-/// Models that COLMAP must undistort.
-const OTHER_MODELS: [&str; 7] = [
-    "OPENCV_FISHEYE",
-    "FULL_OPENCV",
-    "FOV",
-    "SIMPLE_RADIAL_FISHEYE",
-    "RADIAL_FISHEYE",
-    "THIN_PRISM_FISHEYE",
-    "RAD_TAN_THIN_PRISM_FISHEYE",
+/// COLMAP's camera models in the order of their numbers in binary files: name, number of parameters, 0 of those that are not read.
+const CAMERA_MODELS: [(&str, usize); 18] = [
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 0),
+    ("FOV", 0),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 0),
+    ("SIMPLE_DIVISION", 0),
+    ("DIVISION", 0),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 0),
+    ("EQUIRECTANGULAR", 2),
 ];
 
 /// The name of a camera model by its number in binary files.
 pub(super) fn camera_model_name(number: i32) -> Option<&'static str> {
-    let names = CAMERA_MODELS.iter().map(|(name, _)| *name).chain(OTHER_MODELS);
-    usize::try_from(number).ok().and_then(|n| names.into_iter().nth(n))
+    usize::try_from(number).ok().and_then(|n| CAMERA_MODELS.get(n)).map(|(name, _)| *name)
 }
 
-/// Number of parameters of a camera model. Fails for models that are not undistorted.
+/// Number of parameters of a camera model. Fails for models that are not read.
 pub(super) fn parameter_count(path: &Path, model: &str) -> Result<usize> {
-    CAMERA_MODELS.iter().find(|(name, _)| *name == model).map(|(_, count)| *count).ok_or_else(|| {
-        let ours = CAMERA_MODELS.map(|(name, _)| name).join(", ");
+    let name = if model == "SPHERICAL" { "EQUIRECTANGULAR" } else { model };
+    let read = || CAMERA_MODELS.iter().filter(|(_, count)| *count > 0);
+    read().find(|(known, _)| *known == name).map(|(_, count)| *count).ok_or_else(|| {
+        let ours = read().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
         let remedy = "run `colmap image_undistorter` and use its output";
         Error::unsupported(path, format!("camera model {model} is not read (only {ours}); {remedy}"))
     })
@@ -83,22 +91,31 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
     let (Some(width), Some(height)) = (side(size[0]), side(size[1])) else {
         return Err(wrong(format!("its size is {}x{}", size[0], size[1])));
     };
-    let (mut radial, mut tangential) = ([0.0; 4], [0.0; 2]);
+    let size = UVec2::new(width, height);
+    let two_focals =
+        matches!(model, "PINHOLE" | "OPENCV" | "OPENCV_FISHEYE" | "THIN_PRISM_FISHEYE" | "FISHEYE");
     let (focal, center, rest) = match *params {
-        [f, x, y] => ([f, f], [x, y], [].as_slice()),
-        [fx, fy, x, y, ref rest @ ..] if matches!(model, "PINHOLE" | "OPENCV") => ([fx, fy], [x, y], rest),
+        [_, _] => return Ok(Lens::spherical(size)),
+        [fx, fy, x, y, ref rest @ ..] if two_focals => ([fx, fy], [x, y], rest),
         [f, x, y, ref rest @ ..] => ([f, f], [x, y], rest),
         _ => return Err(wrong(format!("has {} parameters", params.len()))),
     };
-    for (k, value) in rest.iter().enumerate() {
-        if k < 2 { radial[k] = *value } else { tangential[k - 2] = *value }
-    }
-    Ok(Lens {
-        size: UVec2::new(width, height),
-        focal: focal.into(),
-        center: center.into(),
-        distortion: Distortion { radial, tangential },
-    })
+    let order = match model {
+        "OPENCV_FISHEYE" => [0, 1, 2, 3, 4, 5, 6, 7],
+        _ => [0, 1, 4, 5, 2, 3, 6, 7], // k1 k2 p1 p2 k3 k4 sx1 sy1
+    };
+    let mut values = [0.0; 8];
+    rest.iter().zip(order).for_each(|(value, at)| values[at] = *value);
+    let [k1, k2, k3, k4, p1, p2, sx, sy] = values;
+    let fisheye = model.ends_with("FISHEYE");
+    let distortion = Distortion {
+        radial: [k1, k2, k3, k4],
+        tangential: [p1, p2],
+        prism: [sx, sy],
+        projection: if fisheye { Projection::Fisheye } else { Projection::Perspective },
+        ..Distortion::default()
+    };
+    Ok(Lens { size, focal: focal.into(), center: center.into(), distortion })
 }
 
 /// A point of the cloud in f64.
@@ -136,7 +153,14 @@ mod tests {
         let opencv = read("OPENCV", &[1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3, 0.4]);
         assert_eq!(opencv.distortion.radial, [0.1, 0.2, 0.0, 0.0]);
         assert_eq!(opencv.distortion.tangential, [0.3, 0.4]);
-        let error = lens(path, "OPENCV_FISHEYE", [8, 6], &[0.0; 8]).unwrap_err().to_string();
+        let prism = [1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.5, 0.6, 0.3, 0.4, 0.7, 0.8];
+        let prism = read("THIN_PRISM_FISHEYE", &prism).distortion;
+        assert_eq!((prism.radial, prism.projection), ([0.1, 0.2, 0.3, 0.4], Projection::Fisheye));
+        assert_eq!((prism.tangential, prism.prism), ([0.5, 0.6], [0.7, 0.8]));
+        let fisheye = read("OPENCV_FISHEYE", &[1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.3, 0.4]).distortion;
+        assert_eq!(fisheye.radial, [0.1, 0.2, 0.3, 0.4]);
+        assert_eq!(read("SPHERICAL", &[8.0, 6.0]), Lens::spherical(UVec2::new(8, 6)));
+        let error = lens(path, "FOV", [8, 6], &[0.0; 5]).unwrap_err().to_string();
         assert!(error.contains("image_undistorter"), "{error}");
         assert_eq!(camera_model_name(4), Some("OPENCV"));
         assert_eq!(camera_model_name(5), Some("OPENCV_FISHEYE"));

@@ -1,8 +1,8 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
 use super::colmap::with_photos;
+use super::found::with_extension;
 use super::posed::{Dataset, DatasetKind, Reprojection, View};
-use super::transforms::with_extension;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -121,6 +121,12 @@ pub(crate) fn stops_of(path: &Path) -> Option<f64> {
     exposure_stops(&read(&mut BufReader::new(File::open(path).ok()?))?)
 }
 
+/// The orientation of a picture file, 1 to 8; `None` of a file without one.
+pub(crate) fn orientation_of(path: &Path) -> Option<u8> {
+    let exif = read(&mut BufReader::new(File::open(path).ok()?))?;
+    Some(PhotoNotes::in_block(&exif).orientation)
+}
+
 /// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
 #[cfg(test)]
 pub(crate) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {

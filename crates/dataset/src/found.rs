@@ -1,6 +1,7 @@
 //! The content of a data set's files, in f64, before any photo is opened. Files that it names must be in its folder.
 
-use super::lens::{Distortion, Lens};
+use super::lens::{Distortion, Lens, Projection};
+use super::options::DatasetOptions;
 use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
@@ -34,6 +35,13 @@ pub(super) struct FoundPhoto {
     pub(super) held_out: bool,
 }
 
+impl FoundPhoto {
+    /// The place of its camera.
+    pub(super) fn center(&self) -> DVec3 {
+        -(self.rotation.transpose() * self.translation)
+    }
+}
+
 /// A lens with missing values, which the photo's size fills.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LensClaim {
@@ -48,12 +56,26 @@ pub(super) struct LensClaim {
 const WIDEST: std::ops::RangeInclusive<f64> = 1e-5..=3.1;
 
 impl LensClaim {
+    /// That of a lens without missing values.
+    pub(super) fn of(lens: &Lens) -> Self {
+        Self {
+            size: Some(lens.size),
+            focal: lens.focal.to_array().map(Some),
+            angle: [None; 2],
+            center: lens.center.to_array().map(Some),
+            distortion: lens.distortion,
+        }
+    }
+
     /// The lens, with missing values from the photo: its size, square pixels, the principal point in the
     /// middle.
     pub(super) fn resolve(&self, photo: UVec2) -> std::result::Result<Lens, String> {
         let size = self.size.unwrap_or(photo);
         if size.min_element() == 0 {
             return Err(format!("its size is {}x{}", size.x, size.y));
+        }
+        if self.distortion.projection == Projection::Spherical {
+            return Ok(Lens::spherical(size));
         }
         let half = size.as_dvec2() / 2.0;
         if let Some(angle) = self.angle.iter().flatten().find(|angle| !WIDEST.contains(*angle)) {
@@ -72,7 +94,8 @@ impl LensClaim {
         };
         let center = DVec2::new(self.center[0].unwrap_or(half.x), self.center[1].unwrap_or(half.y));
         let lens = Lens { size, focal, center, distortion: self.distortion };
-        let numbers = [self.distortion.radial.as_slice(), &self.distortion.tangential].concat();
+        let Distortion { radial, tangential, prism, skew, .. } = self.distortion;
+        let numbers = [&radial[..], &tangential, &prism, &[skew]].concat();
         if !Camera::is_lens(focal, center, size) || numbers.iter().any(|k| !k.is_finite()) {
             return Err(format!("focal {focal}, center {center}: expected finite numbers, {LENS}"));
         }
@@ -87,40 +110,97 @@ pub(super) struct NamedFiles<'a> {
     pub(super) list: &'a Path,
     /// What they are relative to.
     pub(super) folder: &'a Path,
-    pub(super) allow_outside: bool,
+    /// The folder of photos, where files that are not in their place are looked for.
+    photos: PathBuf,
+    allow_outside: bool,
     /// Number of absolute paths so far, and the first of them.
     absolute: (usize, Option<String>),
+    /// The same of files found in another place.
+    moved: (usize, Option<String>),
 }
 
 impl<'a> NamedFiles<'a> {
     /// None yet.
-    pub(super) fn new(list: &'a Path, folder: &'a Path, allow_outside: bool) -> Self {
-        Self { list, folder, allow_outside, absolute: (0, None) }
+    pub(super) fn new(list: &'a Path, folder: &'a Path, options: &DatasetOptions) -> Self {
+        let (photos, allow_outside) = (folder.join(&options.images), options.allow_outside);
+        Self { list, folder, photos, allow_outside, absolute: (0, None), moved: (0, None) }
     }
 
-    /// The path of the file `name`, which the list names at `place`. Errors: a file outside the folder
-    /// without permission.
+    /// The path of the file `name`, which the list names at `place`: there, or else of the same name, perhaps with another
+    /// extension, in the folder or that of photos. Errors: a file outside the folder without permission.
     pub(super) fn find(&mut self, place: &str, name: &str) -> Result<PathBuf> {
-        let path = Path::new(name);
-        if path.is_absolute() {
-            self.absolute.0 += 1;
-            self.absolute.1.get_or_insert_with(|| name.to_owned());
-        } else if input::leaves_folder(path) && !self.allow_outside {
+        let slashes = name.replace('\\', "/");
+        let path = Path::new(slashes.strip_prefix("./").unwrap_or(&slashes));
+        let foreign = path.is_absolute() || slashes.get(1..3) == Some(":/") || slashes.starts_with('/');
+        let there = with_extension(self.folder.join(path));
+        let leads_out = !foreign && input::leaves_folder(path);
+        if there.is_file() && !leads_out {
+            if foreign {
+                self.absolute.0 += 1;
+                self.absolute.1.get_or_insert_with(|| name.to_owned());
+            }
+            return Ok(there);
+        }
+        if leads_out && !self.allow_outside {
             let reason = format!(
                 "names `{name}`, which is outside {}; if that is right, give `allow_outside`",
                 if self.folder.as_os_str().is_empty() { Path::new(".") } else { self.folder }.display()
             );
             return Err(Error::malformed(self.list, place, reason));
         }
-        Ok(self.folder.join(path))
+        let Some(found) = self.elsewhere(path).filter(|_| !leads_out) else { return Ok(there) };
+        self.moved.0 += 1;
+        self.moved.1.get_or_insert_with(|| format!("`{name}`, found as {}", found.display()));
+        Ok(found)
     }
 
-    /// The warning about absolute paths.
-    pub(super) fn warning(self) -> Option<String> {
-        let (count, first) = self.absolute;
-        let (list, files) = (self.list.display(), counted(count as u64, "file"));
-        first.map(|first| format!("{list} names {files} by an absolute path, first `{first}`"))
+    /// A file whose path ends as `path` does, as far as possible, or has its stem and another extension.
+    fn elsewhere(&self, path: &Path) -> Option<PathBuf> {
+        let parts: Vec<_> = path.iter().filter(|part| *part != "..").collect();
+        let ends = || (1..parts.len()).chain([0]).map(|from| parts[from..].iter().collect::<PathBuf>());
+        let ends = || ends().filter(|end| !end.has_root());
+        let places = || ends().flat_map(|end| [self.folder.join(&end), self.photos.join(&end)]);
+        let same = places().find(|place| place.is_file());
+        same.or_else(|| {
+            places().find_map(|place| {
+                EXTENSIONS.map(|e| place.with_extension(e)).into_iter().find(|p| p.is_file())
+            })
+        })
     }
+
+    /// The name of the photo at `path`: below the folder of photos, else below the folder.
+    pub(super) fn name_of(&self, path: &Path) -> String {
+        let below =
+            path.strip_prefix(&self.photos).or_else(|_| path.strip_prefix(self.folder)).unwrap_or(path);
+        below.to_string_lossy().replace('\\', "/")
+    }
+
+    /// The warnings about files that are not in the folder, or not where the list says.
+    pub(super) fn warnings(self) -> impl Iterator<Item = String> {
+        let list = self.list.display().to_string();
+        let counted = |(count, first): (usize, Option<String>)| Some((counted(count as u64, "file"), first?));
+        let absolute = counted(self.absolute)
+            .map(|(files, first)| format!("{list} names {files} by an absolute path, first `{first}`"));
+        let moved = counted(self.moved)
+            .map(|(files, first)| format!("{files} of {list} in another place than it says, first {first}"));
+        absolute.into_iter().chain(moved)
+    }
+}
+
+/// Extensions of photos.
+const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "JPG", "PNG", "JPEG"];
+
+/// Blender writes names without their extension.
+pub(super) fn with_extension(path: PathBuf) -> PathBuf {
+    if path.is_file() {
+        return path;
+    }
+    let appended = |extension: &str| {
+        let mut name = path.clone().into_os_string();
+        name.extend([".", extension].map(std::ffi::OsStr::new));
+        PathBuf::from(name)
+    };
+    EXTENSIONS.into_iter().map(appended).find(|p| p.is_file()).unwrap_or(path)
 }
 
 #[cfg(test)]
@@ -152,17 +232,46 @@ mod tests {
     #[test]
     fn a_path_that_leaves_the_folder_is_an_error_and_an_absolute_one_a_warning() {
         let (list, folder) = (Path::new("set/transforms.json"), Path::new("set"));
-        let mut files = NamedFiles::new(list, folder, false);
+        let options = DatasetOptions::default();
+        let mut files = NamedFiles::new(list, folder, &options);
         assert_eq!(files.find("frame 0", "images/../a.png").unwrap(), Path::new("set/images/../a.png"));
         let message = files.find("frame 1", "../secret.png").unwrap_err().to_string();
         assert!(message.starts_with("set/transforms.json: frame 1: names `../secret.png`"), "{message}");
         assert!(message.contains("`allow_outside`"), "{message}");
-        assert_eq!(NamedFiles::new(list, folder, false).warning(), None);
-        let mut allowed = NamedFiles::new(list, folder, true);
+        assert_eq!(NamedFiles::new(list, folder, &options).warnings().next(), None);
+        let options = DatasetOptions { allow_outside: true, ..options };
+        let mut allowed = NamedFiles::new(list, folder, &options);
         assert_eq!(allowed.find("frame 1", "../a.png").unwrap(), Path::new("set/../a.png"));
-        if cfg!(unix) {
-            assert_eq!(files.find("frame 2", "/a.png").unwrap(), Path::new("/a.png"));
-            assert!(files.warning().unwrap().contains("names 1 file by an absolute path, first `/a.png`"));
+    }
+
+    #[test]
+    fn files_are_found_where_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("images/a")).unwrap();
+        ["images/a/1.png", "images/2.jpg", "3.png"]
+            .iter()
+            .for_each(|name| std::fs::write(at(name), "").unwrap());
+        let (list, options) = (at("transforms.json"), DatasetOptions::default());
+        let mut files = NamedFiles::new(&list, folder.path(), &options);
+        for (name, found) in [
+            ("images\\\\a\\\\1.png".replace("\\\\", "\\"), "images/a/1.png"),
+            (r"C:\Users\me\set\images\a\1.png".into(), "images/a/1.png"),
+            (r"D:\other\2.png".into(), "images/2.jpg"),
+            ("/home/me/3".into(), "3.png"),
+            ("/home/me/a/1.png".into(), "images/a/1.png"),
+        ] {
+            assert_eq!(files.find("frame 0", &name).unwrap(), at(found), "{name}");
         }
+        if cfg!(unix) {
+            files.find("frame 0", at("3.png").to_str().unwrap()).unwrap();
+        }
+        let warnings: Vec<String> = files.warnings().collect();
+        assert!(
+            warnings.last().unwrap().contains(r"4 files of")
+                && warnings.last().unwrap().contains(r"`C:\Users"),
+            "{warnings:?}"
+        );
+        assert!(!cfg!(unix) || warnings[0].contains("names 1 file by an absolute path"), "{warnings:?}");
     }
 }

@@ -1,9 +1,10 @@
-//! The lens of a real camera, a pinhole with radial and tangential distortion, and how its photos are undistorted.
+//! The lens of a real camera: pinhole, fisheye or 360°, with distortion; and how its photos become those of a pinhole.
 
-use glam::{DMat2, DVec2, UVec2};
+use glam::{DMat2, DMat3, DVec2, DVec3, UVec2};
+use std::f64::consts::{PI, TAU};
 use trisplat_scene::image::RgbImage;
 
-/// Intrinsics in f64: pixel = focal * distort(x / z, y / z) + center; pixel centres at +0.5.
+/// Intrinsics in f64: pixel = focal * distort(flat(x, y, z)) + center; pixel centres at +0.5.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lens {
     /// Image width and height, px.
@@ -16,18 +17,68 @@ pub struct Lens {
     pub distortion: Distortion,
 }
 
-/// The model of OpenCV, COLMAP's OPENCV and nerfstudio, on coordinates (x, y) with r² = x² + y²:
+/// How a direction (x, y, z) is laid flat before it is bent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Projection {
+    /// (x / z, y / z).
+    #[default]
+    Perspective,
+    /// The angle to the axis, rad, along (x, y).
+    Fisheye,
+    /// Longitude and latitude, rad: an equirectangular picture.
+    Spherical,
+}
+
+/// The model of OpenCV, COLMAP, nerfstudio and Metashape, on flat coordinates (x, y) with r² = x² + y²:
 ///
 /// ```text
-/// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p1 x y + p2 (r² + 2 x²)
-/// y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p2 x y + p1 (r² + 2 y²)
+/// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p1 x y + p2 (r² + 2 x²) + s1 r²
+/// y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸) + 2 p2 x y + p1 (r² + 2 y²) + s2 r²
 /// ```
+///
+/// and at last x' + skew y'.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Distortion {
     /// k1, k2, k3, k4.
     pub radial: [f64; 4],
     /// p1, p2.
     pub tangential: [f64; 2],
+    /// s1, s2.
+    pub prism: [f64; 2],
+    /// Rows that are not at a right angle to columns.
+    pub skew: f64,
+    /// What it bends.
+    pub projection: Projection,
+    /// The widest angle to the axis that the photo shows, rad, where its corners are black.
+    pub limit: Option<f64>,
+}
+
+impl Projection {
+    /// The flat coordinates of a direction; `None` behind a perspective lens.
+    fn flat(self, ray: DVec3) -> Option<DVec2> {
+        let across = ray.truncate().length();
+        match self {
+            Self::Perspective => (ray.z > 0.0).then(|| ray.truncate() / ray.z),
+            Self::Fisheye if across == 0.0 => Some(DVec2::ZERO),
+            Self::Fisheye => Some(ray.truncate() * (across.atan2(ray.z) / across)),
+            Self::Spherical => Some(DVec2::new(ray.x.atan2(ray.z), ray.y.atan2(ray.x.hypot(ray.z)))),
+        }
+    }
+
+    /// A direction of these flat coordinates.
+    fn ray(self, flat: DVec2) -> DVec3 {
+        match self {
+            Self::Perspective => flat.extend(1.0),
+            Self::Fisheye => {
+                let angle = flat.length();
+                (flat * if angle > 0.0 { angle.sin() / angle } else { 1.0 }).extend(angle.cos())
+            }
+            Self::Spherical => {
+                let ((east, north), (down, level)) = (flat.x.sin_cos(), flat.y.sin_cos());
+                DVec3::new(east * level, down, north * level)
+            }
+        }
+    }
 }
 
 impl Lens {
@@ -37,12 +88,28 @@ impl Lens {
         Self { size, focal: self.focal * ratio, center: self.center * ratio, distortion: self.distortion }
     }
 
-    /// The pixel of a direction (x / z, y / z), px.
+    /// A lens that sees everything around it, in a picture twice as wide as high.
+    pub fn spherical(size: UVec2) -> Self {
+        let distortion = Distortion { projection: Projection::Spherical, ..Distortion::default() };
+        Self { size, focal: size.as_dvec2() / DVec2::new(TAU, PI), center: size.as_dvec2() / 2.0, distortion }
+    }
+
+    /// The pixel of a direction (x, y, z), px; `None` behind a perspective lens.
+    pub fn pixel(&self, ray: DVec3) -> Option<DVec2> {
+        Some(self.project(self.distortion.projection.flat(ray)?))
+    }
+
+    /// A direction (x, y, z) of a pixel; `None` where the model folds over.
+    pub fn ray(&self, pixel: DVec2) -> Option<DVec3> {
+        Some(self.distortion.projection.ray(self.direction(pixel)?))
+    }
+
+    /// The pixel of flat coordinates, in a perspective lens (x / z, y / z); px.
     pub fn project(&self, direction: DVec2) -> DVec2 {
         self.focal * self.distortion.distort(direction) + self.center
     }
 
-    /// The direction (x / z, y / z) of a pixel; `None` where the model folds over (two directions reach one
+    /// The flat coordinates of a pixel; `None` where the model folds over (two directions reach one
     /// pixel).
     pub fn direction(&self, pixel: DVec2) -> Option<DVec2> {
         self.distortion.undistort((pixel - self.center) / self.focal)
@@ -62,12 +129,13 @@ impl Distortion {
         let twice = 2.0 * p.x * p.y;
         let tangential =
             DVec2::new(p1 * twice + p2 * (r2 + 2.0 * p.x * p.x), p2 * twice + p1 * (r2 + 2.0 * p.y * p.y));
-        p * self.stretch(r2) + tangential
+        let bent = p * self.stretch(r2) + tangential + r2 * DVec2::from(self.prism);
+        DVec2::new(bent.x + self.skew * bent.y, bent.y)
     }
 
     /// The `p` with the distorted position `q`, by Newton's method; `None` without one, or where the model
     /// has folded over.
-    fn undistort(&self, q: DVec2) -> Option<DVec2> {
+    pub(crate) fn undistort(&self, q: DVec2) -> Option<DVec2> {
         let mut p = q;
         for _ in 0..64 {
             let slope = self.distort_slope(p);
@@ -96,7 +164,18 @@ impl Distortion {
         let across = 2.0 * (p.x * p.y * d_stretch + p1 * p.x + p2 * p.y);
         let xx = stretch + 2.0 * p.x * p.x * d_stretch + 2.0 * p1 * p.y + 6.0 * p2 * p.x;
         let yy = stretch + 2.0 * p.y * p.y * d_stretch + 6.0 * p1 * p.y + 2.0 * p2 * p.x;
-        DMat2::from_cols_array(&[xx, across, across, yy])
+        let (s, [s1, s2]) = (self.skew, self.prism);
+        let (xx, yx) = (xx + 2.0 * s1 * p.x, across + 2.0 * s2 * p.x);
+        let (xy, yy) = (across + 2.0 * s1 * p.y, yy + 2.0 * s2 * p.y);
+        DMat2::from_cols_array(&[xx + s * yx, yx, xy + s * yy, yy])
+    }
+
+    /// The largest angle to the axis of a fisheye lens before the model folds over, rad.
+    pub(crate) fn widest(&self) -> f64 {
+        let bent = |angle: f64| angle * self.stretch(angle * angle);
+        let step = PI / 720.0;
+        let folds = |&k: &u32| bent(f64::from(k + 1) * step) <= bent(f64::from(k) * step);
+        f64::from((0..720).find(folds).unwrap_or(720)) * step
     }
 
     /// The radial factor at r².
@@ -109,12 +188,15 @@ impl Distortion {
 /// The resampling for photos of one lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Undistort {
-    lens: Lens,
-    pinhole: Lens,
+    pub(crate) lens: Lens,
+    /// The camera of the resampled photo.
+    pub(crate) pinhole: Lens,
+    /// From the axes of the lens to those of the pinhole.
+    pub(crate) turn: DMat3,
 }
 
 impl Undistort {
-    /// The plan for photos of `lens`. Fails with the reason when the model folds over inside the photo
+    /// The plan for photos of a perspective `lens`. Fails with the reason when the model folds over inside the photo
     /// or leaves nothing of it.
     pub(crate) fn new(lens: &Lens) -> Result<Self, String> {
         let (low, high) = inner_rectangle(lens)
@@ -130,12 +212,7 @@ impl Undistort {
             center: lens.center - low,
             distortion: Distortion::default(),
         };
-        Ok(Self { lens: *lens, pinhole })
-    }
-
-    /// The camera of the resampled photo.
-    pub(crate) fn pinhole(&self) -> Lens {
-        self.pinhole
+        Ok(Self { lens: *lens, pinhole, turn: DMat3::IDENTITY })
     }
 
     /// The photo resampled bilinearly. If it is smaller than the lens's size, the result is smaller by the
@@ -144,11 +221,14 @@ impl Undistort {
         let ratio = photo.size.as_dvec2() / self.lens.size.as_dvec2();
         let size = (self.pinhole.size.as_dvec2() * ratio).round().as_uvec2().max(UVec2::ONE);
         let step = self.pinhole.size.as_dvec2() / size.as_dvec2();
+        let to_lens = self.turn.transpose();
         let places = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
         let sources = places.map(|(x, y)| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) * step;
             let direction = (pixel - self.pinhole.center) / self.pinhole.focal;
-            Bilinear::at(self.lens.project(direction) * ratio, photo.size)
+            // Where the lens shows nothing the plan has no pixel.
+            let place = self.lens.pixel(to_lens * direction.extend(1.0)).unwrap_or_default();
+            Bilinear::at(place * ratio, photo.size)
         });
         match &photo.alpha {
             None => RgbImage { size, rgb: sources.map(|s| s.blend(&photo.rgb)).collect(), alpha: None },
@@ -217,12 +297,30 @@ impl Bilinear {
 mod tests {
     use super::*;
 
+    const NONE: Distortion = Distortion {
+        radial: [0.0; 4],
+        tangential: [0.0; 2],
+        prism: [0.0; 2],
+        skew: 0.0,
+        projection: Projection::Perspective,
+        limit: None,
+    };
     /// The phone camera of instant-ngp's fox, and stronger lenses both ways.
     const LENSES: [Distortion; 4] = [
-        Distortion { radial: [0.0578421, -0.0805099, 0.0, 0.0], tangential: [-0.000980296, 0.00015575] },
-        Distortion { radial: [-0.3, 0.1, -0.01, 0.0], tangential: [0.002, -0.001] },
-        Distortion { radial: [0.2, 0.05, 0.0, 0.01], tangential: [0.0, 0.0] },
-        Distortion { radial: [0.0; 4], tangential: [0.0; 2] },
+        Distortion {
+            radial: [0.0578421, -0.0805099, 0.0, 0.0],
+            tangential: [-0.000980296, 0.00015575],
+            ..NONE
+        },
+        Distortion {
+            radial: [-0.3, 0.1, -0.01, 0.0],
+            tangential: [0.002, -0.001],
+            prism: [0.003, -0.002],
+            skew: 0.01,
+            ..NONE
+        },
+        Distortion { radial: [0.2, 0.05, 0.0, 0.01], ..NONE },
+        NONE,
     ];
 
     fn grid() -> impl Iterator<Item = DVec2> {
@@ -254,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_folded_lens_says_so() {
-        let fold = Distortion { radial: [-0.5, 0.0, 0.0, 0.0], tangential: [0.0; 2] };
+        let fold = Distortion { radial: [-0.5, 0.0, 0.0, 0.0], ..NONE };
         // r (1 - r²/2) is largest, 0.544, at r = 0.816: nothing lands beyond.
         assert!(fold.undistort(DVec2::new(0.54, 0.0)).is_some_and(|p| p.x < 0.817));
         assert_eq!(fold.undistort(DVec2::new(0.56, 0.0)), None);
@@ -266,7 +364,7 @@ mod tests {
             size: UVec2::new(200, 150),
             focal: DVec2::new(180.0, 175.0),
             center: DVec2::new(103.5, 71.25),
-            distortion: Distortion { radial, tangential: [0.001, -0.002] },
+            distortion: Distortion { radial, tangential: [0.001, -0.002], ..NONE },
         }
     }
 
@@ -284,7 +382,7 @@ mod tests {
             let photo = RgbImage { size: lens.size, rgb, alpha: Some(vec![255; 200 * 150]) };
             let plan = Undistort::new(&lens).unwrap();
             let straight = plan.apply(&photo);
-            let pinhole = plan.pinhole();
+            let pinhole = plan.pinhole;
             assert_eq!(straight.size, pinhole.size);
             assert!(straight.alpha.as_ref().is_some_and(|a| a.iter().all(|&a| a == 255)));
             let width = pinhole.size.x;
@@ -302,7 +400,7 @@ mod tests {
     fn every_sampled_place_is_inside_and_no_larger_rectangle_would_be() {
         for radial in [[-0.15, 0.02, 0.0, 0.0], [0.12, 0.01, 0.0, 0.0], [-0.1, 0.3, 0.0, 0.0]] {
             let lens = lens(radial);
-            let pinhole = Undistort::new(&lens).unwrap().pinhole();
+            let pinhole = Undistort::new(&lens).unwrap().pinhole;
             let [w, h] = pinhole.size.as_dvec2().to_array();
             let mut slack = [f64::INFINITY; 2];
             for k in 0..=400 {
@@ -323,7 +421,7 @@ mod tests {
     fn a_lens_without_distortion_changes_nothing() {
         let lens = Lens { distortion: Distortion::default(), ..lens([0.0; 4]) };
         let plan = Undistort::new(&lens).unwrap();
-        assert_eq!(plan.pinhole(), lens);
+        assert_eq!(plan.pinhole, lens);
         let rgb = (0..200 * 150).map(|i| [(i % 251) as u8, (i % 13) as u8, 9]).collect();
         let photo = RgbImage { size: lens.size, rgb, alpha: None };
         assert_eq!(plan.apply(&photo), photo);

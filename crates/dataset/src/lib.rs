@@ -1,4 +1,4 @@
-//! Posed photos in: COLMAP models and `transforms.json` files become cameras, lazily decoded photos
+//! Posed photos in: COLMAP models, `transforms.json` and the files of photogrammetry programs become cameras, lazily decoded photos
 //! and a sparse cloud of points.
 //!
 //! In: folders of photos with poses. Out: cameras, photos decoded on demand, points, exposures.
@@ -13,16 +13,20 @@ mod exif;
 pub mod exposure;
 mod found;
 mod lens;
+mod llff;
 mod load;
+mod metashape;
 mod options;
 mod photo;
 mod photos;
 mod points;
 mod posed;
+mod realityscan;
 mod transforms;
+mod views;
 
 pub use describe::{Description, describe};
-pub use lens::{Distortion, Lens};
+pub use lens::{Distortion, Lens, Projection};
 pub use options::{Background, DatasetOptions, Masks};
 pub use photo::{Photo, PictureFile, StoredPicture};
 pub use photos::Photos;

@@ -8,10 +8,11 @@ use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
 use super::points::PointFile;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
-use super::{colmap, transforms};
-use glam::{DVec3, UVec2};
+use super::{colmap, exif, llff, metashape, realityscan, transforms, views};
+use glam::{DMat3, DVec3, UVec2, Vec2Swizzles};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 use trisplat_formats::far_origin;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
@@ -19,8 +20,8 @@ use trisplat_scene::math::lists::{evenly_spaced, median};
 use trisplat_scene::{Error, Limits, Result, parallel};
 
 impl Dataset {
-    /// Reads a data set: a folder with a COLMAP model or a `transforms.json`, or such a file itself.
-    /// A folder with both is read as COLMAP.
+    /// Reads a data set: a folder with poses in a format of docs/datasets.md, or their file itself.
+    /// In a folder with several a COLMAP model goes first.
     ///
     /// ```no_run
     /// use trisplat_dataset::{Dataset, DatasetOptions};
@@ -41,8 +42,13 @@ impl Dataset {
 
     /// True for a file or folder with camera poses that [`Dataset::load`] can read.
     pub fn is_posed(path: &Path) -> bool {
-        let is_list = path.is_file() && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        is_list || (path.is_dir() && (colmap::locate(path).is_some() || transforms::locate(path).is_some()))
+        let is_list =
+            |e: &OsStr| ["json", "npy", "xml", "csv"].iter().any(|list| e.eq_ignore_ascii_case(list));
+        let lists = [transforms::locate, llff::locate, metashape::locate, realityscan::locate];
+        match path.is_dir() {
+            true => colmap::locate(path).is_some() || lists.iter().any(|list| list(path).is_some()),
+            false => path.is_file() && path.extension().is_some_and(is_list),
+        }
     }
 
     /// Like [`Dataset::load`], but only with the named photos, all for training; others are not opened and
@@ -68,7 +74,7 @@ impl Dataset {
     pub fn reprojection(&self, limits: &Limits) -> Result<Option<Reprojection>> {
         match self.kind {
             DatasetKind::ColmapBinary | DatasetKind::ColmapText => colmap::reprojection(&self.path, limits),
-            DatasetKind::Transforms | DatasetKind::Drawn => Ok(None),
+            _ => Ok(None),
         }
     }
 }
@@ -77,17 +83,33 @@ impl Dataset {
 fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
+    type Locator = fn(&Path) -> Option<PathBuf>;
+    type Reader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
     if meta.is_file() {
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-            return transforms::read(path, options);
-        }
-        return Err(Error::unsupported(path, "is not a data set; give its folder or its transforms.json"));
+        let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+        let read: Reader = match extension.as_str() {
+            "json" => transforms::read,
+            "npy" => llff::read,
+            "xml" => metashape::read,
+            "csv" => realityscan::read,
+            _ => {
+                let reason = "is not a data set; give its folder or its transforms.json";
+                return Err(Error::unsupported(path, reason));
+            }
+        };
+        return read(path, options);
     }
     if let Some(model) = colmap::locate(path) {
         return colmap::read(path, &model, options);
     }
-    if let Some(file) = transforms::locate(path) {
-        return transforms::read(&file, options);
+    let lists: [(Locator, Reader); 4] = [
+        (transforms::locate, transforms::read),
+        (llff::locate, llff::read),
+        (metashape::locate, metashape::read),
+        (realityscan::locate, realityscan::read),
+    ];
+    if let Some((file, read)) = lists.into_iter().find_map(|(locate, read)| Some((locate(path)?, read))) {
+        return read(&file, options);
     }
     let inside = path.join("photos");
     if Dataset::is_posed(&inside) {
@@ -97,7 +119,8 @@ fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     Err(Error::unsupported(
         path,
         "holds no posed photos: expected a COLMAP model (sparse/0 with cameras, images and points3D as .bin or \
-         .txt) or a transforms.json; `trisplat capture` finds the poses of photos",
+         .txt), a transforms.json, poses_bounds.npy, Metashape's cameras.xml or RealityScan's registration .csv; `trisplat capture` \
+         finds the poses of photos",
     ))
 }
 
@@ -113,14 +136,23 @@ fn finish(
         let reason = "is listed twice; remove one of the two";
         return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
     }
+    if some.is_none() {
+        leave_out_far(&mut found, &options.limits)?;
+    }
     let given = some.and_then(|(_, origin)| origin);
     let (origin, points) = match given {
         Some(origin) => (origin, 0),
         None => origin_of(&found, &options.limits)?,
     };
-    some.map_or(Ok(()), |(names, _)| keep_named(&mut found, names))?;
+    if let Some((names, _)) = some {
+        keep_named(&mut found, names);
+    }
     find_masks(&mut found, options);
-    let views = open_views(&mut found, origin, options)?;
+    let mut views = open_views(&mut found, origin, options)?;
+    if let Some((names, _)) = some {
+        views.retain(|view| names.contains(&view.name));
+        check_named(&found, &views, names)?;
+    }
     let mut dataset = Dataset {
         path: path.to_owned(),
         kind: found.kind,
@@ -141,11 +173,16 @@ fn finish(
     Ok(dataset)
 }
 
-/// Keeps the photos of these names, none of them held out.
-fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) -> Result<()> {
-    found.photos.retain(|photo| names.contains(&photo.name));
+/// Keeps the photos of views of these names, none of them held out.
+fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) {
+    let photos: BTreeSet<String> = names.iter().map(|name| views::photo(name)).collect();
+    found.photos.retain(|photo| names.contains(&photo.name) || photos.contains(&photo.name));
     found.photos.iter_mut().for_each(|photo| photo.held_out = false);
-    let there: BTreeSet<&String> = found.photos.iter().map(|photo| &photo.name).collect();
+}
+
+/// Refuses names without a view.
+fn check_named(found: &FoundDataset, views: &[View], names: &BTreeSet<String>) -> Result<()> {
+    let there: BTreeSet<&String> = views.iter().map(|view| &view.name).collect();
     match names.iter().find(|name| !there.contains(name)) {
         Some(name) => {
             let reason = "is not in the data set any more: put it back, or plan again";
@@ -157,16 +194,19 @@ fn keep_named(found: &mut FoundDataset, names: &BTreeSet<String>) -> Result<()> 
 
 /// Reads the header of every photo and makes it a view.
 fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions) -> Result<Vec<View>> {
-    let opened: Vec<Result<(View, Option<String>)>> =
-        parallel::map(&found.photos, |_, photo| open_view(photo, origin, options));
+    let opened: Vec<Result<(Vec<View>, Option<String>)>> =
+        parallel::map(&found.photos, |_, photo| open_photo(photo, origin, options));
     let total = opened.len();
-    let mut views = Vec::with_capacity(total);
+    let mut views: Vec<View> = Vec::with_capacity(total);
+    let (mut wide, mut parts) = (0, 0);
     let mut resized = Vec::new();
     let mut broken = Vec::new();
     for (photo, result) in found.photos.iter().zip(opened) {
         match result {
-            Ok((view, warning)) => {
-                views.push(view);
+            Ok((of_photo, warning)) => {
+                let several = of_photo.len() > 1;
+                (wide, parts) = if several { (wide + 1, parts + of_photo.len()) } else { (wide, parts) };
+                views.extend(of_photo);
                 resized.extend(warning);
             }
             Err(
@@ -196,14 +236,24 @@ fn open_views(found: &mut FoundDataset, origin: DVec3, options: &DatasetOptions)
     if views.is_empty() {
         return Err(Error::unsupported(&found.list, "no photo is left; a data set needs at least one"));
     }
+    if wide > 0 {
+        views.sort_by(|a, b| a.name.cmp(&b.name));
+        found
+            .warnings
+            .push(format!("{wide} wide photos are read as {parts} pinhole views, first `{}`", views[0].name));
+    }
     Ok(views)
 }
 
 /// Longer side of a photo in shorter ones, at most: a strip shows no scene, and cannot be shrunk.
 const LONGEST_SHAPE: u32 = 64;
 
-/// One view, and a warning when its photo has another size than its camera.
-fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Result<(View, Option<String>)> {
+/// The views of a photo, one unless its lens is wide, and a warning when it has another size than its camera.
+fn open_photo(
+    found: &FoundPhoto,
+    origin: DVec3,
+    options: &DatasetOptions,
+) -> Result<(Vec<View>, Option<String>)> {
     let stored = RgbImage::size_of(&found.path, &options.limits)?;
     check_memory(&found.path, stored, options)?;
     if stored.max_element() / LONGEST_SHAPE > stored.min_element() {
@@ -215,21 +265,8 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
     }
     let at_fault = |reason: String| Error::malformed(&found.path, "camera", reason);
     let claimed = found.lens.resolve(stored).map_err(at_fault)?;
-    let warning = check_shape(&claimed, stored).map_err(at_fault)?;
+    let warning = check_shape(&found.path, &claimed, stored).map_err(at_fault)?;
     let lens = claimed.resized(stored);
-    let undistort =
-        if lens.distortion.is_none() { None } else { Some(Undistort::new(&lens).map_err(at_fault)?) };
-    let pinhole = undistort.map_or(lens, |plan| plan.pinhole());
-    let size = shrunk(pinhole.size, options.max_size);
-    let pinhole = pinhole.resized(size);
-    let camera = Camera {
-        rotation: found.rotation.as_mat3(),
-        translation: (found.translation + found.rotation * origin).as_vec3(),
-        focal: pinhole.focal.as_vec2(),
-        center: pinhole.center.as_vec2(),
-        size,
-    };
-    camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
     // Opacity is a mask inside the photo.
     let cut = match (&found.mask, options.masks) {
         (Some(_), masks) => masks == Masks::Cut,
@@ -239,24 +276,41 @@ fn open_view(found: &FoundPhoto, origin: DVec3, options: &DatasetOptions) -> Res
     if let Some(mask) = &found.mask {
         check_mask(mask, &found.path, RgbImage::size_of(mask, &options.limits)?, stored)?;
     }
-    let photo = Photo {
-        path: found.path.clone(),
-        mask: found.mask.clone(),
-        size,
-        stored,
-        undistort,
-        background: options.background,
-        limits: options.limits,
-        drawn: None,
-        cut,
-        crop: None,
-        decoding: RgbImage::decoding_bytes(&found.path, stored, &options.limits)?,
+    let decoding = RgbImage::decoding_bytes(&found.path, stored, &options.limits)?;
+    let view = |(part, undistort): (&str, Option<Undistort>)| {
+        let pinhole = undistort.map_or(lens, |plan| plan.pinhole);
+        let turn = undistort.map_or(DMat3::IDENTITY, |plan| plan.turn);
+        let size = shrunk(pinhole.size, options.max_size);
+        let pinhole = pinhole.resized(size);
+        let camera = Camera {
+            rotation: (turn * found.rotation).as_mat3(),
+            translation: (turn * (found.translation + found.rotation * origin)).as_vec3(),
+            focal: pinhole.focal.as_vec2(),
+            center: pinhole.center.as_vec2(),
+            size,
+        };
+        camera.validate(&options.limits).map_err(|e| at_fault(e.to_string()))?;
+        let photo = Photo {
+            path: found.path.clone(),
+            mask: found.mask.clone(),
+            size,
+            stored,
+            undistort,
+            background: options.background,
+            limits: options.limits,
+            drawn: None,
+            cut,
+            crop: None,
+            decoding,
+        };
+        if options.skip_broken {
+            photo.decode()?;
+        }
+        Ok(View { name: views::name(&found.name, part), camera, photo, test: found.held_out })
     };
-    if options.skip_broken {
-        photo.decode()?;
-    }
-    let view = View { name: found.name.clone(), camera, photo, test: found.held_out };
-    Ok((view, warning.map(|w| format!("photo `{}`: {w}", found.name))))
+    let plans = views::plans(&lens).map_err(at_fault)?;
+    let views = plans.into_iter().map(view).collect::<Result<_>>()?;
+    Ok((views, warning.map(|w| format!("photo `{}`: {w}", found.name))))
 }
 
 /// Refuses a photo that alone takes more than the memory for photos.
@@ -272,16 +326,29 @@ fn check_memory(path: &Path, stored: UVec2, options: &DatasetOptions) -> Result<
 }
 
 /// A camera may have been calibrated on the same photos at another size, but not at another shape.
-fn check_shape(lens: &Lens, stored: UVec2) -> std::result::Result<Option<String>, String> {
+fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> std::result::Result<Option<String>, String> {
     if lens.size == stored {
         return Ok(None);
     }
     let sizes = format!("the photo is {}x{}, its camera {}x{}", stored.x, stored.y, lens.size.x, lens.size.y);
-    let ratio = stored.as_dvec2() / lens.size.as_dvec2();
     // Shrinking rounds each side to whole pixels.
     let rounding = 1.0 / f64::from(stored.min_element()) + 0.005;
-    if (ratio.x / ratio.y - 1.0).abs() > rounding {
-        return Err(format!("{sizes}: give the photos the poses were made from, not rotated or cropped"));
+    let fits = |photo: UVec2| {
+        let ratio = photo.as_dvec2() / lens.size.as_dvec2();
+        (ratio.x / ratio.y - 1.0).abs() <= rounding
+    };
+    let turned = || exif::orientation_of(path).filter(|o| *o >= 5 && fits(stored.yx()));
+    match (fits(stored), turned()) {
+        (true, _) => {}
+        (false, Some(orientation)) => {
+            return Err(format!(
+                "{sizes}: the poses are of photos as their EXIF orientation, {orientation}, turns them; turn the pixels \
+                 too, as with `magick mogrify -auto-orient`"
+            ));
+        }
+        (false, None) => {
+            return Err(format!("{sizes}: give the photos the poses were made from, not rotated or cropped"));
+        }
     }
     Ok(Some(format!("{sizes}; the camera was scaled")))
 }
@@ -321,11 +388,40 @@ fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
     }
 }
 
+/// Leaves out photos that are far from all others and from the points: their poses are wrong.
+fn leave_out_far(found: &mut FoundDataset, limits: &Limits) -> Result<()> {
+    let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
+    let usual = |values: Vec<f64>| median(values, f64::total_cmp).unwrap_or(0.0);
+    let middle = DVec3::from([0, 1, 2].map(|axis| usual(centers.iter().map(|c| c[axis]).collect())));
+    let distances: Vec<f64> = centers.iter().map(|center| center.distance(middle)).collect();
+    let mut scale = usual(distances.clone());
+    let farthest = distances.iter().copied().fold(0.0, f64::max);
+    if centers.len() < LEAST_POSES || scale == 0.0 || farthest <= FAR * scale {
+        return Ok(());
+    }
+    let mut points = Vec::new();
+    found.points.each(limits, &mut |point| points.push(point.position.distance(middle)))?;
+    // Without points a walk beside a tripod looks the same.
+    scale = if points.is_empty() { 10.0 * scale } else { scale.max(usual(points)) };
+    let total = centers.len();
+    let out: Vec<usize> = (0..total).filter(|&i| distances[i] > FAR * scale).collect();
+    if let Some(&first) = out.first() {
+        found.warnings.push(format!(
+            "{} of {total} photos left out: their poses are far outside (`{}`: {:.0} times as far as is usual)",
+            out.len(),
+            found.photos[first].name,
+            distances[first] / scale
+        ));
+    }
+    let mut at = 0..;
+    found.photos.retain(|_| at.next().is_none_or(|i| !out.contains(&i)));
+    Ok(())
+}
+
 /// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
 /// points. Also returns the number of points.
 fn origin_of(found: &FoundDataset, limits: &Limits) -> Result<(DVec3, usize)> {
-    let centers: Vec<DVec3> =
-        found.photos.iter().map(|f| -(f.rotation.transpose() * f.translation)).collect();
+    let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
     let count = centers.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / count;
     let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
@@ -359,6 +455,10 @@ fn keep_points(
     Ok(kept)
 }
 
+/// Fewer poses have no usual distance.
+const LEAST_POSES: usize = 5;
+/// Poses this many times as far from the middle as is usual are wrong.
+const FAR: f64 = 100.0;
 /// Photos that are looked at.
 const PHOTOS: usize = 12;
 /// Fewer points of an object say nothing.

@@ -120,7 +120,7 @@ impl Photo {
 
     /// True for a photo that `max_size` shrinks.
     pub(super) fn is_shrunk(&self) -> bool {
-        let full = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
+        let full = self.undistort.map_or(self.stored, |plan| plan.pinhole.size);
         self.crop.map_or(self.size, |crop| crop.whole) != full
     }
 
@@ -181,7 +181,7 @@ impl Photo {
     fn load(&self) -> Result<(RgbImage, UVec2)> {
         // A mask is as large as the whole photo.
         if self.mask.is_none() && !self.cut && self.is_shrunk() {
-            let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole().size);
+            let whole = self.undistort.map_or(self.stored, |plan| plan.pinhole.size);
             let size = self.crop.map_or(self.size, |crop| crop.whole);
             let ratio = size.as_dvec2() / whole.as_dvec2();
             // Averages of at least two by two pixels are those of the whole photo, closely

@@ -2,10 +2,11 @@
 
 use super::options::{DatasetOptions, Masks};
 use super::photo::Photo;
+use super::views;
 use glam::{DVec3, UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fmt::{self, Display};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -114,12 +115,12 @@ impl Dataset {
         }
     }
 
-    /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which begin with an upright photo, +Z in
-    /// `transforms.json`.
+    /// The world axis that usually points up in this kind of data set: -Y in COLMAP's models, which begin with an upright photo, and
+    /// LLFF's, made of them; +Z in others.
     pub fn up_axis(&self) -> UpAxis {
         match self.kind {
-            DatasetKind::ColmapBinary | DatasetKind::ColmapText => UpAxis::NegY,
-            DatasetKind::Transforms => UpAxis::Z,
+            DatasetKind::ColmapBinary | DatasetKind::ColmapText | DatasetKind::Llff => UpAxis::NegY,
+            DatasetKind::Transforms | DatasetKind::Metashape | DatasetKind::RealityScan => UpAxis::Z,
             DatasetKind::Drawn => UpAxis::Y,
         }
     }
@@ -137,6 +138,15 @@ pub enum DatasetKind {
     /// `transforms.json` of nerfstudio, instant-ngp and Blender.
     #[serde(rename = "transforms.json")]
     Transforms,
+    /// `poses_bounds.npy` of LLFF.
+    #[serde(rename = "LLFF poses_bounds.npy")]
+    Llff,
+    /// Metashape's `cameras.xml`.
+    #[serde(rename = "Metashape cameras")]
+    Metashape,
+    /// RealityScan's table of registered photos.
+    #[serde(rename = "RealityScan registration")]
+    RealityScan,
     /// Drawn pictures of a scene instead of photos.
     #[serde(rename = "drawn pictures")]
     Drawn,
@@ -246,10 +256,16 @@ pub(super) fn hold_out(dataset: &mut Dataset, root: &Path, options: &DatasetOpti
     if dataset.views.iter().any(|view| view.test) {
         return Ok(());
     }
+    // The views of a wide photo show the same, and are held out together.
+    let mut photos = HashMap::new();
+    for view in &dataset.views {
+        let next = photos.len();
+        photos.entry(view.photo.path.clone()).or_insert(next);
+    }
     // A single photo is worth more in training than held out.
-    if dataset.views.len() > 1 {
-        for view in dataset.views.iter_mut().step_by(options.test_every as usize) {
-            view.test = true;
+    if photos.len() > 1 {
+        for view in &mut dataset.views {
+            view.test = photos[&view.photo.path].is_multiple_of(options.test_every as usize);
         }
     }
     all_held_out(dataset, root)
@@ -260,7 +276,9 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
     let named: HashSet<&str> = text.lines().map(str::trim).filter(|name| !name.is_empty()).collect();
     let mut matched = HashSet::new();
     for view in &mut dataset.views {
-        let hit = spellings(view).into_iter().flatten().find_map(|name| named.get(name).copied());
+        let photo = views::photo(&view.name);
+        let names = spellings(&view.name).into_iter().chain(spellings(&photo)).flatten();
+        let hit = names.into_iter().find_map(|name| named.get(name).copied());
         view.test = hit.is_some();
         matched.extend(hit);
     }
@@ -278,13 +296,13 @@ fn by_list(dataset: &mut Dataset, list: &Path, text: &str) -> Result<()> {
     all_held_out(dataset, list)
 }
 
-/// The names of a view in a list: in full, without extension, without folders, or without both.
-fn spellings(view: &View) -> [Option<&str>; 4] {
-    let path = Path::new(&view.name);
-    let stem = view.name.rsplit_once('.').map(|(stem, _)| stem);
+/// The spellings of a name in a list: in full, without extension, without folders, or without both.
+fn spellings(name: &str) -> [Option<&str>; 4] {
+    let path = Path::new(name);
+    let stem = name.rsplit_once('.').map(|(stem, _)| stem);
     let file = path.file_name().and_then(|n| n.to_str());
     let file_stem = path.file_stem().and_then(|n| n.to_str());
-    [Some(view.name.as_str()), stem, file, file_stem]
+    [Some(name), stem, file, file_stem]
 }
 
 fn all_held_out(dataset: &Dataset, source: &Path) -> Result<()> {

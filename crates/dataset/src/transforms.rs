@@ -8,13 +8,14 @@
 //! ```
 
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
-use super::lens::Distortion;
+use super::lens::{Distortion, Projection};
 use super::options::DatasetOptions;
 use super::points::PointFile;
 use super::posed::DatasetKind;
-use glam::{DMat3, DVec3, UVec2};
+use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
-use std::collections::HashMap;
+use serde_json::Value;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use trisplat_formats::foreign_json;
 use trisplat_scene::{Error, Limits, Result, input};
@@ -25,6 +26,9 @@ struct Transforms {
     #[serde(flatten)]
     shared: Intrinsics,
     ply_file_path: Option<String>,
+    train_filenames: Option<Vec<String>>,
+    val_filenames: Option<Vec<String>>,
+    test_filenames: Option<Vec<String>>,
     frames: Vec<FrameRow>,
 }
 
@@ -52,11 +56,43 @@ struct Intrinsics {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+    sx1: Option<f64>,
+    sy1: Option<f64>,
+    #[serde(rename = "K")]
+    matrix: Option<[[f64; 3]; 3]>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
+    fisheye_crop_radius: Option<f64>,
     camera_model: Option<String>,
     is_fisheye: Option<bool>,
+    latlong: Option<bool>,
+    equirectangular: Option<bool>,
+    ftheta_p0: Option<f64>,
 }
+
+/// The keys whose values are used.
+const NUMBERS: [&str; 20] = [
+    "w",
+    "h",
+    "fl_x",
+    "fl_y",
+    "cx",
+    "cy",
+    "k1",
+    "k2",
+    "k3",
+    "k4",
+    "p1",
+    "p2",
+    "sx1",
+    "sy1",
+    "K",
+    "camera_angle_x",
+    "camera_angle_y",
+    "fisheye_crop_radius",
+    "ftheta_p0",
+    "transform_matrix",
+];
 
 /// The file of a folder: all frames, or the training frames.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
@@ -68,16 +104,17 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
     let transforms = parse(file, &options.limits)?;
-    let mut files = NamedFiles::new(file, &root, options.allow_outside);
+    let mut files = NamedFiles::new(file, &root, options);
     let points = match &transforms.ply_file_path {
-        Some(name) => point_file(file, files.find("ply_file_path", &name.replace('\\', "/"))?)?,
+        Some(name) => point_file(file, files.find("ply_file_path", name)?)?,
         None => PointFile::None,
     };
     let mut frames = Vec::with_capacity(transforms.frames.len());
     for (index, row) in transforms.frames.iter().enumerate() {
-        frames.push(frame(&mut files, index, row, &transforms.shared, options)?);
+        frames.push(frame(&mut files, index, row, &transforms.shared)?);
     }
-    let mut warnings: Vec<String> = files.warning().into_iter().collect();
+    let mut warnings: Vec<String> = files.warnings().collect();
+    warnings.extend(split(file, &transforms, &mut frames)?);
     let held_out = ["transforms_test.json", "transforms_val.json"].map(|name| root.join(name));
     if let Some(other) = held_out.iter().find(|other| other.is_file()).filter(|other| *other != file) {
         warnings.extend(add_held_out(&mut frames, other, &root, options)?);
@@ -87,6 +124,36 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     }
     let (kind, list, photos) = (DatasetKind::Transforms, file.to_owned(), frames);
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
+}
+
+/// Holds out the photos that the file's own lists name, and leaves out those in none of them. Returns a warning.
+fn split(file: &Path, transforms: &Transforms, frames: &mut Vec<FoundPhoto>) -> Result<Option<String>> {
+    let Transforms { train_filenames, val_filenames, test_filenames, .. } = transforms;
+    let some = |list: &&Vec<String>| !list.is_empty();
+    let held_out = test_filenames.as_ref().filter(some).or(val_filenames.as_ref().filter(some));
+    let set = |list: &Vec<String>| list.iter().map(|name| plain(name)).collect::<HashSet<String>>();
+    let (train, held_out) = (train_filenames.as_ref().filter(some).map(set), held_out.map(set));
+    let mut names = transforms.frames.iter().map(|row| plain(&row.file_path));
+    let (total, mut matched) = (frames.len(), 0);
+    frames.retain_mut(|photo| {
+        let name = names.next().unwrap_or_default();
+        photo.held_out = held_out.as_ref().is_some_and(|list| list.contains(&name));
+        matched += usize::from(photo.held_out);
+        photo.held_out || train.as_ref().is_none_or(|list| list.contains(&name))
+    });
+    if held_out.is_some() && matched == 0 {
+        let reason = "names no photo of `frames`; correct or remove it";
+        return Err(Error::malformed(file, "test_filenames, val_filenames", reason));
+    }
+    let out = total - frames.len();
+    let lists = "train_filenames, nor among those held out";
+    Ok((out > 0).then(|| format!("{out} of {total} photos left out: they are not in {lists}")))
+}
+
+/// A file's name as lists and frames may spell it.
+fn plain(name: &str) -> String {
+    let name = name.replace('\\', "/");
+    name.strip_prefix("./").unwrap_or(&name).to_owned()
 }
 
 /// The cloud that `file` names.
@@ -103,12 +170,64 @@ fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
 
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
     let text = input::read_text(file, limits)?;
-    serde_json::from_str(&text).map_err(|e| {
+    let value = if text.contains("NaN") || text.contains("Infinity") {
+        serde_json::from_str(&quoted(&text)).and_then(|value: Value| {
+            unusable(&value)
+                .map_or_else(|| serde_json::from_value(value), |bad| Err(serde::de::Error::custom(bad)))
+        })
+    } else {
+        serde_json::from_str(&text)
+    };
+    value.map_err(|e| {
         foreign_json(file, text.as_bytes()).unwrap_or_else(|| {
-            let at = format!("line {} column {}", e.line(), e.column());
+            let at = if e.line() > 0 {
+                format!("line {} column {}", e.line(), e.column())
+            } else {
+                "frames".into()
+            };
             Error::malformed(file, at, format!("is not a transforms.json: {e}"))
         })
     })
+}
+
+/// The text with Python's NaN and Infinity as strings, which unused keys may hold.
+fn quoted(text: &str) -> String {
+    let (mut out, mut rest, mut inside) = (String::with_capacity(text.len()), text, false);
+    while let Some(first) = rest.chars().next() {
+        let word =
+            ["NaN", "-Infinity", "Infinity"].into_iter().find(|word| !inside && rest.starts_with(word));
+        let taken = match word {
+            Some(word) => word.len(),
+            None if first == '\\' => first.len_utf8() + rest[1..].chars().next().map_or(0, char::len_utf8),
+            None => first.len_utf8(),
+        };
+        inside ^= first == '"';
+        match word {
+            Some(word) => out.extend(["\"", word, "\""]),
+            None => out.push_str(&rest[..taken]),
+        }
+        rest = &rest[taken..];
+    }
+    out
+}
+
+/// What is wrong with a used number that is none.
+fn unusable(list: &Value) -> Option<String> {
+    fn is_none(value: &Value) -> bool {
+        match value {
+            Value::String(text) => ["NaN", "Infinity", "-Infinity"].contains(&text.as_str()),
+            Value::Array(values) => values.iter().any(is_none),
+            _ => false,
+        }
+    }
+    let bad = |object: &Value| NUMBERS.into_iter().find(|key| is_none(&object[*key]));
+    let frames = list["frames"].as_array().into_iter().flatten().enumerate();
+    let of_frame = |(index, frame): (usize, &Value)| {
+        Some(format!("frame {index}: {} is not a finite number", bad(frame)?))
+    };
+    bad(list)
+        .map(|key| format!("{key} is not a finite number"))
+        .or_else(|| frames.into_iter().find_map(of_frame))
 }
 
 /// Adds the frames of another file, held out; a photo in both files is held out too. Returns warnings.
@@ -117,13 +236,13 @@ fn add_held_out(
     file: &Path,
     root: &Path,
     options: &DatasetOptions,
-) -> Result<Option<String>> {
+) -> Result<Vec<String>> {
     let transforms = parse(file, &options.limits)?;
-    let mut files = NamedFiles::new(file, root, options.allow_outside);
+    let mut files = NamedFiles::new(file, root, options);
     let mut known: HashMap<String, usize> =
         frames.iter().enumerate().map(|(i, f)| (f.name.clone(), i)).collect();
     for (index, row) in transforms.frames.iter().enumerate() {
-        let held = frame(&mut files, index, row, &transforms.shared, options)?;
+        let held = frame(&mut files, index, row, &transforms.shared)?;
         match known.get(&held.name) {
             Some(&i) => frames[i].held_out = true,
             None => {
@@ -132,48 +251,24 @@ fn add_held_out(
             }
         }
     }
-    Ok(files.warning())
+    Ok(files.warnings().collect())
 }
 
-fn frame(
-    files: &mut NamedFiles,
-    index: usize,
-    row: &FrameRow,
-    shared: &Intrinsics,
-    options: &DatasetOptions,
-) -> Result<FoundPhoto> {
-    let relative = row.file_path.replace('\\', "/");
-    let relative = relative.strip_prefix("./").unwrap_or(&relative);
-    let (file, place) = (files.list, format!("frame {index} `{relative}`"));
-    let path = with_extension(files.find(&place, relative)?);
-    let mask = row.mask_path.as_ref().map(|mask| files.find(&place, &mask.replace('\\', "/"))).transpose()?;
+fn frame(files: &mut NamedFiles, index: usize, row: &FrameRow, shared: &Intrinsics) -> Result<FoundPhoto> {
+    let (file, place) = (files.list, format!("frame {index} `{}`", plain(&row.file_path)));
+    let path = files.find(&place, &row.file_path)?;
+    let mask = row.mask_path.as_ref().map(|mask| files.find(&place, mask)).transpose()?;
     let bad = |reason: String| Error::malformed(file, &place, reason);
-    let mut name = relative.to_owned();
-    if Path::new(relative).extension() != path.extension()
-        && let Some(extension) = path.extension().and_then(|e| e.to_str())
-    {
-        name = format!("{relative}.{extension}");
-    }
-    if let Ok(below) = Path::new(&name).strip_prefix(&options.images) {
-        name = below.to_string_lossy().into_owned();
-    }
+    let name = files.name_of(&path);
     let (rotation, translation) = pose(&row.transform_matrix).map_err(bad)?;
-    let lens = row.own.over(shared).lens().map_err(|reason| Error::unsupported(file, reason))?;
+    let lens = row
+        .own
+        .clone()
+        .read_matrix()
+        .over(&shared.clone().read_matrix())
+        .lens()
+        .map_err(|reason| Error::unsupported(file, reason))?;
     Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false })
-}
-
-/// Blender writes names without their extension.
-pub(super) fn with_extension(path: PathBuf) -> PathBuf {
-    if path.is_file() {
-        return path;
-    }
-    let appended = |extension: &str| {
-        let mut name = path.clone().into_os_string();
-        name.push(extension);
-        PathBuf::from(name)
-    };
-    let found = [".png", ".jpg", ".jpeg", ".webp", ".JPG"].map(appended).into_iter().find(|p| p.is_file());
-    found.unwrap_or(path)
 }
 
 /// World to camera from camera to world.
@@ -216,6 +311,13 @@ fn orthonormal(mut m: DMat3) -> DMat3 {
 }
 
 impl Intrinsics {
+    /// These numbers with those of the 3×3 matrix in their places.
+    fn read_matrix(self) -> Self {
+        let Some([[fx, _, cx], [_, fy, cy], _]) = self.matrix else { return self };
+        let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(Some);
+        Self { fl_x: fx, fl_y: fy, cx, cy, ..self }
+    }
+
     /// These numbers, and for missing ones those of `shared`.
     fn over(&self, shared: &Self) -> Self {
         // A frame with its own focal length does not inherit the shared angle, and vice versa.
@@ -234,23 +336,47 @@ impl Intrinsics {
             k4: self.k4.or(shared.k4),
             p1: self.p1.or(shared.p1),
             p2: self.p2.or(shared.p2),
+            sx1: self.sx1.or(shared.sx1),
+            sy1: self.sy1.or(shared.sy1),
+            matrix: self.matrix.or(shared.matrix),
             camera_angle_x: angle(self.camera_angle_x, shared.camera_angle_x),
             camera_angle_y: angle(self.camera_angle_y, shared.camera_angle_y),
             camera_model: self.camera_model.clone().or(shared.camera_model.clone()),
+            fisheye_crop_radius: self.fisheye_crop_radius.or(shared.fisheye_crop_radius),
             is_fisheye: self.is_fisheye.or(shared.is_fisheye),
+            latlong: self.latlong.or(shared.latlong),
+            equirectangular: self.equirectangular.or(shared.equirectangular),
+            ftheta_p0: self.ftheta_p0.or(shared.ftheta_p0),
         }
     }
 
     fn lens(&self) -> std::result::Result<LensClaim, String> {
-        let remedy = "undistort the photos first, with `colmap image_undistorter` or `ns-process-data`";
-        match self.camera_model.as_deref() {
+        let remedy = "undistort the photos first, or make pinhole views of them";
+        let projection = match self.camera_model.as_deref() {
+            _ if self.ftheta_p0.is_some() => {
+                return Err(format!("the f-theta lens of ftheta_p0 is not read; {remedy}"));
+            }
+            _ if self.equirectangular == Some(true) => {
+                return Err(format!("the equal-area panorama of `equirectangular` is not read; {remedy}"));
+            }
+            _ if self.latlong == Some(true) => Projection::Spherical,
+            _ if self.is_fisheye == Some(true) => Projection::Fisheye,
             None
-            | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "perspective") => {}
+            | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "perspective") => {
+                Projection::Perspective
+            }
+            Some(
+                "OPENCV_FISHEYE"
+                | "FISHEYE"
+                | "SIMPLE_FISHEYE"
+                | "SIMPLE_RADIAL_FISHEYE"
+                | "RADIAL_FISHEYE"
+                | "THIN_PRISM_FISHEYE"
+                | "fisheye",
+            ) => Projection::Fisheye,
+            Some("EQUIRECTANGULAR" | "SPHERICAL" | "equirectangular") => Projection::Spherical,
             Some(other) => return Err(format!("camera_model {other} is not read; {remedy}")),
-        }
-        if self.is_fisheye == Some(true) {
-            return Err(format!("is_fisheye is not read; {remedy}"));
-        }
+        };
         let zero = |k: Option<f64>| k.unwrap_or(0.0);
         let size = match (self.w, self.h) {
             (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 && w.max(h) <= f64::from(1 << 20) => {
@@ -259,15 +385,23 @@ impl Intrinsics {
             (Some(w), Some(h)) => return Err(format!("w and h are {w} and {h}")),
             _ => None,
         };
+        let mut distortion = Distortion {
+            radial: [self.k1, self.k2, self.k3, self.k4].map(zero),
+            tangential: [self.p1, self.p2].map(zero),
+            prism: [self.sx1, self.sy1].map(zero),
+            skew: self.matrix.map_or(0.0, |[[fx, skew, _], ..]| skew / fx),
+            projection,
+            limit: None,
+        };
+        let radius =
+            self.fisheye_crop_radius.zip(self.fl_x).map(|(radius, focal)| DVec2::new(radius / focal, 0.0));
+        distortion.limit = radius.and_then(|at| Some(distortion.undistort(at)?.length()));
         Ok(LensClaim {
             size,
             focal: [self.fl_x, self.fl_y],
             angle: [self.camera_angle_x, self.camera_angle_y],
             center: [self.cx, self.cy],
-            distortion: Distortion {
-                radial: [zero(self.k1), zero(self.k2), zero(self.k3), zero(self.k4)],
-                tangential: [zero(self.p1), zero(self.p2)],
-            },
+            distortion,
         })
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DQuat, DVec3, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
-use trisplat_dataset::Lens;
+use trisplat_dataset::{Distortion, Lens};
 use trisplat_scene::{Error, Result};
 
 /// A row of images.txt.
@@ -56,4 +56,27 @@ pub(crate) fn write(folder: &Path, lens: &Lens, images: &[ImageRow], points: &[P
         std::fs::write(&path, text).map_err(|e| Error::io(&path, e))?;
     }
     Ok(())
+}
+
+/// The line of a camera in cameras.txt.
+pub(crate) fn camera_line(model: &str, lens: &Lens) -> String {
+    let ([w, h], [fx, fy], [cx, cy]) = (lens.size.to_array(), lens.focal.to_array(), lens.center.to_array());
+    let Distortion { radial: [k1, k2, k3, k4], tangential: [p1, p2], prism: [s1, s2], .. } = lens.distortion;
+    let numbers = match model {
+        "SPHERICAL" => vec![f64::from(w), f64::from(h)],
+        "SIMPLE_RADIAL_FISHEYE" => vec![fx, cx, cy, k1],
+        "RADIAL_FISHEYE" => vec![fx, cx, cy, k1, k2],
+        "FISHEYE" => vec![fx, fy, cx, cy],
+        "OPENCV_FISHEYE" => vec![fx, fy, cx, cy, k1, k2, k3, k4],
+        _ => vec![fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, s1, s2],
+    };
+    let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+    format!("1 {model} {w} {h} {}\n", numbers.join(" "))
+}
+
+/// Empties every second line.
+pub(crate) fn forget_observations(images: &Path) -> Result<()> {
+    let text = std::fs::read_to_string(images).map_err(|e| Error::io(images, e))?;
+    let poses: String = text.lines().skip(2).step_by(2).map(|line| format!("{line}\n\n")).collect();
+    std::fs::write(images, poses).map_err(|e| Error::io(images, e))
 }

@@ -164,6 +164,46 @@ pub fn render_things(camera: &Camera) -> RgbImage {
     RgbImage { size: camera.size, rgb, alpha: Some(alpha) }
 }
 
+/// What a camera at the place of `camera` sees through `lens`, 16 rays a pixel; black where the lens shows nothing.
+pub fn render_lens(camera: &Camera, lens: &Lens) -> RgbImage {
+    let rays = RayCamera::new(camera);
+    let pixel = |i: usize| {
+        let (i, width) = (i as u32, lens.size.x);
+        let corner = DVec2::new(f64::from(i % width), f64::from(i / width));
+        let at = |k: u32| (DVec2::new(f64::from(k % 4), f64::from(k / 4)) + 0.5) / 4.0;
+        let ray = |k: u32| {
+            let direction = rays.to_world * lens.ray(corner + at(k))?;
+            trace(Ray { origin: rays.position, direction }).map(|hit| hit.rgb)
+        };
+        let sum: DVec3 = (0..16).filter_map(ray).sum();
+        (sum * (255.0 / 16.0)).round().as_u8vec3().to_array()
+    };
+    RgbImage {
+        size: lens.size,
+        rgb: parallel::collect(lens.size.element_product() as usize, 1, pixel),
+        alpha: None,
+    }
+}
+
+/// [`write()`], with photos of `lens`, a camera model of COLMAP, that `draw` makes of a lens and a pose.
+pub fn write_lens(
+    folder: &Path,
+    options: &SyntheticOptions,
+    model: &str,
+    lens: &Lens,
+    draw: &dyn Fn(&Lens, &Camera) -> RgbImage,
+) -> Result<()> {
+    write_poses(folder, options)?;
+    let file = folder.join("sparse/0/cameras.txt");
+    std::fs::write(&file, colmap::camera_line(model, lens)).map_err(|e| Error::io(&file, e))?;
+    // Points and their places in photos are those of the pinhole.
+    colmap::forget_observations(&folder.join("sparse/0/images.txt"))?;
+    let images = folder.join("images");
+    std::fs::create_dir_all(&images).map_err(|e| Error::io(&images, e))?;
+    let photo = |index| draw(lens, &camera(options, index)).save_png(images.join(photo_name(index)));
+    (0..options.views).try_for_each(photo)
+}
+
 /// What a pixel's rays saw.
 struct Average {
     rgb: DVec3,

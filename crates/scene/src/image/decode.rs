@@ -219,10 +219,25 @@ fn broken(path: &Path, error: image::ImageError) -> Error {
             Error::malformed(path, "picture", format!("is damaged ({e}); copy it again"))
         }
         image::ImageError::IoError(e) => Error::io(path, e),
-        image::ImageError::Unsupported(e) => {
-            Error::unsupported(path, format!("{e}; convert it to PNG, JPEG, WebP or TIFF"))
-        }
+        image::ImageError::Unsupported(e) => Error::unsupported(
+            path,
+            no_picture(path).unwrap_or_else(|| format!("{e}; convert it to PNG, JPEG, WebP or TIFF")),
+        ),
         other => Error::malformed(path, "picture", other.to_string()),
+    }
+}
+
+/// What a file that is left in place of a picture is.
+fn no_picture(path: &Path) -> Option<String> {
+    let mut start = Vec::new();
+    let file = path.is_file().then(|| File::open(path).ok())??;
+    file.take(23).read_to_end(&mut start).ok()?;
+    match start[..] {
+        [] => Some("is empty (0 bytes); copy it again".into()),
+        _ if start == b"version https://git-lfs" => {
+            Some("is a pointer of git-lfs, not the picture; run `git lfs pull`".into())
+        }
+        _ => None,
     }
 }
 

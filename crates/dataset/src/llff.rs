@@ -1,0 +1,112 @@
+//! `poses_bounds.npy` of LLFF: poses of the photos of a folder in order of name.
+//!
+//! A row of 17 numbers is a matrix of 3 by 5, row by row, and the nearest and farthest depth. The columns of the matrix are the
+//! directions down, right and backwards of the photo, the place of the camera, and (height, width, focal length) in px.
+
+use super::found::{FoundDataset, FoundPhoto, LensClaim};
+use super::options::DatasetOptions;
+use super::points::PointFile;
+use super::posed::DatasetKind;
+use glam::{DMat3, DVec3, UVec2};
+use std::path::{Path, PathBuf};
+use trisplat_scene::{Error, Result, input};
+
+/// Numbers of a photo.
+const ROW: usize = 17;
+
+/// The file of a folder.
+pub(super) fn locate(root: &Path) -> Option<PathBuf> {
+    Some(root.join("poses_bounds.npy")).filter(|file| file.is_file())
+}
+
+/// Reads `file` and finds its photos: in `images`, or shrunk in `images_2`, `images_4`, ...
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+    let root = file.parent().unwrap_or(Path::new("")).to_owned();
+    let rows = rows(file, &input::read(file, &options.limits)?)?;
+    let name = options.images.display().to_string();
+    let folders = [name.clone()].into_iter().chain([2, 4, 8, 16].map(|by| format!("{name}_{by}")));
+    let counted = folders.map(|folder| (pictures(&root.join(&folder)), folder)).collect::<Vec<_>>();
+    let Some((pictures, folder)) = counted.iter().find(|(pictures, _)| pictures.len() == rows.len()) else {
+        let found: Vec<String> =
+            counted.iter().map(|(pictures, folder)| format!("{} in {folder}", pictures.len())).collect();
+        let reason = format!("has {} poses, and there are photos: {}", rows.len(), found.join(", "));
+        return Err(Error::malformed(file, "photos", format!("{reason}; each pose needs its photo")));
+    };
+    let below = root.join(folder);
+    let photos = pictures.iter().zip(&rows).enumerate().map(|(index, (path, row))| {
+        let name = path.strip_prefix(&below).unwrap_or(path).to_string_lossy().replace('\\', "/");
+        photo(name, path.clone(), row)
+            .map_err(|reason| Error::malformed(file, format!("pose {index}"), reason))
+    });
+    let photos = photos.collect::<Result<_>>()?;
+    let (kind, list, points) = (DatasetKind::Llff, file.to_owned(), PointFile::None);
+    Ok(FoundDataset { kind, root, list, photos, points, warnings: Vec::new() })
+}
+
+/// The pictures in a folder, in order of name.
+fn pictures(folder: &Path) -> Vec<PathBuf> {
+    let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
+    let mut pictures: Vec<PathBuf> = input::files_below(folder).into_iter().filter(is_picture).collect();
+    pictures.sort();
+    pictures
+}
+
+fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> std::result::Result<FoundPhoto, String> {
+    let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
+    let (to_world, size) = (DMat3::from_cols(column(1), column(0), -column(2)), column(4));
+    let skew = to_world.transpose() * to_world - DMat3::IDENTITY;
+    let turned = to_world.determinant() > 0.0 && skew.to_cols_array().iter().all(|x| x.abs() < 1e-3);
+    if !turned || !row.iter().all(|x| x.is_finite()) {
+        return Err("is no rotation: expected columns down, right, backwards".into());
+    }
+    let [height, width, focal] = size.to_array();
+    if !(height.min(width) >= 1.0 && height.max(width) <= f64::from(1 << 20)) {
+        return Err(format!("says a photo of {width}x{height}"));
+    }
+    let rotation = to_world.transpose();
+    let lens = LensClaim {
+        size: Some(UVec2::new(width.round() as u32, height.round() as u32)),
+        focal: [Some(focal), None],
+        ..LensClaim::default()
+    };
+    let translation = -(rotation * column(3));
+    Ok(FoundPhoto { name, path, mask: None, rotation, translation, lens, held_out: false })
+}
+
+/// The rows of a NumPy file: its magic bytes, the length of its header, the header as a Python dict, numbers.
+fn rows(file: &Path, bytes: &[u8]) -> Result<Vec<[f64; ROW]>> {
+    let wrong = |reason: String| {
+        Error::malformed(file, "header", format!("{reason}; expected N x {ROW} numbers, little endian"))
+    };
+    let no_array = || wrong("is not a NumPy array".into());
+    let (magic, rest) = bytes.split_at_checked(8).ok_or_else(no_array)?;
+    let wide = match magic {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', version, _] => *version > 1,
+        _ => return Err(no_array()),
+    };
+    let (length, rest) = rest.split_at_checked(if wide { 4 } else { 2 }).ok_or_else(no_array)?;
+    let length = length.iter().rev().fold(0, |sum, byte| 256 * sum + usize::from(*byte));
+    let (header, numbers) = rest.split_at_checked(length).ok_or_else(no_array)?;
+    let header = String::from_utf8_lossy(header).replace([' ', '"'], "").replace('\'', "");
+    let bytes_each = match () {
+        () if header.contains("descr:<f8") => 8,
+        () if header.contains("descr:<f4") => 4,
+        () => return Err(wrong(format!("says {}", header.trim()))),
+    };
+    let shape = header
+        .split_once("shape:(")
+        .and_then(|(_, rest)| rest.split_once(')'))
+        .map_or("", |(shape, _)| shape);
+    if header.contains("fortran_order:True") || !shape.ends_with(&format!(",{ROW}")) {
+        return Err(wrong(format!("says {}", header.trim())));
+    }
+    let number = |bytes: &[u8]| match bytes.try_into() {
+        Ok(eight) => f64::from_le_bytes(eight),
+        Err(_) => bytes.try_into().map_or(f64::NAN, |four| f64::from(f32::from_le_bytes(four))),
+    };
+    let numbers: Vec<f64> = numbers.chunks(bytes_each).map(number).collect();
+    if shape.split_once(',').and_then(|(rows, _)| rows.parse().ok()) != Some(numbers.len() / ROW) {
+        return Err(wrong(format!("says ({shape}), and {} numbers follow", numbers.len())));
+    }
+    Ok(numbers.as_chunks().0.to_vec())
+}

@@ -1,0 +1,226 @@
+//! Metashape's `cameras.xml` (File > Export > Export Cameras): sensors, photos by label, and the place of the chunk.
+//!
+//! Poses are camera to chunk with our axes (x right, y down, z forward), and the chunk's are in the world: scale · R p + t. Of a
+//! sensor's numbers, cx and cy are from the middle of the photo, p1 and p2 in the order opposite to OpenCV's:
+//!
+//! ```text
+//! u = w / 2 + cx + x' (f + b1) + y' b2        v = h / 2 + cy + y' f
+//! ```
+
+use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
+use super::lens::{Distortion, Lens, Projection};
+use super::options::DatasetOptions;
+use super::points::PointFile;
+use super::posed::DatasetKind;
+use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
+use quick_xml::de::from_str;
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+use trisplat_scene::{Error, Result, input};
+
+#[derive(Deserialize)]
+struct Document {
+    chunk: Chunk,
+}
+
+#[derive(Deserialize)]
+struct Chunk {
+    #[serde(default)]
+    sensors: Sensors,
+    #[serde(default)]
+    cameras: Cameras,
+    #[serde(default)]
+    transform: Place,
+}
+
+#[derive(Default, Deserialize)]
+struct Sensors {
+    #[serde(default)]
+    sensor: Vec<Sensor>,
+}
+
+#[derive(Deserialize)]
+struct Sensor {
+    #[serde(rename = "@id")]
+    id: u32,
+    #[serde(rename = "@type", default)]
+    kind: String,
+    resolution: Option<Resolution>,
+    #[serde(default)]
+    calibration: Vec<Calibration>,
+}
+
+#[derive(Deserialize)]
+struct Resolution {
+    #[serde(rename = "@width")]
+    width: u32,
+    #[serde(rename = "@height")]
+    height: u32,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Calibration {
+    #[serde(rename = "@class")]
+    class: String,
+    f: Option<f64>,
+    cx: f64,
+    cy: f64,
+    k1: f64,
+    k2: f64,
+    k3: f64,
+    k4: f64,
+    p1: f64,
+    p2: f64,
+    b1: f64,
+    b2: f64,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Cameras {
+    camera: Vec<Camera>,
+    group: Vec<Cameras>,
+}
+
+#[derive(Deserialize)]
+struct Camera {
+    #[serde(rename = "@label")]
+    label: String,
+    #[serde(rename = "@sensor_id")]
+    sensor: Option<u32>,
+    #[serde(rename = "@enabled", default)]
+    enabled: Option<String>,
+    transform: Option<String>,
+}
+
+/// Where the chunk is.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Place {
+    rotation: Option<Numbers>,
+    translation: Option<Numbers>,
+    scale: Option<Numbers>,
+}
+
+#[derive(Deserialize)]
+struct Numbers {
+    #[serde(rename = "$text")]
+    text: String,
+}
+
+/// The file of a folder.
+pub(super) fn locate(root: &Path) -> Option<PathBuf> {
+    Some(root.join("cameras.xml")).filter(|file| file.is_file())
+}
+
+/// Reads `file` and finds its photos.
+pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
+    let text = input::read_text(file, &options.limits)?;
+    let document: Document = from_str(&text).map_err(|e| {
+        let reason = format!("is not Metashape's list of cameras: {e}; export it as Agisoft XML");
+        Error::malformed(file, "XML", reason)
+    })?;
+    let Chunk { sensors, cameras, transform } = document.chunk;
+    let place = transform.matrix().map_err(|reason| Error::malformed(file, "chunk", reason))?;
+    let root = file.parent().unwrap_or(Path::new("")).to_owned();
+    let mut files = NamedFiles::new(file, &root, options);
+    let all = cameras.all();
+    let used = |camera: &&&Camera| {
+        camera.transform.is_some() && !matches!(camera.enabled.as_deref(), Some("0" | "false"))
+    };
+    let mut photos = Vec::new();
+    for camera in all.iter().filter(used) {
+        let at = format!("camera `{}`", camera.label);
+        let wrong = |reason: String| Error::malformed(file, &at, reason);
+        let sensor = sensors.sensor.iter().find(|sensor| camera.sensor.is_none_or(|id| sensor.id == id));
+        let lens =
+            sensor.ok_or_else(|| wrong("its sensor is not in the file".into()))?.lens().map_err(wrong)?;
+        let numbers = numbers::<16>(camera.transform.as_deref().unwrap_or_default()).map_err(wrong)?;
+        let to_world = place * DMat4::from_cols_array(&numbers).transpose();
+        let (rotation, center) = (DMat3::from_mat4(to_world), to_world.w_axis.truncate());
+        let scale = rotation.determinant().cbrt();
+        let proper = scale > 1e-12 && center.is_finite();
+        if !proper {
+            return Err(wrong("its transform is mirrored or singular".into()));
+        }
+        let path = files.find(&at, &camera.label)?;
+        let rotation = (rotation * (1.0 / scale)).transpose();
+        let (name, translation) = (files.name_of(&path), -(rotation * center));
+        photos.push(FoundPhoto { name, path, mask: None, rotation, translation, lens, held_out: false });
+    }
+    if photos.is_empty() {
+        return Err(Error::malformed(file, "cameras", "none has a pose; align the photos before the export"));
+    }
+    let mut warnings = Vec::new();
+    if photos.len() < all.len() {
+        let (without, total) = (all.len() - photos.len(), all.len());
+        warnings.push(format!("{without} of {total} photos left out: they are not aligned, or disabled"));
+    }
+    let (kind, list, points) = (DatasetKind::Metashape, file.to_owned(), PointFile::None);
+    Ok(FoundDataset { kind, root, list, photos, points, warnings })
+}
+
+impl Cameras {
+    /// Those of groups too.
+    fn all(&self) -> Vec<&Camera> {
+        self.camera.iter().chain(self.group.iter().flat_map(Self::all)).collect()
+    }
+}
+
+impl Sensor {
+    fn lens(&self) -> std::result::Result<LensClaim, String> {
+        let projection = match self.kind.as_str() {
+            "" | "frame" => Projection::Perspective,
+            "fisheye" | "equidistant_fisheye" => Projection::Fisheye,
+            "spherical" => Projection::Spherical,
+            other => {
+                return Err(format!(
+                    "a sensor of type {other} is not read; undistort the photos in Metashape"
+                ));
+            }
+        };
+        let size = self.resolution.as_ref().map(|size| UVec2::new(size.width, size.height));
+        let size = size.ok_or("its sensor has no resolution")?;
+        if projection == Projection::Spherical {
+            return Ok(LensClaim::of(&Lens::spherical(size)));
+        }
+        let adjusted = self.calibration.iter().find(|calibration| calibration.class == "adjusted");
+        let c = adjusted.or(self.calibration.first()).ok_or("its sensor has no calibration")?;
+        let f = c.f.ok_or("its sensor has no focal length")?;
+        let focal = DVec2::new(f + c.b1, f);
+        let distortion = Distortion {
+            radial: [c.k1, c.k2, c.k3, c.k4],
+            tangential: [c.p2, c.p1],
+            skew: c.b2 / focal.x,
+            projection,
+            ..Distortion::default()
+        };
+        Ok(LensClaim::of(&Lens {
+            size,
+            focal,
+            center: size.as_dvec2() / 2.0 + DVec2::new(c.cx, c.cy),
+            distortion,
+        }))
+    }
+}
+
+impl Place {
+    fn matrix(&self) -> std::result::Result<DMat4, String> {
+        let text = |numbers: &Option<Numbers>, none: &str| {
+            numbers.as_ref().map_or(none.to_owned(), |n| n.text.clone())
+        };
+        let rotation =
+            DMat3::from_cols_array(&numbers(&text(&self.rotation, "1 0 0 0 1 0 0 0 1"))?).transpose();
+        let [scale] = numbers(&text(&self.scale, "1"))?;
+        let moved = DVec3::from(numbers(&text(&self.translation, "0 0 0"))?);
+        Ok(DMat4::from_translation(moved) * DMat4::from_mat3(rotation * scale))
+    }
+}
+
+/// The numbers of a text.
+fn numbers<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
+    let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
+    let finite = numbers.iter().all(|number| number.is_finite());
+    numbers.try_into().ok().filter(|_| finite).ok_or_else(|| format!("expected {N} numbers, not `{text}`"))
+}
