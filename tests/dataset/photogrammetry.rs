@@ -43,8 +43,8 @@ fn llff(views: &[View], by: f32) -> Vec<u8> {
         let m = to_world(&view.camera);
         let size = view.camera.size.as_vec2() * by;
         let hwf = [size.y, size.x, view.camera.focal.x * by];
-        for row in 0..3 {
-            let axes = [m.y_axis[row], m.x_axis[row], -m.z_axis[row], m.w_axis[row], f64::from(hwf[row])];
+        for (row, last) in hwf.into_iter().enumerate() {
+            let axes = [m.y_axis[row], m.x_axis[row], -m.z_axis[row], m.w_axis[row], f64::from(last)];
             bytes.extend(axes.iter().flat_map(|x| x.to_le_bytes()));
         }
         bytes.extend([0.5f64, 9.0].iter().flat_map(|x| x.to_le_bytes()));
@@ -123,10 +123,10 @@ fn metashape(views: &[View], kind: &str, calibration: &str) -> String {
     write!(xml, "{}<camera id=\"8\" sensor_id=\"0\" label=\"lost\"/></cameras>", cameras[3..].concat())
         .unwrap();
     let (rotation, moved) = (words(&turn.transpose().to_cols_array()), words(&[3.0, -2.0, 0.5]));
-    write!(
+    writeln!(
         xml,
         "<transform><rotation locked=\"false\">{rotation}</rotation><translation locked=\"false\">{moved}</translation>\
-         <scale locked=\"false\">2.5</scale></transform></chunk></document>\n"
+         <scale locked=\"false\">2.5</scale></transform></chunk></document>"
     )
     .unwrap();
     xml
