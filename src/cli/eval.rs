@@ -9,7 +9,9 @@ use super::render::Pictures;
 use std::io::Write;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_job::{EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore};
+use trisplat_job::{
+    BesideScores, DepthScores, EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore,
+};
 use trisplat_scene::{Error, Result};
 use trisplat_train::BackendOptions;
 
@@ -139,8 +141,23 @@ impl Table {
         self.line(out, &format!("{cells}  {}", remark(step, report)))
     }
 
+    /// Depth at tracked points, and what one sees beside the cameras.
+    fn off_camera(&self, out: &mut dyn Write, step: &StepScore) -> Result<()> {
+        let name = &step.name;
+        if let Some(DepthScores { rays, within, before, behind }) = step.depth {
+            let rays = thousands(rays);
+            let shares =
+                format!("{within:.3} within 1%, {before:.3} over 5% before, {behind:.3} over 5% behind");
+            self.line(out, &format!("depth   {name:<5} {shares}, of {rays} rays to tracked points"))?;
+        }
+        let Some(BesideScores { unsupported, empty }) = step.beside else { return Ok(()) };
+        let shares = format!("{unsupported:.3} that no photo supports, {empty:.3} empty");
+        self.line(out, &format!("beside  {name:<5} {shares}, of the pixels beside the training cameras"))
+    }
+
     fn end(&self, out: &mut dyn Write, report: &EvalReport) -> Result<()> {
-        report.steps.iter().try_for_each(|step| self.mean(out, step, report))
+        report.steps.iter().try_for_each(|step| self.mean(out, step, report))?;
+        report.steps.iter().try_for_each(|step| self.off_camera(out, step))
     }
 }
 

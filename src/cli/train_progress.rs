@@ -187,13 +187,14 @@ impl Bar {
     fn densified(&mut self, step: u64, r: &Densified) {
         if self.lines.verbose {
             self.line(&format!(
-                "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen",
+                "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen, -{} unsupported",
                 many(r.triangles as u64, "triangle"),
                 r.cloned,
                 3 * r.split,
                 r.faint,
                 r.unimportant,
-                r.unseen
+                r.unseen,
+                r.unsupported
             ));
         }
     }

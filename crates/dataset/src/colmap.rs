@@ -5,9 +5,9 @@ use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Lens;
 use super::options::DatasetOptions;
 use super::points::PointFile;
-use super::posed::{DatasetKind, Reprojection};
+use super::posed::{Dataset, DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
-use glam::{DVec2, DVec3, UVec2, Vec2};
+use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::math::lists::median;
@@ -251,6 +251,26 @@ pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reproj
     }
     let mean_px = if observations > 0 { sum / observations as f64 } else { 0.0 };
     Ok((observations + behind > 0).then_some(Reprojection { mean_px, observations, behind }))
+}
+
+impl Dataset {
+    /// The points that each photo's track entries name, relative to the origin, in the order of the views; `None` without a COLMAP model or
+    /// entries. `[V][P]`
+    ///
+    /// Errors: a broken model.
+    pub fn tracked_points(&self, limits: &Limits) -> Result<Option<Vec<Vec<Vec3>>>> {
+        let colmap = matches!(self.kind, DatasetKind::ColmapBinary | DatasetKind::ColmapText);
+        let Some(files) = colmap.then(|| locate(&self.path)).flatten() else { return Ok(None) };
+        let (model, places) = (files.model(limits, true)?, files.places(limits)?);
+        let mut of: HashMap<String, Vec<Vec3>> = HashMap::new();
+        for image in model.images {
+            let seen = image.observations.iter().filter_map(|(id, _)| places.get(id));
+            of.insert(image.name.replace('\\', "/"), seen.map(|p| (*p - self.origin).as_vec3()).collect());
+        }
+        let seen: Vec<Vec<Vec3>> =
+            self.views.iter().map(|v| of.remove(&v.name).unwrap_or_default()).collect();
+        Ok(seen.iter().any(|points| !points.is_empty()).then_some(seen))
+    }
 }
 
 /// The photos of a model, and the points of each.

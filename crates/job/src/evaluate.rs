@@ -1,5 +1,6 @@
 //! An evaluation job, from options to report: photos, forms of the scene, scores.
 
+use super::off_camera;
 use super::renderer::RenderOptions;
 use super::scores::{self, EvalReport, ImageScore, ScoredPicture, StepScore};
 use super::steps::{self, EvalStep};
@@ -167,9 +168,15 @@ impl<'a> ReadyEval<'a> {
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
+        let seen = self.dataset.tracked_points(&self.job.dataset_options.limits)?;
         for ((step, images), draw_secs) in self.steps.iter().zip(images).zip(secs) {
             let mean = scores::mean(images.iter().map(|image| &image.score));
+            let surface = step.renderer.surface();
             scores.push(StepScore {
+                depth: surface
+                    .zip(seen.as_ref())
+                    .and_then(|((mesh, near), seen)| off_camera::depth(mesh, near, self.dataset, seen)),
+                beside: surface.and_then(|(mesh, near)| off_camera::beside(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,
                 splats: step.renderer.splat_count(),

@@ -186,6 +186,14 @@ impl SceneRenderer {
         }
     }
 
+    /// The mesh of a solid scene in the cameras' frame, and its near plane.
+    pub(super) fn surface(&self) -> Option<(&Mesh, f32)> {
+        match self {
+            Self::Solid(scene) => Some((&scene.mesh, scene.options.near)),
+            Self::Soft(_) | Self::Splats(_) => None,
+        }
+    }
+
     /// Checks that a picture of `size` can be drawn and is within `limits`.
     pub fn validate(&self, size: UVec2, limits: &Limits) -> Result<()> {
         limits.camera("camera", size)?;

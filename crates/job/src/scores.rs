@@ -1,6 +1,7 @@
 //! Scores of pictures against photos: PSNR, SSIM and FLIP. PSNR and SSIM are given twice: for the drawing itself,
 //! and after the affine map of its colours that fits the photo best.
 
+use super::off_camera::{BesideScores, DepthScores};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::ShrunkSize;
@@ -51,6 +52,12 @@ pub struct StepScore {
     /// The mean minus that of the previous step: the loss of this step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<Scores>,
+    /// Depth at the points that photos track; absent without tracks or a solid surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<DepthScores>,
+    /// What one sees beside the cameras; absent without a solid surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside: Option<BesideScores>,
     /// Photo by photo, in order of name.
     pub images: Vec<ImageScore>,
     /// Seconds spent drawing.

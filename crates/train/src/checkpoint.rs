@@ -145,6 +145,7 @@ fn tensors<'a>(
     add("visibility.sum_weight".into(), Dtype::F32, &[n], raw(&visibility.sum_weight))?;
     add("visibility.views".into(), Dtype::U32, &[n], raw(&visibility.views))?;
     add("visibility.radius_px".into(), Dtype::F32, &[n], raw(&visibility.radius_px))?;
+    add("visibility.nearness".into(), Dtype::F32, &[n], raw(&visibility.nearness))?;
     add("visibility.error".into(), Dtype::U64, &[n], raw(&visibility.error))?;
     add("visibility.exempt".into(), Dtype::U8, &[n], exempt)?;
     add("visibility.drawn".into(), Dtype::U8, &[drawn.len()], drawn)?;
@@ -225,6 +226,7 @@ fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Checkpoint> {
         sum_weight: file.array("visibility.sum_weight", n)?,
         views: file.array("visibility.views", n)?,
         radius_px: file.array("visibility.radius_px", n)?,
+        nearness: file.array("visibility.nearness", n)?,
         error: file.array("visibility.error", n)?,
         exempt: flags("visibility.exempt", n)?,
         drawn: flags("visibility.drawn", meta.identity.photos.len())?,

@@ -16,6 +16,11 @@ use trisplat_scene::parallel::{self, GRAIN};
 
 /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
 const MIN_VIEWS: u32 = 2;
+/// Triangles of a solid scene that fewer photos than this show need one that is near.
+const FIRM_VIEWS: u32 = 6;
+/// The nearest photo that shows such a triangle is at most this many times as far as the nearest camera: one that stands before a camera
+/// which does not show it, and that only far photos show, is there for some pixels of theirs and for no surface.
+const FARTHEST_VIEW: f32 = 2.5;
 /// Largest shift of a clone, in halves of the triangle's box (1.5, supplement: max_noise_factor).
 const CLONE_SHIFT: f32 = 1.5;
 
@@ -24,6 +29,8 @@ const CLONE_SHIFT: f32 = 1.5;
 pub(crate) struct DensifyPlan<'a> {
     /// The constants.
     pub options: &'a DensifyOptions,
+    /// Places of the cameras, in training space.
+    pub eyes: &'a [Vec3],
     /// Never more triangles than this.
     pub max_triangles: usize,
     /// The box with its own budget, when only a part of a scene is trained.
@@ -58,6 +65,8 @@ pub struct Densified {
     pub unimportant: usize,
     /// Removed: visible in too few photos.
     pub unseen: usize,
+    /// Removed: before a camera, and shown by few photos from far away.
+    pub unsupported: usize,
     /// Removed: least summed weight, in a scene at its limit of triangles.
     pub relocated: usize,
     /// Split into four.
@@ -134,6 +143,8 @@ fn prune(
             &mut done.unimportant
         } else if observed && visibility.views[i] < MIN_VIEWS.min(visibility.drawn.len() as u32) {
             &mut done.unseen
+        } else if observed && plan.bisect && is_unsupported(params, visibility, i, plan.eyes) {
+            &mut done.unsupported
         } else {
             continue;
         };
@@ -149,6 +160,14 @@ fn prune(
         }
     }
     alive
+}
+
+/// True for a triangle near a camera that only a few photos show, from much farther away.
+fn is_unsupported(params: &Params, visibility: &VisibilityStats, i: usize, eyes: &[Vec3]) -> bool {
+    let [a, b, c] = params.vertices[i];
+    let middle = (a + b + c) / 3.0;
+    let near = |eye: &Vec3| middle.distance(*eye) * visibility.nearness[i] * FARTHEST_VIEW < 1.0;
+    visibility.views[i] < FIRM_VIEWS && eyes.iter().any(near)
 }
 
 /// Samples triangles by weight, without replacement, until the growth is spent: a split adds three, a clone one.
@@ -286,6 +305,7 @@ mod tests {
     fn plan(options: &DensifyOptions) -> DensifyPlan<'_> {
         DensifyPlan {
             options,
+            eyes: &[],
             max_triangles: 1000,
             core: None,
             grow: true,
@@ -440,6 +460,22 @@ mod tests {
         assert_eq!((done.broken, done.faint, done.unimportant, done.unseen), (1, 1, 1, 1));
         assert_eq!((done.triangles, w.len()), (6, 6));
         assert!(!w.is_complete(), "complete statistics are reset");
+    }
+
+    #[test]
+    fn what_only_far_photos_show_before_a_camera_goes_once_the_scene_is_solid() {
+        let options = DensifyOptions::default();
+        let removed = |bisect: bool, views: u32, depth: f32| {
+            let (mut s, mut w) = (state(10), visible(10, 8));
+            w.nearness.fill(1.0);
+            let eye = s.params.vertices[3].iter().sum::<Vec3>() / 3.0 + Vec3::new(0.0, 0.0, -0.3);
+            (w.views[3], w.nearness[3]) = (views, 1.0 / depth);
+            let plan =
+                DensifyPlan { grow: false, bisect, eyes: &[eye, eye - 9.0 * Vec3::Z], ..plan(&options) };
+            densify(&mut s, &mut w, &plan).unsupported
+        };
+        assert_eq!(removed(true, 5, 0.76), 1, "0.3 from a camera, 0.76 from a photo");
+        assert_eq!([removed(true, 5, 0.74), removed(true, 6, 0.76), removed(false, 5, 0.76)], [0; 3]);
     }
 
     #[test]

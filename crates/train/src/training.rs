@@ -11,6 +11,7 @@ use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
 use super::start::{self, RunOptions, TrainRun};
 use super::visibility::VisibilityStats;
+use glam::Vec3;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{Cells, compared_size};
 use trisplat_dataset::{Dataset, DatasetKind, View};
@@ -278,8 +279,10 @@ impl<'a> Training<'a> {
         let (o, schedule) = (&self.meta.options, Schedule::new(&self.meta.options));
         // Pruning uses the last drawing of the scene.
         let last = self.meta.step - 1;
+        let eyes: Vec<Vec3> = self.cameras.iter().map(Camera::position).collect();
         let plan = densify::DensifyPlan {
             options: &o.densify,
+            eyes: &eyes,
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.meta.core,
             grow: schedule.grows_after(self.meta.step),

@@ -17,6 +17,8 @@ pub struct VisibilityStats {
     pub views: Vec<u32>,
     /// Largest distance of a corner from the centre, px of the full photo. `[N]`
     pub radius_px: Vec<f32>,
+    /// Reciprocal of the least depth in a photo that shows it, 1 / unit of training space; 0 without one. `[N]`
+    pub nearness: Vec<f32>,
     /// Squared error of the pixels since the last densification, shared out by weight. `[N]`
     pub error: Vec<u64>,
     /// Triangles younger than the statistics: not pruned by them. `[N]`
@@ -33,6 +35,7 @@ impl VisibilityStats {
             sum_weight: vec![0.0; triangles],
             views: vec![0; triangles],
             radius_px: vec![0.0; triangles],
+            nearness: vec![0.0; triangles],
             error: vec![0; triangles],
             exempt: vec![false; triangles],
             drawn: vec![false; photos],
@@ -58,6 +61,7 @@ impl VisibilityStats {
         for i in 0..self.max_weight.len() {
             self.max_weight[i] = self.max_weight[i].max(seen.max_weight[i]);
             self.radius_px[i] = self.radius_px[i].max(full_px * seen.max_radius_px[i]);
+            self.nearness[i] = self.nearness[i].max(seen.nearness[i]);
             if counts {
                 self.sum_weight[i] += full_px * full_px * seen.sum_weight[i];
                 self.views[i] += seen.views[i];
@@ -76,6 +80,7 @@ impl VisibilityStats {
         self.sum_weight.push(from.sum_weight[i]);
         self.views.push(from.views[i]);
         self.radius_px.push(from.radius_px[i]);
+        self.nearness.push(from.nearness[i]);
         self.error.push(0);
         self.exempt.push(from.exempt[i]);
     }
@@ -86,6 +91,7 @@ impl VisibilityStats {
         self.sum_weight.push(0.0);
         self.views.push(0);
         self.radius_px.push(0.0);
+        self.nearness.push(0.0);
         self.error.push(0);
         self.exempt.push(true);
     }

@@ -152,6 +152,8 @@ pub struct Importance {
     pub pixels: Vec<u32>,
     /// Largest distance of a corner from the centroid on the screen, px.
     pub max_radius_px: Vec<f32>,
+    /// Reciprocal of its least depth in a view that drew it on more than one pixel; 0 without such a view.
+    pub nearness: Vec<f32>,
 }
 
 impl Importance {
@@ -163,6 +165,7 @@ impl Importance {
             views: vec![0; count],
             pixels: vec![0; count],
             max_radius_px: vec![0.0; count],
+            nearness: vec![0.0; count],
         }
     }
 
@@ -173,28 +176,35 @@ impl Importance {
         if weights.len() < tiles.entries.len() {
             return;
         }
-        let Self { max_weight, sum_weight, views, pixels, max_radius_px } = self;
+        let Self { max_weight, sum_weight, views, pixels, max_radius_px, nearness } = self;
         let rows = max_weight
             .chunks_mut(CHUNK)
             .zip(sum_weight.chunks_mut(CHUNK))
             .zip(views.chunks_mut(CHUNK).zip(pixels.chunks_mut(CHUNK)))
-            .zip(max_radius_px.chunks_mut(CHUNK))
+            .zip(max_radius_px.chunks_mut(CHUNK).zip(nearness.chunks_mut(CHUNK)))
             .zip(&projection.chunks);
-        parallel::for_each(rows, |c, ((((max, sum), (views, pixels)), radius), chunk)| {
+        parallel::for_each(rows, |c, ((((max, sum), (views, pixels)), (radius, nearness)), chunk)| {
             let mut at = 0;
             for pieces in chunk.projected.chunk_by(|a, b| a.record.triangle == b.record.triangle) {
                 let i = pieces[0].record.triangle as usize - c * CHUNK;
-                let mut all = WeightSlot::default();
+                let (mut all, mut near) = (WeightSlot::default(), 0.0f32);
                 for projected in pieces {
                     prefetch_ahead(tiles, &chunk.projected, at, weights);
+                    let piece = of_splat(tiles, weights, projected.rank);
+                    if piece.pixels > 0 {
+                        near = near.max(f32::from_bits(chunk.depths[at]).recip());
+                    }
                     at += 1;
-                    all.add(&of_splat(tiles, weights, projected.rank));
+                    all.add(&piece);
                     radius[i] = radius[i].max(projected.radius_px);
                 }
                 max[i] = max[i].max(all.max);
                 sum[i] += all.sum;
                 pixels[i] += all.pixels;
-                views[i] += u32::from(all.pixels > 1);
+                if all.pixels > 1 {
+                    views[i] += 1;
+                    nearness[i] = nearness[i].max(near);
+                }
             }
         });
     }

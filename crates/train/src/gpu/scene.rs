@@ -16,7 +16,7 @@ use trisplat_scene::{Error, Result};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages};
 
 /// Numbers of [`VisibilityBuffer`] per triangle: largest weight, largest radius, photos, error (low and high half), sum of weights.
-pub(super) const VISIBILITY_NUMBERS: usize = 6;
+pub(super) const VISIBILITY_NUMBERS: usize = 7;
 
 /// The scene, in chunks that fit a binding.
 #[derive(Debug)]
@@ -144,7 +144,7 @@ fn upload(gpu: &Gpu, what: &str, params: &Params, chunk: Range<usize>) -> Result
     Ok(buffer)
 }
 
-/// Visibility of every triangle: `[6, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
+/// Visibility of every triangle: `[7, N]`, the twin of `record_visibility` in `passes/update.wgsl`.
 #[derive(Debug)]
 pub(super) struct VisibilityBuffer {
     pub(super) buffer: Buffer,
@@ -170,7 +170,7 @@ impl VisibilityBuffer {
         let mut first = Importance::new(n);
         (first.max_weight, first.max_radius_px) = (floats(0), floats(1));
         first.views = row(2).to_vec();
-        first.sum_weight = floats(5);
+        (first.sum_weight, first.nearness) = (floats(5), floats(6));
         let error = row(3).iter().zip(row(4)).map(|(&low, &high)| u64::from(low) | u64::from(high) << 32);
         Ok(BackendVisibility { first, again: Importance::default(), error: error.collect() })
     }

@@ -23,6 +23,7 @@ struct TriangleGrad {
     max_weight: f32,
     sum_weight: f32,
     radius_px: f32,
+    nearness: f32,
 }
 
 fn sum_of(splat: u32, number: u32) -> f32 {
@@ -84,6 +85,7 @@ fn add_piece(out: ptr<function, TriangleGrad>, splat_index: u32, whole: CameraTr
         return;
     }
     (*out).pixels += pixels;
+    (*out).nearness = max((*out).nearness, 1.0 / (corners.first.z + (corners.edge1.z + corners.edge2.z) * (1.0 / 3.0)));
     (*out).max_weight = max((*out).max_weight, sum_of(splat_index, MAX_WEIGHT));
     (*out).sum_weight += sum_of(splat_index, SUM_WEIGHT);
     (*out).rgb += vec3(sum_of(splat_index, RGB), sum_of(splat_index, RGB + 1u), sum_of(splat_index, RGB + 2u));
@@ -156,6 +158,9 @@ fn record_visibility(i: u32, d: TriangleGrad, is_finite_grad: bool) {
     // All are at least 0, so their bits have the same order.
     visibility[i] = max(visibility[i], bitcast<u32>(d.max_weight));
     visibility[n + i] = max(visibility[n + i], bitcast<u32>(d.radius_px));
+    if d.pixels >= 2.0 {
+        visibility[6u * n + i] = max(visibility[6u * n + i], bitcast<u32>(d.nearness));
+    }
     if step.update.w == 1.0 {
         visibility[2u * n + i] += select(0u, 1u, d.pixels >= 2.0);
         visibility[5u * n + i] = bitcast<u32>(bitcast<f32>(visibility[5u * n + i]) + d.sum_weight);
