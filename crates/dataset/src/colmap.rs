@@ -54,13 +54,18 @@ fn models_in(folder: &Path) -> Vec<ModelFiles> {
         let binary = has("bin");
         (binary || has("txt")).then_some(ModelFiles { folder, binary })
     };
+    let found: Vec<_> = numbered(folder).iter().filter_map(|name| model(folder.join(name))).collect();
+    if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
+}
+
+/// The names in `folder` that are numbers, in their order.
+pub(super) fn numbered(folder: &Path) -> Vec<std::ffi::OsString> {
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
     let number = |name: std::ffi::OsString| name.to_str()?.parse::<u32>().ok().map(|n| (n, name));
     let mut numbered: Vec<_> = entries.filter_map(|entry| number(entry.file_name())).collect();
     numbered.sort_unstable();
-    let found: Vec<_> = numbered.into_iter().filter_map(|(_, name)| model(folder.join(name))).collect();
-    if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
+    numbered.into_iter().map(|(_, name)| name).collect()
 }
 
 /// Reads the model and finds its photos.

@@ -1,8 +1,9 @@
 //! Figures of a data set, for `trisplat info`, and its files, which no command may overwrite.
 
-use super::colmap::with_photos;
+use super::colmap::{numbered, with_photos};
 use super::found::with_extension;
 use super::posed::{Dataset, DatasetKind, Reprojection, View};
+use super::realityscan;
 use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -139,9 +140,10 @@ fn bounds(dataset: &Dataset) -> Option<[[f64; 3]; 2]> {
 }
 
 /// The beginnings of the names of files with poses, points and the split.
-const NAMES: [&str; 6] = ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs."];
-/// Folders of a data set that hold such files.
-const FOLDERS: [&str; 4] = ["", "sparse", "sparse/0", "colmap/sparse/0"];
+const NAMES: [&str; 7] =
+    ["transforms", "test.txt", "cameras.", "images.", "points3D.", "rigs.", "poses_bounds.npy"];
+/// Folders of a data set that hold such files; each may have numbered ones.
+const FOLDERS: [&str; 3] = ["", "sparse", "colmap/sparse"];
 /// The folder of masks.
 const MASKS: &str = "masks";
 
@@ -162,7 +164,11 @@ impl Dataset {
         let above = is_model.then(|| with_photos(root, images)).flatten().filter(|above| *above != root);
         let roots: Vec<&Path> = std::iter::once(root).chain(above).collect();
         for root in roots {
-            FOLDERS.iter().for_each(|folder| files.extend(poses(&root.join(folder))));
+            for folder in FOLDERS.map(|folder| root.join(folder)) {
+                numbered(&folder).iter().for_each(|model| files.extend(poses(&folder.join(model))));
+                files.extend(poses(&folder));
+            }
+            files.extend(realityscan::locate(root));
             for folder in [images, Path::new(MASKS)] {
                 // Photos may lie beside everything else.
                 let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
@@ -210,20 +216,33 @@ mod tests {
     fn poses_points_photos_and_masks_are_found_before_anything_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        for name in
-            ["sparse/0/images.bin", "images/a/1.png", "masks/a/1.png", "other/2.jpg", "test.txt", "scene.ply"]
-        {
+        for name in [
+            "sparse/0/images.bin",
+            "sparse/1/images.bin",
+            "poses_bounds.npy",
+            "cameras.xml",
+            "images/a/1.png",
+            "masks/a/1.png",
+            "other/2.jpg",
+            "test.txt",
+            "scene.ply",
+        ] {
             std::fs::create_dir_all(at(name).parent().unwrap()).unwrap();
             std::fs::write(at(name), "").unwrap();
         }
         #[cfg(unix)]
         std::os::unix::fs::symlink(folder.path(), at("images/again")).unwrap();
+        std::fs::write(at("table.csv"), "#name,x,y,alt").unwrap();
         let json =
             r#"{"ply_file_path": "points.ply", "frames": [{"file_path": "other\\2", "mask_path": "m.png"}]}"#;
         std::fs::write(at("transforms.json"), json).unwrap();
         let found = Dataset::files(folder.path(), Path::new("images"), &Limits::DEFAULT);
         let wanted = [
             "sparse/0/images.bin",
+            "sparse/1/images.bin",
+            "poses_bounds.npy",
+            "cameras.xml",
+            "table.csv",
             "images/a/1.png",
             "masks/a/1.png",
             "other/2.jpg",

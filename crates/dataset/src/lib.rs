@@ -22,6 +22,7 @@ mod photos;
 mod points;
 mod posed;
 mod realityscan;
+mod silhouettes;
 mod transforms;
 mod views;
 

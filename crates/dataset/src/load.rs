@@ -8,6 +8,7 @@ use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
 use super::points::PointFile;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
+use super::silhouettes::are_silhouettes;
 use super::{colmap, exif, llff, metashape, realityscan, transforms, views};
 use glam::{DMat3, DVec3, UVec2, Vec2Swizzles};
 use std::collections::BTreeSet;
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 use trisplat_formats::far_origin;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::lists::{evenly_spaced, median};
+use trisplat_scene::math::lists::median;
 use trisplat_scene::{Error, Limits, Result, parallel};
 
 impl Dataset {
@@ -459,81 +460,3 @@ fn keep_points(
 const LEAST_POSES: usize = 5;
 /// Poses this many times as far from the middle as is usual are wrong.
 const FAR: f64 = 100.0;
-/// Photos that are looked at.
-const PHOTOS: usize = 12;
-/// Fewer points of an object say nothing.
-const LEAST_POINTS: usize = 50;
-/// Photos that show a point that counts.
-const LEAST_SIGHTS: u64 = 3;
-/// Smaller masks say nothing: share of the pixels.
-const LEAST_AREA: f64 = 0.02;
-/// Points that three quarters of the photos keep are masked this many times less often than pixels are: 0.006 times in dtu_scan24,
-/// 0.001 to 0.08 where masks are those of balls in the sample and three captures, 0.3 to 1.2 for discs at random places.
-const MOST_MASKED: f64 = 0.16;
-/// Silhouettes differ between photos by this share of the masked area, even of a ball in the middle of every photo. What belongs
-/// to the lens is always the same.
-const LEAST_CHANGE: f64 = 0.02;
-/// Cells per side in which masks are compared.
-const CELLS: u32 = 16;
-
-/// What one mask says.
-struct Sight {
-    /// Whether it keeps each point; `None` for points outside the photo.
-    keeps: Vec<Option<bool>>,
-    /// Masked share of each cell.
-    masked: Vec<f64>,
-}
-
-/// Whether the masks of `views` are the silhouettes of the object that `points` lie on. False where a photo has none.
-pub(super) fn are_silhouettes(views: &[View], points: &[Point]) -> bool {
-    if points.len() < LEAST_POINTS || views.iter().any(|view| view.photo.mask.is_none()) {
-        return false;
-    }
-    let chosen: Vec<&View> = evenly_spaced(views.len(), PHOTOS).map(|i| &views[i]).collect();
-    // Who uses the masks reports those that cannot be decoded.
-    let seen: Option<Vec<Sight>> =
-        parallel::map(&chosen, |_, view| Sight::of(view, points)).into_iter().collect();
-    seen.is_some_and(|seen| agree(&seen, points.len()))
-}
-
-fn agree(seen: &[Sight], points: usize) -> bool {
-    let cells = (CELLS * CELLS) as usize;
-    let mean = |of: &dyn Fn(usize) -> f64| (0..cells).map(of).sum::<f64>() / cells as f64;
-    let usual = |cell: usize| seen.iter().map(|sight| sight.masked[cell]).sum::<f64>() / seen.len() as f64;
-    let area = mean(&usual);
-    let change = |sight: &Sight| mean(&|cell| (sight.masked[cell] - usual(cell)).abs());
-    let change = seen.iter().map(change).sum::<f64>() / seen.len() as f64;
-    if area < LEAST_AREA || change < LEAST_CHANGE * area {
-        return false;
-    }
-    let (mut objects, mut shown, mut masked) = (0, 0u64, 0u64);
-    for point in 0..points {
-        let sights = || seen.iter().filter_map(|sight| sight.keeps[point]);
-        let (all, kept) = (sights().count() as u64, sights().filter(|keeps| *keeps).count() as u64);
-        // Points of the background are masked more often by the silhouettes of an object before them.
-        if all >= LEAST_SIGHTS && 4 * kept >= 3 * all {
-            (objects, shown, masked) = (objects + 1, shown + all, masked + all - kept);
-        }
-    }
-    objects >= LEAST_POINTS && (masked as f64) < MOST_MASKED * area * shown as f64
-}
-
-impl Sight {
-    fn of(view: &View, points: &[Point]) -> Option<Self> {
-        let (size, weights) = view.photo.decode_mask().ok()??;
-        let camera = view.camera.resized(size);
-        let keeps = |point: &Point| {
-            let at = camera.shows(point.position)?.0.as_uvec2();
-            Some(weights[(at.y * size.x + at.x) as usize] > 127)
-        };
-        let mut cells = vec![(0.0, 0.0); (CELLS * CELLS) as usize];
-        for (i, weight) in (0..).zip(&weights) {
-            let at = UVec2::new(i % size.x, i / size.x) * CELLS / size;
-            let (masked, all) = &mut cells[(at.y * CELLS + at.x) as usize];
-            *masked += f64::from(255 - weight) / 255.0;
-            *all += 1.0;
-        }
-        let masked = cells.iter().map(|(masked, all)| masked / f64::max(*all, 1.0)).collect();
-        Some(Self { keeps: points.iter().map(keeps).collect(), masked })
-    }
-}

@@ -98,15 +98,9 @@ struct Camera {
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Place {
-    rotation: Option<Numbers>,
-    translation: Option<Numbers>,
-    scale: Option<Numbers>,
-}
-
-#[derive(Deserialize)]
-struct Numbers {
-    #[serde(rename = "$text")]
-    text: String,
+    rotation: Option<String>,
+    translation: Option<String>,
+    scale: Option<String>,
 }
 
 /// The file of a folder.
@@ -207,13 +201,10 @@ impl Sensor {
 
 impl Place {
     fn matrix(&self) -> std::result::Result<DMat4, String> {
-        let text = |numbers: &Option<Numbers>, none: &str| {
-            numbers.as_ref().map_or(none.to_owned(), |n| n.text.clone())
-        };
-        let rotation =
-            DMat3::from_cols_array(&numbers(&text(&self.rotation, "1 0 0 0 1 0 0 0 1"))?).transpose();
-        let [scale] = numbers(&text(&self.scale, "1"))?;
-        let moved = DVec3::from(numbers(&text(&self.translation, "0 0 0"))?);
+        let rotation = numbers(self.rotation.as_deref().unwrap_or("1 0 0 0 1 0 0 0 1"))?;
+        let rotation = DMat3::from_cols_array(&rotation).transpose();
+        let [scale] = numbers(self.scale.as_deref().unwrap_or("1"))?;
+        let moved = DVec3::from(numbers(self.translation.as_deref().unwrap_or("0 0 0"))?);
         Ok(DMat4::from_translation(moved) * DMat4::from_mat3(rotation * scale))
     }
 }

@@ -14,7 +14,8 @@ use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
-use serde_json::Value;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use trisplat_formats::foreign_json;
@@ -23,76 +24,22 @@ use trisplat_scene::{Error, Limits, Result, input};
 /// The whole file; keys we do not know are ignored.
 #[derive(Debug, Deserialize)]
 struct Transforms {
-    #[serde(flatten)]
-    shared: Intrinsics,
     ply_file_path: Option<String>,
     train_filenames: Option<Vec<String>>,
     val_filenames: Option<Vec<String>>,
     test_filenames: Option<Vec<String>>,
     frames: Vec<FrameRow>,
+    #[serde(flatten)]
+    shared: Map<String, Value>,
 }
 
 #[derive(Debug, Deserialize)]
 struct FrameRow {
     file_path: String,
     mask_path: Option<String>,
-    transform_matrix: Vec<Vec<f64>>,
     #[serde(flatten)]
-    own: Intrinsics,
+    own: Map<String, Value>,
 }
-
-/// Numbers for all frames, at the top of the file, or for one frame.
-#[derive(Debug, Clone, Default, Deserialize)]
-struct Intrinsics {
-    w: Option<f64>,
-    h: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-    sx1: Option<f64>,
-    sy1: Option<f64>,
-    #[serde(rename = "K")]
-    matrix: Option<[[f64; 3]; 3]>,
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    fisheye_crop_radius: Option<f64>,
-    camera_model: Option<String>,
-    is_fisheye: Option<bool>,
-    latlong: Option<bool>,
-    equirectangular: Option<bool>,
-    ftheta_p0: Option<f64>,
-}
-
-/// The keys whose values are used.
-const NUMBERS: [&str; 20] = [
-    "w",
-    "h",
-    "fl_x",
-    "fl_y",
-    "cx",
-    "cy",
-    "k1",
-    "k2",
-    "k3",
-    "k4",
-    "p1",
-    "p2",
-    "sx1",
-    "sy1",
-    "K",
-    "camera_angle_x",
-    "camera_angle_y",
-    "fisheye_crop_radius",
-    "ftheta_p0",
-    "transform_matrix",
-];
 
 /// The file of a folder: all frames, or the training frames.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
@@ -169,28 +116,19 @@ fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
 }
 
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {
-    let text = input::read_text(file, limits)?;
-    let value = if text.contains("NaN") || text.contains("Infinity") {
-        serde_json::from_str(&quoted(&text)).and_then(|value: Value| {
-            unusable(&value)
-                .map_or_else(|| serde_json::from_value(value), |bad| Err(serde::de::Error::custom(bad)))
-        })
-    } else {
-        serde_json::from_str(&text)
-    };
-    value.map_err(|e| {
+    let mut text = input::read_text(file, limits)?;
+    if text.contains("NaN") || text.contains("Infinity") {
+        text = quoted(&text);
+    }
+    serde_json::from_str(&text).map_err(|e| {
         foreign_json(file, text.as_bytes()).unwrap_or_else(|| {
-            let at = if e.line() > 0 {
-                format!("line {} column {}", e.line(), e.column())
-            } else {
-                "frames".into()
-            };
+            let at = format!("line {} column {}", e.line(), e.column());
             Error::malformed(file, at, format!("is not a transforms.json: {e}"))
         })
     })
 }
 
-/// The text with Python's NaN and Infinity as strings, which unused keys may hold.
+/// The text with Python's NaN and Infinity as strings, which are refused where a number is used.
 fn quoted(text: &str) -> String {
     let (mut out, mut rest, mut inside) = (String::with_capacity(text.len()), text, false);
     while let Some(first) = rest.chars().next() {
@@ -209,25 +147,6 @@ fn quoted(text: &str) -> String {
         rest = &rest[taken..];
     }
     out
-}
-
-/// What is wrong with a used number that is none.
-fn unusable(list: &Value) -> Option<String> {
-    fn is_none(value: &Value) -> bool {
-        match value {
-            Value::String(text) => ["NaN", "Infinity", "-Infinity"].contains(&text.as_str()),
-            Value::Array(values) => values.iter().any(is_none),
-            _ => false,
-        }
-    }
-    let bad = |object: &Value| NUMBERS.into_iter().find(|key| is_none(&object[*key]));
-    let frames = list["frames"].as_array().into_iter().flatten().enumerate();
-    let of_frame = |(index, frame): (usize, &Value)| {
-        Some(format!("frame {index}: {} is not a finite number", bad(frame)?))
-    };
-    bad(list)
-        .map(|key| format!("{key} is not a finite number"))
-        .or_else(|| frames.into_iter().find_map(of_frame))
 }
 
 /// Adds the frames of another file, held out; a photo in both files is held out too. Returns warnings.
@@ -254,20 +173,22 @@ fn add_held_out(
     Ok(files.warnings().collect())
 }
 
-fn frame(files: &mut NamedFiles, index: usize, row: &FrameRow, shared: &Intrinsics) -> Result<FoundPhoto> {
+fn frame(
+    files: &mut NamedFiles,
+    index: usize,
+    row: &FrameRow,
+    shared: &Map<String, Value>,
+) -> Result<FoundPhoto> {
     let (file, place) = (files.list, format!("frame {index} `{}`", plain(&row.file_path)));
     let path = files.find(&place, &row.file_path)?;
     let mask = row.mask_path.as_ref().map(|mask| files.find(&place, mask)).transpose()?;
     let bad = |reason: String| Error::malformed(file, &place, reason);
-    let name = files.name_of(&path);
-    let (rotation, translation) = pose(&row.transform_matrix).map_err(bad)?;
-    let lens = row
-        .own
-        .clone()
-        .read_matrix()
-        .over(&shared.clone().read_matrix())
-        .lens()
-        .map_err(|reason| Error::unsupported(file, reason))?;
+    let (name, keys) = (files.name_of(&path), Keys { own: &row.own, shared });
+    let matrix: Vec<Vec<f64>> =
+        keys.value("transform_matrix").map_err(bad)?.ok_or_else(|| bad("has no transform_matrix".into()))?;
+    let (rotation, translation) = pose(&matrix).map_err(bad)?;
+    let lens =
+        keys.lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?).map_err(bad)?;
     Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false })
 }
 
@@ -310,98 +231,84 @@ fn orthonormal(mut m: DMat3) -> DMat3 {
     m
 }
 
-impl Intrinsics {
-    /// These numbers with those of the 3×3 matrix in their places.
-    fn read_matrix(self) -> Self {
-        let Some([[fx, _, cx], [_, fy, cy], _]) = self.matrix else { return self };
-        let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(Some);
-        Self { fl_x: fx, fl_y: fy, cx, cy, ..self }
+/// The values of a frame: its own, and for missing ones those of all frames.
+struct Keys<'a> {
+    own: &'a Map<String, Value>,
+    shared: &'a Map<String, Value>,
+}
+
+impl Keys<'_> {
+    /// A value that is not null.
+    fn value<T: DeserializeOwned>(&self, key: &str) -> std::result::Result<Option<T>, String> {
+        let given = |values: &Map<String, Value>| values.get(key).filter(|value| !value.is_null()).cloned();
+        let value = given(self.own).or_else(|| given(self.shared)).map(serde_json::from_value);
+        value.transpose().map_err(|e| format!("{key}: {e}"))
     }
 
-    /// These numbers, and for missing ones those of `shared`.
-    fn over(&self, shared: &Self) -> Self {
+    /// A number, or its place in the 3×3 matrix K.
+    fn number(&self, key: &str) -> std::result::Result<Option<f64>, String> {
+        let place = [("fl_x", 0, 0), ("skew", 0, 1), ("cx", 0, 2), ("fl_y", 1, 1), ("cy", 1, 2)];
+        let place = place.iter().find(|(name, ..)| *name == key);
         // A frame with its own focal length does not inherit the shared angle, and vice versa.
-        let own_focal = self.fl_x.or(self.camera_angle_x).is_some();
-        let angle = |own: Option<f64>, shared: Option<f64>| own.or(shared.filter(|_| !own_focal));
-        Self {
-            w: self.w.or(shared.w),
-            h: self.h.or(shared.h),
-            fl_x: angle(self.fl_x, shared.fl_x),
-            fl_y: angle(self.fl_y, shared.fl_y),
-            cx: self.cx.or(shared.cx),
-            cy: self.cy.or(shared.cy),
-            k1: self.k1.or(shared.k1),
-            k2: self.k2.or(shared.k2),
-            k3: self.k3.or(shared.k3),
-            k4: self.k4.or(shared.k4),
-            p1: self.p1.or(shared.p1),
-            p2: self.p2.or(shared.p2),
-            sx1: self.sx1.or(shared.sx1),
-            sy1: self.sy1.or(shared.sy1),
-            matrix: self.matrix.or(shared.matrix),
-            camera_angle_x: angle(self.camera_angle_x, shared.camera_angle_x),
-            camera_angle_y: angle(self.camera_angle_y, shared.camera_angle_y),
-            camera_model: self.camera_model.clone().or(shared.camera_model.clone()),
-            fisheye_crop_radius: self.fisheye_crop_radius.or(shared.fisheye_crop_radius),
-            is_fisheye: self.is_fisheye.or(shared.is_fisheye),
-            latlong: self.latlong.or(shared.latlong),
-            equirectangular: self.equirectangular.or(shared.equirectangular),
-            ftheta_p0: self.ftheta_p0.or(shared.ftheta_p0),
+        let own_focal = ["fl_x", "camera_angle_x", "K"].iter().any(|key| self.own.contains_key(*key));
+        let inherits = !(own_focal && ["fl_x", "fl_y", "camera_angle_x", "camera_angle_y"].contains(&key));
+        for values in [Some(self.own), Some(self.shared).filter(|_| inherits)].into_iter().flatten() {
+            let in_matrix = || place.and_then(|(_, row, column)| Some(&values.get("K")?[*row][*column]));
+            if let Some(value) = values.get(key).filter(|value| !value.is_null()).or_else(in_matrix) {
+                return f64::deserialize(value).map(Some).map_err(|e| format!("{key}: {e}"));
+            }
         }
+        Ok(None)
     }
 
-    fn lens(&self) -> std::result::Result<LensClaim, String> {
+    fn projection(&self) -> std::result::Result<Projection, String> {
         let remedy = "undistort the photos first, or make pinhole views of them";
-        let projection = match self.camera_model.as_deref() {
-            _ if self.ftheta_p0.is_some() => {
+        let is = |key| self.value::<bool>(key).map(|flag| flag == Some(true));
+        let model: Option<String> = self.value("camera_model")?;
+        Ok(match model.as_deref() {
+            _ if self.own.contains_key("ftheta_p0") || self.shared.contains_key("ftheta_p0") => {
                 return Err(format!("the f-theta lens of ftheta_p0 is not read; {remedy}"));
             }
-            _ if self.equirectangular == Some(true) => {
+            _ if is("equirectangular")? => {
                 return Err(format!("the equal-area panorama of `equirectangular` is not read; {remedy}"));
             }
-            _ if self.latlong == Some(true) => Projection::Spherical,
-            _ if self.is_fisheye == Some(true) => Projection::Fisheye,
+            _ if is("latlong")? => Projection::Spherical,
+            _ if is("is_fisheye")? => Projection::Fisheye,
             None
             | Some("OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "perspective") => {
                 Projection::Perspective
             }
-            Some(
-                "OPENCV_FISHEYE"
-                | "FISHEYE"
-                | "SIMPLE_FISHEYE"
-                | "SIMPLE_RADIAL_FISHEYE"
-                | "RADIAL_FISHEYE"
-                | "THIN_PRISM_FISHEYE"
-                | "fisheye",
-            ) => Projection::Fisheye,
             Some("EQUIRECTANGULAR" | "SPHERICAL" | "equirectangular") => Projection::Spherical,
+            Some(name) if name.to_ascii_uppercase().ends_with("FISHEYE") && !name.starts_with("RAD_TAN") => {
+                Projection::Fisheye
+            }
             Some(other) => return Err(format!("camera_model {other} is not read; {remedy}")),
-        };
-        let zero = |k: Option<f64>| k.unwrap_or(0.0);
-        let size = match (self.w, self.h) {
+        })
+    }
+
+    fn lens(&self, projection: Projection) -> std::result::Result<LensClaim, String> {
+        let number = |key: &str| self.number(key);
+        let zero = |key: &str| Ok::<_, String>(number(key)?.unwrap_or(0.0));
+        let size = match (number("w")?, number("h")?) {
             (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 && w.max(h) <= f64::from(1 << 20) => {
                 Some(UVec2::new(w.round() as u32, h.round() as u32))
             }
             (Some(w), Some(h)) => return Err(format!("w and h are {w} and {h}")),
             _ => None,
         };
+        let focal = [number("fl_x")?, number("fl_y")?];
         let mut distortion = Distortion {
-            radial: [self.k1, self.k2, self.k3, self.k4].map(zero),
-            tangential: [self.p1, self.p2].map(zero),
-            prism: [self.sx1, self.sy1].map(zero),
-            skew: self.matrix.map_or(0.0, |[[fx, skew, _], ..]| skew / fx),
+            radial: [zero("k1")?, zero("k2")?, zero("k3")?, zero("k4")?],
+            tangential: [zero("p1")?, zero("p2")?],
+            prism: [zero("sx1")?, zero("sy1")?],
+            skew: zero("skew")? / focal[0].unwrap_or(1.0),
             projection,
             limit: None,
         };
         let radius =
-            self.fisheye_crop_radius.zip(self.fl_x).map(|(radius, focal)| DVec2::new(radius / focal, 0.0));
+            number("fisheye_crop_radius")?.zip(focal[0]).map(|(radius, f)| DVec2::new(radius / f, 0.0));
         distortion.limit = radius.and_then(|at| Some(distortion.undistort(at)?.length()));
-        Ok(LensClaim {
-            size,
-            focal: [self.fl_x, self.fl_y],
-            angle: [self.camera_angle_x, self.camera_angle_y],
-            center: [self.cx, self.cy],
-            distortion,
-        })
+        let angle = [number("camera_angle_x")?, number("camera_angle_y")?];
+        Ok(LensClaim { size, focal, angle, center: [number("cx")?, number("cy")?], distortion })
     }
 }

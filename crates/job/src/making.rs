@@ -341,8 +341,15 @@ impl MakeJob {
             let meta = std::fs::metadata(path).ok();
             format!("{:?}", meta.map(|meta| (meta.len(), meta.modified().ok())))
         };
-        let files =
-            ["sparse/0/images.bin", "sparse/0/images.txt", "transforms.json", "transforms_train.json"];
+        let files = [
+            "sparse/0/images.bin",
+            "sparse/1/images.bin",
+            "sparse/0/images.txt",
+            "transforms.json",
+            "transforms_train.json",
+            "poses_bounds.npy",
+            "cameras.xml",
+        ];
         let files: Vec<String> = files.iter().map(|name| meta(&path.join(name))).collect();
         let options = (&self.dataset_options, &self.train, self.budget);
         let options =
