@@ -345,7 +345,8 @@ mod tests {
             [(Some("2.jpg"), Some("6.jpg"), 3), (None, Some("1.jpg"), 1), (Some("7.jpg"), None, 1)]
         );
         assert_eq!(gaps[0].example.as_deref(), Some("4.jpg"));
-        let details = VerdictDetails { gaps, photos: 9, registered: 4, ..VerdictDetails::default() };
+        let details =
+            VerdictDetails { gaps, photos: 9, registered: 4, points: 1000, ..VerdictDetails::default() };
         let advice = advice(&details, &ModelDetails::default());
         assert!(advice[0].contains("between 2.jpg and 6.jpg: 3 there"), "{advice:?}");
         assert_eq!(word(&details), Verdict::Poor);
