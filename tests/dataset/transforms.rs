@@ -161,7 +161,7 @@ fn every_cut_of_a_transforms_file_fails_cleanly() {
     for (from, to, part) in [
         ("[0,0,0,1]", "[0,0,1,1]", "last row"),
         ("\"camera_angle_x\": 0.9", "\"w\": 160, \"h\": 120", "focal"),
-        ("\"camera_angle_x\": 0.9", "\"camera_angle_x\": 4.0", "focal"),
+        ("\"camera_angle_x\": 0.9", "\"camera_angle_x\": 4.0", "camera_angle is 4"),
         ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"camera_model\": \"OMNI\"", "OMNI"),
         ("\"camera_angle_x\": 0.9", "\"fl_x\": 100, \"k1\": -9.0", "folds"),
     ] {
