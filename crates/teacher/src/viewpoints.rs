@@ -136,8 +136,14 @@ impl Search {
         let (up, from) = (self.up, around(reach, self.up, true));
         let around = from.iter().map(|c| self.unit.to_scene(c)).collect::<Vec<_>>();
         if !splat_views::surround(splats, &around, middle, reach * length) {
-            // Thin rods cover too little of a picture for the search, but are seen from around.
-            let inside = self.viewpoints(count).filter(|found| found.kind == ViewpointKind::Inside);
+            let found = self.viewpoints(count);
+            // Thin rods cover too little of a picture for the search, but are seen from around; points are not.
+            if found.is_none()
+                && !splats.scales.iter().any(|scale| scale.max_element() > f32::EPSILON * length)
+            {
+                return None;
+            }
+            let inside = found.filter(|found| found.kind == ViewpointKind::Inside);
             let Some(Viewpoints { kind, cameras }) = inside else {
                 return Viewpoints::chosen(
                     ViewpointKind::Around,
