@@ -142,7 +142,8 @@ fn hardening_grows_no_shards_of_the_background() {
             [BackgroundFrom::Auto, BackgroundFrom::Off].map(|from| hardened(soup.clone(), from));
         let ((psnr, _), (psnr_off, _)) = (over(&asset, &object, own), over(&with_shards, &object, own));
         let ((_, shards), (_, before)) = (over(&asset, &object, other), over(&with_shards, &object, other));
-        assert!(before > 0.4 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
+        // Training itself removes some: those that stand before a camera that does not show them.
+        assert!(before > 0.3 && shards < 0.1, "{name}: shards {before:.3} before, {shards:.3} now");
         assert!(psnr > psnr_off - 0.7, "{name}: {psnr:.2} dB, {psnr_off:.2} dB with shards");
     }
 }
