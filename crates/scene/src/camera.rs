@@ -254,7 +254,9 @@ mod tests {
     #[test]
     fn a_camera_of_too_many_pixels_is_refused() {
         for size in [UVec2::splat(65_535), UVec2::splat(u32::MAX), UVec2::new(1, 70_000)] {
-            let message = Camera { size, ..CAMERA }.validate(&Limits::DEFAULT).unwrap_err().to_string();
+            let focal = Vec2::splat(size.max_element() as f32);
+            let camera = Camera { size, focal, center: size.as_vec2() / 2.0, ..CAMERA };
+            let message = camera.validate(&Limits::DEFAULT).unwrap_err().to_string();
             assert!(message.starts_with("camera: ") && message.contains("`limit` "), "{message}");
         }
         assert!(Camera { size: UVec2::new(9504, 6336), ..CAMERA }.validate(&Limits::DEFAULT).is_ok());
