@@ -191,8 +191,8 @@ fn a_matrix_for_every_frame_and_numbers_that_python_writes() {
     assert_cameras(folder.path(), &views, &DatasetOptions::default());
     for (from, to, part) in [
         ("\"camera_angle_x\": 1.5", "\"k1\": NaN", "k1 is not a finite number"),
-        ("\"sharp\": NaN", "\"cx\": -Infinity", "frame 0: cx is not a finite number"),
-        (",0,0,1]]", ",0,0,NaN]]", "frame 0: transform_matrix"),
+        ("\"sharp\": NaN", "\"cx\": -Infinity", "cx is not a finite number"),
+        (",0,0,1]]", ",0,0,NaN]]", "transform_matrix"),
     ] {
         std::fs::write(
             &file,

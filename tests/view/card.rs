@@ -226,9 +226,9 @@ fn what_a_card_cannot_do_is_an_error_that_says_so() {
     let said = Headless::new(&missing).unwrap_err().to_string();
     assert!(said.contains("adapter is no such card") && said.contains(&card.gpu.info.name), "{said}");
     let model = card.upload(&asset(triangles(3, 1))).unwrap();
-    let huge = camera().resized(UVec2::new(60_000, 45_000));
+    let huge = camera().resized(UVec2::new(60_000, 2_000));
     let said = card.render(&model, &params(&huge)).unwrap_err().to_string();
-    assert!(said.contains("60000x45000") && said.contains(&card.gpu.info.name), "{said}");
+    assert!(said.contains("60000x2000") && said.contains(&card.gpu.info.name), "{said}");
     card.gpu.device.destroy();
     let said = card.render(&model, &params(&camera())).unwrap_err().to_string();
     assert!(said.starts_with("gpu: "), "{said}");

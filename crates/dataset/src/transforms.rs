@@ -255,7 +255,11 @@ impl Keys<'_> {
         for values in [Some(self.own), Some(self.shared).filter(|_| inherits)].into_iter().flatten() {
             let in_matrix = || place.and_then(|(_, row, column)| Some(&values.get("K")?[*row][*column]));
             if let Some(value) = values.get(key).filter(|value| !value.is_null()).or_else(in_matrix) {
-                return f64::deserialize(value).map(Some).map_err(|e| format!("{key}: {e}"));
+                // Python's NaN and Infinity, by now strings.
+                let none = value.is_string();
+                let why =
+                    |e| if none { format!("{key} is not a finite number") } else { format!("{key}: {e}") };
+                return f64::deserialize(value).map(Some).map_err(why);
             }
         }
         Ok(None)
