@@ -150,7 +150,7 @@ fn leave_out_loose(model: &mut Model, warnings: &mut Vec<String>) {
 }
 
 /// The folder of masks and lists, and that of the photos: below the data set, or a parent when the model's own folder was given;
-/// or the photos, of which one is `name`, lie beside the model.
+/// or the model's own folder, where the photo `name` lies beside the model.
 fn photo_folders(root: &Path, name: &str, options: &DatasetOptions) -> Result<(PathBuf, PathBuf)> {
     if let Some(folder) = with_photos(root, &options.images) {
         return Ok((folder.to_owned(), folder.join(&options.images)));

@@ -164,11 +164,7 @@ impl Dataset {
         let above = is_model.then(|| with_photos(root, images)).flatten().filter(|above| *above != root);
         let roots: Vec<&Path> = std::iter::once(root).chain(above).collect();
         for root in roots {
-            for folder in FOLDERS.map(|folder| root.join(folder)) {
-                numbered(&folder).iter().for_each(|model| files.extend(poses(&folder.join(model))));
-                files.extend(poses(&folder));
-            }
-            files.extend(realityscan::locate(root));
+            files.extend(Self::pose_files(root));
             for folder in [images, Path::new(MASKS)] {
                 // Photos may lie beside everything else.
                 let is_picture = |path: &PathBuf| image::ImageFormat::from_path(path).is_ok();
@@ -180,6 +176,17 @@ impl Dataset {
         let lists = files.iter().filter(is_json);
         let named: Vec<PathBuf> = lists.flat_map(|file| named(&json(file, limits), root)).collect();
         files.extend(named);
+        files
+    }
+
+    /// The files below the folder `root` with poses, points and the split, whatever program wrote them, in order of their paths.
+    pub fn pose_files(root: &Path) -> Vec<PathBuf> {
+        let mut files = Vec::from_iter(realityscan::locate(root));
+        for folder in FOLDERS.map(|folder| root.join(folder)) {
+            numbered(&folder).iter().for_each(|model| files.extend(poses(&folder.join(model))));
+            files.extend(poses(&folder));
+        }
+        files.sort();
         files
     }
 }

@@ -46,6 +46,8 @@ pub struct EvalJob {
     pub backend: BackendOptions,
     /// Options that the data set was read with.
     pub dataset_options: DatasetOptions,
+    /// Also measure depth at tracked points, and what one sees beside the cameras.
+    pub off_camera: bool,
 }
 
 /// An evaluation with its scene in memory.
@@ -67,6 +69,7 @@ impl EvalJob {
             split: Split::default(),
             backend: BackendOptions::default(),
             dataset_options: DatasetOptions::default(),
+            off_camera: true,
         }
     }
 
@@ -168,10 +171,14 @@ impl<'a> ReadyEval<'a> {
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
-        let seen = self.dataset.tracked_points(&self.job.dataset_options.limits)?;
+        let asked = self.job.off_camera;
+        let seen = match asked && self.steps.iter().any(|step| step.renderer.surface().is_some()) {
+            true => self.dataset.tracked_points(&self.job.dataset_options.limits)?,
+            false => None,
+        };
         for ((step, images), draw_secs) in self.steps.iter().zip(images).zip(secs) {
             let mean = scores::mean(images.iter().map(|image| &image.score));
-            let surface = step.renderer.surface();
+            let surface = step.renderer.surface().filter(|_| asked);
             scores.push(StepScore {
                 depth: surface
                     .zip(seen.as_ref())

@@ -193,8 +193,9 @@ impl MakeJob {
         }
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
-            done.subject = self.bake(&done.dataset, &mut done.report, observer)?;
-            (done.trained_on, done.score) = self.score(&done.dataset)?;
+            let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
+            done.subject = self.bake(&photos, &mut done.report, observer)?;
+            (done.trained_on, done.score) = (photos.train().count(), self.score(&photos)?);
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
@@ -304,21 +305,19 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// Scores the file as `trisplat eval` does; also returns the number of photos that training saw.
-    fn score(&self, path: &Path) -> Result<(usize, Option<StepScore>)> {
-        let photos = Dataset::load(path, &self.dataset_options)?;
-        let count = photos.train().count();
+    /// Scores the file on the held-out photos as `trisplat eval` does.
+    fn score(&self, photos: &Dataset) -> Result<Option<StepScore>> {
         let is_read = matches!(
             OutputFormat::of(&self.output),
             Ok(OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Obj | OutputFormat::Ply)
         );
         let is_apart = matches!(self.bake.backdrop.backdrop, BackdropWhen::File | BackdropWhen::Sky);
         if !is_read || is_apart || !self.bake.crop.crop.is_empty() || photos.test().next().is_none() {
-            return Ok((count, None));
+            return Ok(None);
         }
         let mut job = EvalJob::new(&self.output);
-        job.dataset_options = self.dataset_options.clone();
-        Ok((count, job.run(&photos)?.steps.pop()))
+        (job.dataset_options, job.off_camera) = (self.dataset_options.clone(), false);
+        Ok(job.run(photos)?.steps.pop())
     }
 
     /// Notes the score for the next run; returns that of an earlier one with less effort.
@@ -341,16 +340,7 @@ impl MakeJob {
             let meta = std::fs::metadata(path).ok();
             format!("{:?}", meta.map(|meta| (meta.len(), meta.modified().ok())))
         };
-        let files = [
-            "sparse/0/images.bin",
-            "sparse/1/images.bin",
-            "sparse/0/images.txt",
-            "transforms.json",
-            "transforms_train.json",
-            "poses_bounds.npy",
-            "cameras.xml",
-        ];
-        let files: Vec<String> = files.iter().map(|name| meta(&path.join(name))).collect();
+        let files: Vec<String> = Dataset::pose_files(path).iter().map(|file| meta(file)).collect();
         let options = (&self.dataset_options, &self.train, self.budget);
         let options =
             serde_json::to_string(&options).map_err(|e| Error::invalid("options", e, "finite numbers"))?;
@@ -393,7 +383,12 @@ impl MakeJob {
     }
 
     /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
-    fn bake(&mut self, path: &Path, report: &mut Report, observer: Observer<'_>) -> Result<Option<PathBuf>> {
+    fn bake(
+        &mut self,
+        photos: &Dataset,
+        report: &mut Report,
+        observer: Observer<'_>,
+    ) -> Result<Option<PathBuf>> {
         let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
         let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).chain(self.page.clone()).collect();
         if let Some(file) = self.subject_file() {
@@ -402,7 +397,7 @@ impl MakeJob {
         new.retain(|path| !path.exists() || begun.contains(path));
         self.note(new)?;
         let mut job = BakeJob::new([BakeInput::File(self.work.join(SCENE))], self.bake.clone());
-        job.photos = Some(Dataset::load(path, &self.dataset_options)?);
+        job.photos = Some(photos.clone());
         job.dataset_options = self.dataset_options.clone();
         let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
         let done = job.save(&self.output, observer)?;

@@ -137,7 +137,7 @@ fn coarse(camera: &Camera, step: u32) -> Camera {
 }
 
 fn options(near: f32) -> SolidRasterOptions {
-    SolidRasterOptions { background: [0.0; 3], samples: 1, near }
+    SolidRasterOptions { near, ..SolidRasterOptions::default() }
 }
 
 #[cfg(test)]

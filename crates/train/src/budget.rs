@@ -155,7 +155,7 @@ pub struct PlanInput<'a> {
     pub whole: Option<WholeBudget>,
 }
 
-/// A budget, parts of which are planned on their own.
+/// A budget whose parts are planned one by one.
 #[derive(Debug, Clone, Copy)]
 pub struct WholeBudget {
     /// All of it.
