@@ -265,7 +265,9 @@ impl Dataset {
     /// Errors: a broken model.
     pub fn tracked_points(&self, limits: &Limits) -> Result<Option<Vec<Vec<Vec3>>>> {
         let colmap = matches!(self.kind, DatasetKind::ColmapBinary | DatasetKind::ColmapText);
-        let Some(files) = colmap.then(|| locate(&self.path)).flatten() else { return Ok(None) };
+        // Points of another reconstruction were not read, and are no measure either.
+        let is_tracked = colmap && !self.points.is_empty();
+        let Some(files) = is_tracked.then(|| locate(&self.path)).flatten() else { return Ok(None) };
         let (model, places) = (files.model(limits, true)?, files.places(limits)?);
         let mut of: HashMap<String, Vec<Vec3>> = HashMap::new();
         for image in model.images {
