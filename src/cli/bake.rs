@@ -14,7 +14,7 @@ use std::time::Instant;
 use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::info::Softness;
-use trisplat_formats::output::{Output, OutputFormat};
+use trisplat_formats::output::OutputFormat;
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
 use trisplat_scale::{Blocks, NAME, bake_tiles};
 use trisplat_scene::report::{Report, counted};
@@ -33,9 +33,8 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         return bake_blocks(args, plan, options, global, inputs);
     }
     let output = options.plan_output(&args.output, args.format)?;
-    let mut outputs = guard(args, inputs, &output)?;
-    let files = if args.dry_run { output.dry_run() } else { output.start()? };
-    outputs.confirm()?;
+    let mut outputs = Outputs::new(inputs, args.force);
+    let files = outputs.start_scene(&output, args.dry_run, args.report.as_deref())?;
 
     let read = |path: &PathBuf| Dataset::load(path, &args.dataset_options);
     let photos = args.dataset.as_ref().map(read).transpose()?;
@@ -81,15 +80,6 @@ fn soft_note(softness: &Softness, reshaped: Option<&ReshapeDetails>) -> String {
         "soft scene: its solid triangles match its soft pictures to {psnr:.1} dB ({pictures}); {fitted}; \
          --harden trains it solid, which takes longer and comes closer"
     )
-}
-
-/// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
-fn guard<'a>(args: &BakeArgs, inputs: &'a Inputs, output: &Output) -> Result<Outputs<'a>> {
-    let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
-    outputs.plan_scene(output)?;
-    outputs.replacing(args.force);
-    outputs.claim_report(args.report.as_deref())?;
-    Ok(outputs)
 }
 
 // ---- The flags of `trisplat bake` --------------------------------------------------------------------

@@ -68,9 +68,8 @@ pub fn run(args: &MeshArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     }
     let has_pictures = from_photos || args.dataset.is_some() || formats::holds_splats(&args.input, limits);
     options.check_photos(has_pictures)?;
-    let mut outputs = guard(args, inputs, &output)?;
-    let files = if args.dry_run { output.dry_run() } else { output.start()? };
-    outputs.confirm()?;
+    let mut outputs = Outputs::new(inputs, args.force);
+    let files = outputs.start_scene(&output, args.dry_run, args.report.as_deref())?;
 
     let mut report = Report { dry_run: args.dry_run, ..Report::new("mesh") };
     report.inputs = vec![args.input.display().to_string()];
@@ -105,15 +104,6 @@ fn plan(args: &MeshArgs, options: &MeshOptions) -> Result<Output> {
     options.texture.check_format(&args.output, format)?;
     let beside = SideFiles { texture: options.texture.is_wanted(), ..SideFiles::default() };
     Output::of_scene(&args.output, Some(format), &options.output, &beside)
-}
-
-/// Refuses outputs that cannot or must not be written, before any work. A dry run replaces nothing.
-fn guard<'a>(args: &MeshArgs, inputs: &'a Inputs, output: &Output) -> Result<Outputs<'a>> {
-    let mut outputs = Outputs::new(inputs, args.force || args.dry_run);
-    outputs.plan_scene(output)?;
-    outputs.replacing(args.force);
-    outputs.claim_report(args.report.as_deref())?;
-    Ok(outputs)
 }
 
 /// The data set, which may be the input.

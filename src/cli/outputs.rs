@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::is_camera_file;
-use trisplat_formats::output::Output;
+use trisplat_formats::output::{Output, OutputFiles};
 use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
 use trisplat_scene::{Error, Result};
 
@@ -118,11 +118,6 @@ impl<'a> Outputs<'a> {
         Ok(())
     }
 
-    /// Whether later outputs may replace existing files.
-    pub(super) fn replacing(&mut self, replace: bool) {
-        self.replace = replace;
-    }
-
     /// Plans to write `path`, named by `option`.
     ///
     /// Errors: a folder, a path without a folder, a file that is read or written already, an existing file.
@@ -158,6 +153,22 @@ impl<'a> Outputs<'a> {
     pub(super) fn plan_scene(&mut self, scene: &Output) -> Result<()> {
         scene.paths().try_for_each(|path| self.plan("--output", path))?;
         scene.tiles().map_or(Ok(()), |folder| self.check_folder("--output", &folder, |_| true))
+    }
+
+    /// Plans and starts the files of a scene and its report, if one is asked for. A dry run replaces nothing.
+    pub(super) fn start_scene(
+        &mut self,
+        scene: &Output,
+        dry_run: bool,
+        report: Option<&Path>,
+    ) -> Result<OutputFiles> {
+        let replace = self.replace;
+        self.replace |= dry_run;
+        self.plan_scene(scene)?;
+        self.replace = replace;
+        self.claim_report(report)?;
+        let files = if dry_run { scene.dry_run() } else { scene.start()? };
+        self.confirm().map(|()| files)
     }
 
     /// Plans to write `path` and starts it, so that no other program does.

@@ -47,12 +47,6 @@ fn the_shell_reads_back_wherever_it_is_in_the_file() {
     soup.shell.clear();
     let plain = written(&soup, &provenance());
     assert!(bytes.len() > plain.len() + 12_345, "a soup without one has no property for it");
-    // Earlier versions counted the first triangles in a comment.
-    let text = b"comment trisplat {\"shell\":7,";
-    let at = plain.windows(18).position(|w| w == b"comment trisplat {").unwrap();
-    let old = [&plain[..at], text, &plain[at + 18..]].concat();
-    let read = read_soup(source(&old), 3);
-    assert_eq!((read.shell_count(), read.is_shell(6), read.is_shell(7)), (7, true, false));
 }
 
 #[test]

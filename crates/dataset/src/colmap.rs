@@ -1,10 +1,9 @@
 //! COLMAP models as data sets: their places, their photos, and the errors of cameras and points.
 
-use super::colmap_model::{ImageRow, Model, PointRow};
+use super::colmap_model::{FoundPoint, ImageRow, Model};
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Lens;
 use super::options::DatasetOptions;
-use super::points::PointFile;
 use super::posed::{Dataset, DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
 use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
@@ -71,14 +70,18 @@ pub(super) fn numbered(folder: &Path) -> Vec<std::ffi::OsString> {
 /// Reads the model and finds its photos.
 pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) -> Result<FoundDataset> {
     let mut warnings = Vec::new();
-    let (mut model, mut points) = (files.model(&options.limits, true)?, files.points(&mut warnings));
+    let (mut model, mut points) = (files.model(&options.limits, true)?, files.points(&options.limits)?);
+    let point_file = files.point_file();
+    if !point_file.is_file() {
+        warnings.push(format!("{} is missing", point_file.display()));
+    }
     let list = files.folder.join(if files.binary { "images.bin" } else { "images.txt" });
     if model.images.is_empty() {
         return Err(Error::malformed(&list, "images", "the model has no image; run COLMAP's mapper again"));
     }
-    if let Some(reason) = foreign_points(&model, &files.places(&options.limits)?) {
-        warnings.push(format!("{} {reason}: its points are not used", points.name()));
-        points = PointFile::None;
+    if let Some(reason) = foreign_points(&model, &places(&points)) {
+        warnings.push(format!("{} {reason}: its points are not used", point_file.display()));
+        points.clear();
     }
     leave_out_loose(&mut model, &mut warnings);
     warnings.extend(fell_apart(root, files));
@@ -200,31 +203,24 @@ impl ModelFiles {
     }
 
     /// The file of its points, which may be missing.
-    fn points(&self, warnings: &mut Vec<String>) -> PointFile {
-        let path = self.folder.join(if self.binary { "points3D.bin" } else { "points3D.txt" });
-        match (path.is_file(), self.binary) {
-            (true, true) => PointFile::ColmapBinary(path),
-            (true, false) => PointFile::ColmapText(path),
-            (false, _) => {
-                warnings.push(format!("{} is missing", path.display()));
-                PointFile::None
-            }
-        }
+    fn point_file(&self) -> PathBuf {
+        self.folder.join(if self.binary { "points3D.bin" } else { "points3D.txt" })
     }
 
-    /// The position of each point, by its number.
-    pub(super) fn places(&self, limits: &Limits) -> Result<HashMap<u64, DVec3>> {
-        let mut places = HashMap::new();
-        let mut visit = |row: PointRow| {
-            places.insert(row.id, row.position);
-        };
-        match self.points(&mut Vec::new()) {
-            PointFile::ColmapBinary(path) => colmap_binary::each_point(&path, limits, &mut visit)?,
-            PointFile::ColmapText(path) => colmap_text::each_point(&path, limits, &mut visit)?,
-            _ => {}
+    /// Its points; none without their file.
+    fn points(&self, limits: &Limits) -> Result<Vec<FoundPoint>> {
+        let path = self.point_file();
+        match (path.is_file(), self.binary) {
+            (true, true) => colmap_binary::points(&path, limits),
+            (true, false) => colmap_text::points(&path, limits),
+            (false, _) => Ok(Vec::new()),
         }
-        Ok(places)
     }
+}
+
+/// The position of each point, by its number.
+fn places(points: &[FoundPoint]) -> HashMap<u64, DVec3> {
+    points.iter().map(|point| (point.id, point.position)).collect()
 }
 
 /// Every observation of a point: the lens, the pixel of the point, `None` behind the camera, and the observed pixel.
@@ -246,7 +242,7 @@ fn sightings<'a>(model: &'a Model, places: &HashMap<u64, DVec3>) -> Vec<(&'a Len
 /// Errors: a broken model.
 pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reprojection>> {
     let Some(files) = locate(root) else { return Ok(None) };
-    let (model, places) = (files.model(limits, true)?, files.places(limits)?);
+    let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
     let (mut sum, mut observations, mut behind) = (0.0, 0u64, 0u64);
     for (_, at, seen) in sightings(&model, &places) {
         match at.map(|at| at.distance(seen)).filter(|error| error.is_finite()) {
@@ -268,7 +264,7 @@ impl Dataset {
         // Points of another reconstruction were not read, and are no measure either.
         let is_tracked = colmap && !self.points.is_empty();
         let Some(files) = is_tracked.then(|| locate(&self.path)).flatten() else { return Ok(None) };
-        let (model, places) = (files.model(limits, true)?, files.places(limits)?);
+        let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
         let mut of: HashMap<String, Vec<Vec3>> = HashMap::new();
         for image in model.images {
             let seen = image.observations.iter().filter_map(|(id, _)| places.get(id));
@@ -309,7 +305,7 @@ pub(crate) fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> 
     let Some(files) = locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));
     };
-    let (model, places) = (files.model(&options.limits, true)?, files.places(&options.limits)?);
+    let (model, places) = (files.model(&options.limits, true)?, places(&files.points(&options.limits)?));
     let mut ids: Vec<u64> = places.into_keys().collect();
     ids.sort_unstable();
     let index: HashMap<u64, u32> = ids.iter().copied().zip(0..).collect();

@@ -2,7 +2,7 @@
 //!
 //! Every count is compared with the remaining bytes before memory is allocated.
 
-use super::colmap_model::{self, ImageRow, Model, PointRow};
+use super::colmap_model::{self, FoundPoint, ImageRow, Model};
 use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -72,11 +72,13 @@ fn read_observations(bytes: &mut BinaryFile, count: usize) -> Result<Vec<(u64, V
     Ok(observations)
 }
 
-/// Passes every point of the file at `path` to `visit`.
-pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
+/// The points of the file at `path`.
+pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     let mut bytes = BinaryFile::open(path.to_owned(), limits)?;
     let count = bytes.count("points", 8 + 3 * 8 + 3 + 8 + 8)?;
     limits.vertices(bytes.path.display(), count as u64)?;
+    let mut points = Vec::new();
+    limits.reserve(bytes.path.display(), &mut points, count)?;
     for _ in 0..count {
         let id = u64::from_le_bytes(bytes.take()?);
         let position = DVec3::from(bytes.floats::<3>()?);
@@ -84,9 +86,9 @@ pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(Poi
         let error = f64::from_le_bytes(bytes.take()?);
         let track = bytes.count("track entries", 8)?;
         bytes.skip(track as u64 * 8)?;
-        visit(PointRow { id, position, rgb, error });
+        points.push(FoundPoint::of(id, position, rgb, error));
     }
-    bytes.end()
+    bytes.end().map(|()| points)
 }
 
 /// A file read front to back, with the number of remaining bytes.

@@ -24,15 +24,6 @@ pub(super) struct ImageRow {
     pub(super) observations: Vec<(u64, Vec2)>,
 }
 
-/// A row of points3D.bin or points3D.txt.
-#[derive(Debug, PartialEq)]
-pub(super) struct PointRow {
-    pub(super) id: u64,
-    pub(super) position: DVec3,
-    pub(super) rgb: [u8; 3],
-    pub(super) error: f64,
-}
-
 /// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero; otherwise what is wrong.
 pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> std::result::Result<DMat3, String> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
@@ -119,17 +110,20 @@ pub(super) fn lens(path: &Path, model: &str, size: [u64; 2], params: &[f64]) -> 
 }
 
 /// A point of the cloud in f64.
+#[derive(Debug, PartialEq)]
 pub(super) struct FoundPoint {
+    /// Its number in a COLMAP model.
+    pub(super) id: u64,
     pub(super) position: DVec3,
     pub(super) rgb: [u8; 3],
     pub(super) error: Option<f32>,
 }
 
-impl From<PointRow> for FoundPoint {
-    fn from(row: PointRow) -> Self {
-        // COLMAP writes -1 for a point that was never refined.
-        let error = (row.error >= 0.0 && row.error.is_finite()).then_some(row.error as f32);
-        Self { position: row.position, rgb: row.rgb, error }
+impl FoundPoint {
+    /// Of a row of points3D. COLMAP writes -1 as the error of a point that was never refined.
+    pub(super) fn of(id: u64, position: DVec3, rgb: [u8; 3], error: f64) -> Self {
+        let error = (error >= 0.0 && error.is_finite()).then_some(error as f32);
+        Self { id, position, rgb, error }
     }
 }
 

@@ -1,6 +1,6 @@
 //! COLMAP's text model: cameras.txt, images.txt, points3D.txt.
 
-use super::colmap_model::{self, ImageRow, Model, PointRow};
+use super::colmap_model::{self, FoundPoint, ImageRow, Model};
 use glam::{DVec3, Vec2};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -60,21 +60,19 @@ fn read_images(lines: &mut TextFile, keep: bool, model: &mut Model) -> Result<()
     Ok(())
 }
 
-/// Passes every point of the file at `path` to `visit`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
-pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(PointRow)) -> Result<()> {
+/// The points of the file at `path`: `POINT3D_ID X Y Z R G B ERROR TRACK...`
+pub(super) fn points(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     let lines = &mut TextFile::open(path.to_owned(), limits)?;
-    let mut count = 0;
+    let mut points = Vec::new();
     while lines.next_entry()? {
         let mut words = lines.words();
         let id = words.number("point id")?;
         let position = DVec3::from(words.numbers::<3>("position")?);
         let rgb = [words.number("red")?, words.number("green")?, words.number("blue")?];
-        let error = words.number("error")?;
-        visit(PointRow { id, position, rgb, error });
-        count += 1;
-        lines.limits.vertices(lines.path.display(), count)?;
+        points.push(FoundPoint::of(id, position, rgb, words.number("error")?));
+        lines.limits.vertices(lines.path.display(), points.len() as u64)?;
     }
-    Ok(())
+    Ok(points)
 }
 
 /// A file read line by line, with the line number.

@@ -1,8 +1,8 @@
 //! The content of a data set's files, in f64, before any photo is opened. Files that it names must be in its folder.
 
+use super::colmap_model::FoundPoint;
 use super::lens::{Distortion, Lens, Projection};
 use super::options::DatasetOptions;
-use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub(super) struct FoundDataset {
     /// The file that lists the photos, for messages.
     pub(super) list: PathBuf,
     pub(super) photos: Vec<FoundPhoto>,
-    pub(super) points: PointFile,
+    pub(super) points: Vec<FoundPoint>,
     pub(super) warnings: Vec<String>,
 }
 

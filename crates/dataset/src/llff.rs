@@ -5,7 +5,6 @@
 
 use super::found::{FoundDataset, FoundPhoto, LensClaim};
 use super::options::DatasetOptions;
-use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec3, UVec2};
 use std::path::{Path, PathBuf};
@@ -39,7 +38,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
             .map_err(|reason| Error::malformed(file, format!("pose {index}"), reason))
     });
     let photos = photos.collect::<Result<_>>()?;
-    let (kind, list, points) = (DatasetKind::Llff, file.to_owned(), PointFile::None);
+    let (kind, list, points) = (DatasetKind::Llff, file.to_owned(), Vec::new());
     Ok(FoundDataset { kind, root, list, photos, points, warnings: Vec::new() })
 }
 

@@ -6,13 +6,11 @@ use super::found::{FoundDataset, FoundPhoto};
 use super::lens::{Lens, Undistort};
 use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
-use super::points::PointFile;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::silhouettes::are_silhouettes;
 use super::{colmap, exif, llff, metashape, realityscan, transforms, views};
 use glam::{DMat3, DVec3, UVec2, Vec2Swizzles};
 use std::collections::BTreeSet;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use trisplat_formats::far_origin;
 use trisplat_scene::camera::Camera;
@@ -43,18 +41,15 @@ impl Dataset {
 
     /// True for a file or folder with camera poses that [`Dataset::load`] can read.
     pub fn is_posed(path: &Path) -> bool {
-        let is_list =
-            |e: &OsStr| ["json", "npy", "xml", "csv"].iter().any(|list| e.eq_ignore_ascii_case(list));
-        let lists = [transforms::locate, llff::locate, metashape::locate, realityscan::locate];
         match path.is_dir() {
-            true => colmap::locate(path).is_some() || lists.iter().any(|list| list(path).is_some()),
-            false => path.is_file() && path.extension().is_some_and(is_list),
+            true => colmap::locate(path).is_some() || LISTS.iter().any(|(_, find, _)| find(path).is_some()),
+            false => path.is_file() && reader(path).is_some(),
         }
     }
 
     /// Like [`Dataset::load`], but only with the named photos, all for training; others are not opened and
-    /// may be missing. The points and the origin are those of the whole data set; if `origin` is given, the
-    /// points are not read.
+    /// may be missing. The points and the origin are those of the whole data set; if `origin` is given, there
+    /// are no points.
     ///
     /// # Errors
     /// Those of [`Dataset::load`]; a name that is not in the data set.
@@ -80,36 +75,36 @@ impl Dataset {
     }
 }
 
+/// Where the list of poses of a folder is.
+type Locator = fn(&Path) -> Option<PathBuf>;
+type Reader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
+/// The lists of poses beside COLMAP's, by extension; in a folder the first goes first.
+const LISTS: [(&str, Locator, Reader); 4] = [
+    ("json", transforms::locate, transforms::read),
+    ("npy", llff::locate, llff::read),
+    ("xml", metashape::locate, metashape::read),
+    ("csv", realityscan::locate, realityscan::read),
+];
+
+/// The reader of a list of poses, by its extension.
+fn reader(file: &Path) -> Option<Reader> {
+    let extension = file.extension()?;
+    let list = LISTS.iter().find(|(ending, ..)| extension.eq_ignore_ascii_case(ending));
+    list.map(|(.., read)| *read)
+}
+
 /// Reads the files at `path`, of any kind.
 fn find(path: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     options.validate()?;
     let meta = std::fs::metadata(path).map_err(|e| Error::unread(path, e))?;
-    type Locator = fn(&Path) -> Option<PathBuf>;
-    type Reader = fn(&Path, &DatasetOptions) -> Result<FoundDataset>;
     if meta.is_file() {
-        let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
-        let read: Reader = match extension.as_str() {
-            "json" => transforms::read,
-            "npy" => llff::read,
-            "xml" => metashape::read,
-            "csv" => realityscan::read,
-            _ => {
-                let reason = "is not a data set; give its folder or its transforms.json";
-                return Err(Error::unsupported(path, reason));
-            }
-        };
-        return read(path, options);
+        let reason = "is not a data set; give its folder or its transforms.json";
+        return reader(path).ok_or_else(|| Error::unsupported(path, reason))?(path, options);
     }
     if let Some(model) = colmap::locate(path) {
         return colmap::read(path, &model, options);
     }
-    let lists: [(Locator, Reader); 4] = [
-        (transforms::locate, transforms::read),
-        (llff::locate, llff::read),
-        (metashape::locate, metashape::read),
-        (realityscan::locate, realityscan::read),
-    ];
-    if let Some((file, read)) = lists.into_iter().find_map(|(locate, read)| Some((locate(path)?, read))) {
+    if let Some((file, read)) = LISTS.iter().find_map(|(_, find, read)| Some((find(path)?, read))) {
         return read(&file, options);
     }
     let inside = path.join("photos");
@@ -138,13 +133,10 @@ fn finish(
         return Err(Error::malformed(&found.list, format!("photo `{}`", pair[0].name), reason));
     }
     if some.is_none() {
-        leave_out_far(&mut found, &options.limits)?;
+        leave_out_far(&mut found);
     }
     let given = some.and_then(|(_, origin)| origin);
-    let (origin, points) = match given {
-        Some(origin) => (origin, 0),
-        None => origin_of(&found, &options.limits)?,
-    };
+    let origin = given.unwrap_or_else(|| origin_of(&found));
     if let Some((names, _)) = some {
         keep_named(&mut found, names);
     }
@@ -163,7 +155,7 @@ fn finish(
         warnings: found.warnings,
     };
     if given.is_none() {
-        dataset.points = keep_points(&found.points, points, origin, &options.limits, &mut dataset.warnings)?;
+        dataset.points = keep_points(found.points, origin, &mut dataset.warnings);
     }
     if options.masks == Masks::Auto && are_silhouettes(&dataset.views, &dataset.points) {
         dataset.views.iter_mut().for_each(|view| view.photo.cut = true);
@@ -390,7 +382,7 @@ fn find_masks(found: &mut FoundDataset, options: &DatasetOptions) {
 }
 
 /// Leaves out photos that are far from all others and from the points: their poses are wrong.
-fn leave_out_far(found: &mut FoundDataset, limits: &Limits) -> Result<()> {
+fn leave_out_far(found: &mut FoundDataset) {
     let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
     let usual = |values: Vec<f64>| median(values, f64::total_cmp).unwrap_or(0.0);
     let middle = DVec3::from([0, 1, 2].map(|axis| usual(centers.iter().map(|c| c[axis]).collect())));
@@ -398,10 +390,9 @@ fn leave_out_far(found: &mut FoundDataset, limits: &Limits) -> Result<()> {
     let mut scale = usual(distances.clone());
     let farthest = distances.iter().copied().fold(0.0, f64::max);
     if centers.len() < LEAST_POSES || scale == 0.0 || farthest <= FAR * scale {
-        return Ok(());
+        return;
     }
-    let mut points = Vec::new();
-    found.points.each(limits, &mut |point| points.push(point.position.distance(middle)))?;
+    let points: Vec<f64> = found.points.iter().map(|point| point.position.distance(middle)).collect();
     // Without points a walk beside a tripod looks the same.
     scale = if points.is_empty() { 10.0 * scale } else { scale.max(usual(points)) };
     let total = centers.len();
@@ -416,44 +407,34 @@ fn leave_out_far(found: &mut FoundDataset, limits: &Limits) -> Result<()> {
     }
     let mut at = 0..;
     found.photos.retain(|_| at.next().is_none_or(|i| !out.contains(&i)));
-    Ok(())
 }
 
 /// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
-/// points. Also returns the number of points.
-fn origin_of(found: &FoundDataset, limits: &Limits) -> Result<(DVec3, usize)> {
+/// points.
+fn origin_of(found: &FoundDataset) -> DVec3 {
     let centers: Vec<DVec3> = found.photos.iter().map(FoundPhoto::center).collect();
     let count = centers.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / count;
-    let mut extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
-    let mut distances = Vec::new();
-    found.points.each(limits, &mut |point| distances.push(point.position.distance(middle) as f32))?;
-    let count = distances.len();
-    extent = extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from));
-    Ok((far_origin(middle, extent), count))
+    let extent = (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / count).sqrt();
+    let distances = found.points.iter().map(|point| point.position.distance(middle) as f32).collect();
+    far_origin(middle, extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from)))
 }
 
-/// Points with finite positions, relative to the origin; the file has `count` points, finite or not.
-fn keep_points(
-    points: &PointFile,
-    count: usize,
-    origin: DVec3,
-    limits: &Limits,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Point>> {
-    let mut kept: Vec<Point> = Vec::new();
-    limits.reserve(points.name(), &mut kept, count)?;
-    points.each(limits, &mut |FoundPoint { position, rgb, error }| {
+/// Points with finite positions, relative to the origin.
+fn keep_points(found: Vec<FoundPoint>, origin: DVec3, warnings: &mut Vec<String>) -> Vec<Point> {
+    let count = found.len();
+    let near = |FoundPoint { position, rgb, error, .. }| {
         let position = (position - origin).as_vec3();
-        kept.extend(position.is_finite().then_some(Point { position, rgb, error }));
-    })?;
+        position.is_finite().then_some(Point { position, rgb, error })
+    };
+    let kept: Vec<Point> = found.into_iter().filter_map(near).collect();
     if kept.len() < count {
         warnings.push(format!("dropped {} points that are not finite", count - kept.len()));
     }
     if kept.is_empty() {
         warnings.push("no points: training starts from a random cloud in front of the cameras".into());
     }
-    Ok(kept)
+    kept
 }
 
 /// Fewer poses have no usual distance.

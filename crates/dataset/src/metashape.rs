@@ -10,7 +10,6 @@
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::{Distortion, Lens, Projection};
 use super::options::DatasetOptions;
-use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
 use quick_xml::de::from_str;
@@ -151,7 +150,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         let (without, total) = (all.len() - photos.len(), all.len());
         warnings.push(format!("{without} of {total} photos left out: they are not aligned, or disabled"));
     }
-    let (kind, list, points) = (DatasetKind::Metashape, file.to_owned(), PointFile::None);
+    let (kind, list, points) = (DatasetKind::Metashape, file.to_owned(), Vec::new());
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 

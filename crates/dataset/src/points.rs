@@ -1,10 +1,9 @@
-//! Sparse clouds: from the files of COLMAP, from a PLY file beside a `transforms.json`, or at random in the cameras' views.
+//! Sparse clouds: from a PLY file beside a `transforms.json`, or at random in the cameras' views.
 
 use super::colmap_model::FoundPoint;
 use super::posed::{Point, View};
-use super::{colmap_binary, colmap_text};
 use glam::{DVec3, Vec2, Vec3};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use trisplat_formats::Source;
 use trisplat_formats::ply::{self, Column};
 use trisplat_scene::math::lists::median;
@@ -13,8 +12,8 @@ use trisplat_scene::{Limits, Result, Rng, camera};
 /// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];
 
-/// Passes x, y, z and, if they are bytes, red, green, blue of every entry of the element `vertex` to `visit`.
-pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
+/// The points of a PLY file: x, y, z and, if they are bytes, red, green, blue of the element `vertex`.
+pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     let mut source = Source::open(path, limits)?;
     let header = ply::header::read(&mut source)?;
     let table = ply::points(&source, &header, limits)?;
@@ -24,41 +23,14 @@ pub(super) fn each_point(path: &Path, limits: &Limits, visit: &mut dyn FnMut(Fou
         [Some(r), Some(g), Some(b)] => Some([r, g, b]),
         _ => None,
     };
+    let mut points = Vec::new();
     table.each_row(|_, row| {
         let position = DVec3::from(position.map(|column| column.f64(row)));
         let rgb = rgb.map_or(GREY, |columns: [Column; 3]| columns.map(|c| c.int(row) as u8));
-        visit(FoundPoint { position, rgb, error: None });
+        points.push(FoundPoint { id: 0, position, rgb, error: None });
         Ok(())
-    })
-}
-
-/// Where the points are.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum PointFile {
-    None,
-    ColmapBinary(PathBuf),
-    ColmapText(PathBuf),
-    Ply(PathBuf),
-}
-
-impl PointFile {
-    /// Passes every point to `visit`, in the order of the file.
-    pub(super) fn each(&self, limits: &Limits, visit: &mut dyn FnMut(FoundPoint)) -> Result<()> {
-        match self {
-            Self::None => Ok(()),
-            Self::ColmapBinary(path) => colmap_binary::each_point(path, limits, &mut |row| visit(row.into())),
-            Self::ColmapText(path) => colmap_text::each_point(path, limits, &mut |row| visit(row.into())),
-            Self::Ply(path) => each_point(path, limits, visit),
-        }
-    }
-
-    /// How messages call it.
-    pub(super) fn name(&self) -> String {
-        match self {
-            Self::None => "points".into(),
-            Self::ColmapBinary(path) | Self::ColmapText(path) | Self::Ply(path) => path.display().to_string(),
-        }
-    }
+    })?;
+    Ok(points)
 }
 
 /// Attempts to place a point in a second camera's view, too.
@@ -118,8 +90,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
         std::fs::write(&path, bytes).unwrap();
-        let mut points = Vec::new();
-        each_point(&path, &Limits::DEFAULT, &mut |point| points.push(point)).map(|()| points)
+        read_ply(&path, &Limits::DEFAULT)
     }
 
     fn header(format: &str) -> String {

@@ -7,7 +7,6 @@
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Distortion;
 use super::options::DatasetOptions;
-use super::points::PointFile;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3};
 use std::path::{Path, PathBuf};
@@ -94,7 +93,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     }
     check_places(file, &photos)?;
     let warnings = files.warnings().collect();
-    let (kind, list, points) = (DatasetKind::RealityScan, file.to_owned(), PointFile::None);
+    let (kind, list, points) = (DatasetKind::RealityScan, file.to_owned(), Vec::new());
     Ok(FoundDataset { kind, root, list, photos, points, warnings })
 }
 

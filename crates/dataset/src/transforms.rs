@@ -7,10 +7,11 @@
 //! R = (M diag(1, -1, -1))^T        t = -R c        M, c: rotation and column 3 of transform_matrix
 //! ```
 
+use super::colmap_model::FoundPoint;
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::{Distortion, Projection};
 use super::options::DatasetOptions;
-use super::points::PointFile;
+use super::points::read_ply;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec2, DVec3, UVec2};
 use serde::Deserialize;
@@ -53,8 +54,8 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
     let transforms = parse(file, &options.limits)?;
     let mut files = NamedFiles::new(file, &root, options);
     let points = match &transforms.ply_file_path {
-        Some(name) => point_file(file, files.find("ply_file_path", name)?)?,
-        None => PointFile::None,
+        Some(name) => points(file, &files.find("ply_file_path", name)?, &options.limits)?,
+        None => Vec::new(),
     };
     let mut frames = Vec::with_capacity(transforms.frames.len());
     for (index, row) in transforms.frames.iter().enumerate() {
@@ -104,7 +105,7 @@ fn plain(name: &str) -> String {
 }
 
 /// The cloud that `file` names.
-fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
+fn points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     if !ply.exists() {
         let reason = format!(
             "{} does not exist; restore it, or remove the key to start from random points",
@@ -112,7 +113,7 @@ fn point_file(file: &Path, ply: PathBuf) -> Result<PointFile> {
         );
         return Err(Error::malformed(file, "ply_file_path", reason));
     }
-    Ok(PointFile::Ply(ply))
+    read_ply(ply, limits)
 }
 
 fn parse(file: &Path, limits: &Limits) -> Result<Transforms> {

@@ -238,6 +238,11 @@ impl PlacedCorners {
 /// A channel above this is not an overshoot but has another scale.
 const OVERSHOOT: f32 = 2.0;
 
+/// The mean of the colours of three corners, exact when they are equal.
+pub(super) fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+    if a == b && b == c { a } else { [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0) }
+}
+
 /// Counts clamped values.
 #[derive(Debug, Default)]
 pub(super) struct Clamped {

@@ -73,35 +73,30 @@ impl Format {
 
     /// The format of the extension of `path`, independent of the content.
     pub(crate) fn by_extension(path: &Path) -> Option<Format> {
-        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
-        Some(match extension.as_str() {
-            "ply" => Format::Ply,
-            "pt" | "pth" => Format::Pt,
-            "off" | "coff" => Format::Off,
-            "obj" => Format::Obj,
-            "glb" => Format::Glb,
-            "gltf" => Format::Gltf,
-            "html" | "htm" => Format::Html,
-            _ => return None,
-        })
+        let extension = path.extension()?.to_str()?;
+        let has = |endings: &[&str]| endings.iter().any(|ending| extension.eq_ignore_ascii_case(ending));
+        FORMATS.iter().find(|(.., endings)| has(endings)).map(|(format, ..)| *format)
     }
 
     /// Its usual name.
     pub fn name(self) -> &'static str {
-        match self {
-            Format::Ply => "PLY",
-            Format::Pt => "PyTorch checkpoint",
-            Format::Off => "OFF",
-            Format::Obj => "Wavefront OBJ",
-            Format::Glb => "binary glTF",
-            Format::Gltf => "glTF",
-            Format::Splat => ".splat",
-            Format::Spz => "SPZ",
-            Format::Sog => "SOG",
-            Format::Html => "page with a scene",
-        }
+        FORMATS[self as usize].1
     }
 }
+
+/// The formats in their order: usual name, and extensions that tell them.
+const FORMATS: [(Format, &str, &[&str]); 10] = [
+    (Format::Ply, "PLY", &["ply"]),
+    (Format::Pt, "PyTorch checkpoint", &["pt", "pth"]),
+    (Format::Off, "OFF", &["off", "coff"]),
+    (Format::Obj, "Wavefront OBJ", &["obj"]),
+    (Format::Glb, "binary glTF", &["glb"]),
+    (Format::Gltf, "glTF", &["gltf"]),
+    (Format::Splat, ".splat", &[]),
+    (Format::Spz, "SPZ", &[]),
+    (Format::Sog, "SOG", &[]),
+    (Format::Html, "page with a scene", &["html", "htm"]),
+];
 
 /// The first line that is not blank, trimmed.
 fn first_line(text: &[u8]) -> &[u8] {

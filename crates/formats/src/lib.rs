@@ -2,7 +2,6 @@
 //!
 //! In: bytes of scene files. Out: scenes and splats. In: assets. Out: bytes.
 
-mod atlas;
 pub mod check;
 mod faces;
 mod finish;

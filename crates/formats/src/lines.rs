@@ -244,18 +244,6 @@ fn up_axis(comment: &str) -> Option<UpAxis> {
     serde_json::from_value(axis.into()).ok()
 }
 
-/// The number of first triangles of a soup that are its shell, by the comments of earlier versions; newer
-/// files have a property per face.
-pub(super) fn shell_of_comments<'a>(mut comments: impl Iterator<Item = &'a str>) -> usize {
-    #[derive(serde::Deserialize)]
-    struct Old {
-        #[serde(default)]
-        shell: usize,
-    }
-    let old = |comment: &str| serde_json::from_str::<Old>(comment.trim().strip_prefix(KEY)?).ok();
-    comments.find_map(old).map_or(0, |old| old.shell)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

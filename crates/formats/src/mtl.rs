@@ -1,12 +1,13 @@
 //! The materials of an OBJ: the pictures or colours of its faces.
 
-use crate::atlas::{PaintedFaces, Wrap, paint};
+use crate::faces::mean;
 use crate::lines::{Lines, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use trisplat_scene::atlas::{PaintedFaces, Wrap, paint};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Limits, Result, Texture, input};
@@ -263,11 +264,6 @@ fn library_names(text: &str) -> Vec<String> {
     }
     names.retain(|name| !name.is_empty());
     names
-}
-
-/// The mean of a face's corners.
-fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0)
 }
 
 /// A name without the quotes around it.

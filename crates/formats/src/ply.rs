@@ -39,12 +39,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     // Cameras are in single precision, so a soup with cameras is near its origin already.
     let origin = if cameras.is_empty() { vertices.origin()? } else { DVec3::ZERO };
     let scene = if is_soup {
-        let mut soup = soup::read(&vertices, &faces, origin, options)?;
-        if soup.shell.is_empty() {
-            let comments = header.comments.iter().map(String::as_str);
-            soup.set_shell(0..lines::shell_of_comments(comments));
-        }
-        Scene::Soup(soup)
+        Scene::Soup(soup::read(&vertices, &faces, origin, options)?)
     } else {
         Scene::Mesh(mesh::read(&vertices, &faces, origin, &header.comments, options, &mut warnings)?)
     };

@@ -163,7 +163,7 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
     };
     file.limits.triangles(file.label.display(), faces as u64)?;
     let shape: &[usize] = &[faces, 3];
-    let wide: Vec<i64> = match file.dtype(key)? {
+    let wide: Vec<i64> = match file.tensor(key)?.dtype() {
         DType::I64 => file.values(key, DType::I64, &[shape])?,
         _ => file.values::<i32>(key, DType::I32, &[shape])?.into_iter().map(i64::from).collect(),
     };
@@ -226,10 +226,6 @@ impl TorchFile {
 
     fn shape(&self, key: &str) -> Result<&[usize]> {
         Ok(self.tensor(key)?.shape())
-    }
-
-    fn dtype(&self, key: &str) -> Result<DType> {
-        Ok(self.tensor(key)?.dtype())
     }
 
     /// The numbers of a tensor in row-major order, when it has one of `shapes`.

@@ -3,6 +3,7 @@
 //! In: nothing. Out: soups, meshes, scenes, splats, cameras, pictures, assets, rays; numbers, errors, reports; files that are read within limits and appear whole.
 
 mod asset;
+pub mod atlas;
 pub mod atomic;
 pub mod camera;
 mod error;

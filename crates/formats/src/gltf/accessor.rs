@@ -4,7 +4,6 @@ use super::buffers::Buffers;
 use super::document::{Accessor, Attributes, BufferView, Document, Image, component_type, entry};
 use super::material::{Sampler, TextureInfo};
 use super::meshopt::{self, CompressedView};
-use crate::atlas::{self, PaintedFaces};
 use glam::Vec2;
 use gltf_json::accessor::ComponentType;
 use gltf_json::buffer::MAX_BYTE_STRIDE;
@@ -12,6 +11,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
+use trisplat_scene::atlas::{self, PaintedFaces};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{Error, Limits, Result, Texture};
 

@@ -164,10 +164,15 @@ fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
 
 /// The place of a page's picture: never compressed, so in the file's own buffer.
 fn picture_view(picture: &Picture) -> View {
+    view(0, picture.start, picture.bytes.len() as u64)
+}
+
+/// Bytes of a buffer.
+fn view(buffer: usize, start: u64, length: u64) -> View {
     View {
-        buffer: index(0),
-        byte_length: USize64(picture.bytes.len() as u64),
-        byte_offset: Some(USize64(picture.start)),
+        buffer: index(buffer),
+        byte_length: USize64(length),
+        byte_offset: Some(USize64(start)),
         byte_stride: None,
         name: None,
         target: None,
@@ -342,18 +347,13 @@ fn buffers(content: &Content, bin_name: Option<&str>) -> Result<(Vec<View>, Vec<
     let mut views = Vec::with_capacity(starts.len());
     for (i, (part, stream)) in all_streams(parts).enumerate() {
         let strided = matches!(stream, Stream::Positions | Stream::Normals) && part.grid.is_some();
+        let target = if stream == Stream::Indices { Target::ElementArrayBuffer } else { Target::ArrayBuffer };
+        let buffer = usize::from(content.compressed.is_some());
         views.push(View {
-            buffer: index(usize::from(content.compressed.is_some())),
-            byte_length: USize64(part.bytes(stream, options)),
-            byte_offset: Some(USize64(starts[i])),
             byte_stride: strided.then(|| Stride(part.stride(stream, options) as usize)),
-            name: None,
-            target: Some(Valid(match stream {
-                Stream::Indices => Target::ElementArrayBuffer,
-                _ => Target::ArrayBuffer,
-            })),
+            target: Some(Valid(target)),
             extensions: compressed_view(content, i, part, stream)?,
-            extras: None,
+            ..view(buffer, starts[i], part.bytes(stream, options))
         });
     }
     let buffer = |bytes: u64| Buffer {

@@ -161,8 +161,7 @@ impl ContainerFile {
 /// The chunks of a GLB.
 fn chunks(source: &mut Source) -> Result<Vec<GlbChunk>> {
     let path = source.path.clone();
-    let header: [u8; HEADER_BYTES as usize] = read_array(source, 0, "header")?;
-    let [_, version, length] = words(&header);
+    let [_, version, length] = read_words(source, 0, "header")?;
     if version != VERSION {
         return Err(Error::unsupported(&path, format!("is binary glTF {version}; convert it to glTF 2.0")));
     }
@@ -174,8 +173,7 @@ fn chunks(source: &mut Source) -> Result<Vec<GlbChunk>> {
     let mut at = HEADER_BYTES;
     while at + CHUNK_HEADER_BYTES <= length {
         let place = format!("chunk {}", chunks.len());
-        let head: [u8; CHUNK_HEADER_BYTES as usize] = read_array(source, at, &place)?;
-        let [bytes, kind] = words(&head);
+        let [bytes, kind] = read_words(source, at, &place)?;
         let chunk = GlbChunk { kind, start: at + CHUNK_HEADER_BYTES, length: u64::from(bytes) };
         if chunk.start + chunk.length > length {
             return Err(truncated(&path, &place, chunk.start + chunk.length, length));
@@ -200,23 +198,19 @@ fn truncated(path: &Path, place: &str, wants: u64, has: u64) -> Error {
     Error::malformed(path, place, format!("promises {wants} bytes, but only {has} are there: truncated?"))
 }
 
-fn read_array<const N: usize>(source: &mut Source, at: u64, place: &str) -> Result<[u8; N]> {
-    let mut bytes = [0; N];
-    if at + N as u64 > source.len {
-        return Err(truncated(&source.path, place, at + N as u64, source.len));
+/// Little-endian words from byte `at`.
+fn read_words<const N: usize>(source: &mut Source, at: u64, place: &str) -> Result<[u32; N]> {
+    let mut words = [[0; 4]; N];
+    let end = at + size_of_val(&words) as u64;
+    if end > source.len {
+        return Err(truncated(&source.path, place, end, source.len));
     }
-    read_at(source, at, &mut bytes)?;
-    Ok(bytes)
+    read_at(source, at, words.as_flattened_mut())?;
+    Ok(words.map(u32::from_le_bytes))
 }
 
 fn read_at(source: &mut Source, at: u64, bytes: &mut [u8]) -> Result<()> {
     let mut file = &*source.file;
     let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(bytes));
     read.map_err(|e| Error::io(&source.path, e))
-}
-
-/// Little-endian 32-bit words.
-fn words<const N: usize, const W: usize>(bytes: &[u8; N]) -> [u32; W] {
-    let (words, _) = bytes.as_chunks::<4>();
-    std::array::from_fn(|i| words.get(i).map_or(0, |w| u32::from_le_bytes(*w)))
 }

@@ -2,12 +2,12 @@
 //!
 //! Of a material only its colour without lights is read. Faults in it cost no more than the colour.
 
-use crate::atlas::Wrap;
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::validation::Checked;
 use serde::Deserialize;
 use serde::de::{DeserializeOwned, Deserializer, IgnoredAny};
 use serde_json::Value;
+use trisplat_scene::atlas::Wrap;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]

@@ -3,11 +3,11 @@
 use super::accessor::{self, Accessors};
 use super::document::{DRACO, Document, MeshInstance, Primitive};
 use super::material::Material;
-use crate::atlas::PaintedFaces;
 use crate::finish::{is_far, origin_of, sampled};
 use glam::{DMat4, DVec3, Vec3};
 use gltf_json::accessor::ComponentType;
 use gltf_json::mesh::{TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES};
+use trisplat_scene::atlas::PaintedFaces;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Limits, Result, parallel};
@@ -18,14 +18,12 @@ pub(crate) struct MergedMesh<'a> {
     accessors: Accessors<'a>,
     /// The file says that every material's COLOR_0 is sRGB-encoded.
     srgb: bool,
-    positions: Vec<Vec3>,
+    /// Its positions, indices, and opacity, which is empty while every face is opaque.
+    mesh: Mesh,
     /// One per face while `flat`, else one per vertex.
     colors: Vec<[f32; 3]>,
     /// No faces share vertices and each has one colour.
     flat: bool,
-    indices: Vec<u32>,
-    /// Empty while every face is opaque.
-    opacity: Vec<f32>,
     /// Number of faces so far.
     pub(crate) faces: usize,
     clamped: usize,
@@ -49,11 +47,9 @@ impl<'a> MergedMesh<'a> {
             document,
             accessors,
             srgb,
-            positions: Vec::new(),
+            mesh: Mesh::default(),
             colors: Vec::new(),
             flat: true,
-            indices: Vec::new(),
-            opacity: Vec::new(),
             faces: 0,
             clamped: 0,
             warnings: Vec::new(),
@@ -95,7 +91,7 @@ impl<'a> MergedMesh<'a> {
         limits.triangles(path.display(), vertices / 3)?;
         limits.vertices(path.display(), vertices)?;
         self.accessors.buffers.spend(vertices.saturating_mul(24))?;
-        limits.reserve(path.display(), &mut self.positions, vertices as usize)?;
+        limits.reserve(path.display(), &mut self.mesh.positions, vertices as usize)?;
         if !far {
             return Ok(DVec3::ZERO);
         }
@@ -163,10 +159,10 @@ impl<'a> MergedMesh<'a> {
         if !primitive.targets.is_empty() {
             self.warn("morph targets are not applied");
         }
-        let base = self.positions.len();
+        let base = self.mesh.positions.len();
         let count = self.read_positions(position, place, transform)?;
         let mut part = self.read_faces(primitive, place, base, count)?;
-        self.positions.truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
+        self.mesh.positions.truncate(base + if part.indices.is_some() { count } else { 3 * part.faces });
         let mirrored = transform.is_some_and(|t| t.determinant() < 0.0);
         if mirrored && let Some(indices) = &mut part.indices {
             indices.chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
@@ -188,9 +184,9 @@ impl<'a> MergedMesh<'a> {
                 self.malformed(place, "has a POSITION that is not VEC3 of floats or 8 or 16-bit integers")
             );
         }
-        let (base, count) = (self.positions.len(), layout.count as usize);
-        self.positions.resize(base + count, Vec3::ZERO);
-        let added = &mut self.positions[base..];
+        let (base, count) = (self.mesh.positions.len(), layout.count as usize);
+        self.mesh.positions.resize(base + count, Vec3::ZERO);
+        let added = &mut self.mesh.positions[base..];
         self.accessors.for_each(accessor, 0.0, |i, p| {
             let p = DVec3::from(p);
             added[i] = transform.map_or(p, |t| t.transform_point3(p)).as_vec3();
@@ -386,8 +382,8 @@ impl<'a> MergedMesh<'a> {
             return;
         }
         let cutoff = material.cutoff();
-        self.opacity.resize(self.faces, 1.0);
-        self.opacity.extend((0..part.faces).map(|face| {
+        self.mesh.opacity.resize(self.faces, 1.0);
+        self.mesh.opacity.extend((0..part.faces).map(|face| {
             let alpha = unit(alpha(face));
             cutoff.map_or(alpha, |cutoff| f32::from(alpha >= cutoff))
         }));
@@ -395,7 +391,7 @@ impl<'a> MergedMesh<'a> {
 
     /// Reverses the winding of a primitive's faces if its node mirrors it.
     fn mirror(&mut self, part: &PrimitiveFaces) {
-        self.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
+        self.mesh.positions[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         if !self.flat {
             self.colors[part.base..].chunks_exact_mut(3).for_each(|face| face.swap(1, 2));
         }
@@ -405,17 +401,19 @@ impl<'a> MergedMesh<'a> {
         let base = part.base as u32;
         match part.indices {
             Some(indices) => {
-                if self.indices.is_empty() && self.faces > 0 {
-                    self.indices = (0..3 * self.faces as u32).collect();
+                if self.mesh.indices.is_empty() && self.faces > 0 {
+                    self.mesh.indices = (0..3 * self.faces as u32).collect();
                 }
-                self.indices.extend(indices.into_iter().map(|index| base + index));
+                self.mesh.indices.extend(indices.into_iter().map(|index| base + index));
             }
-            None if !self.indices.is_empty() => self.indices.extend(base..base + 3 * part.faces as u32),
+            None if !self.mesh.indices.is_empty() => {
+                self.mesh.indices.extend(base..base + 3 * part.faces as u32)
+            }
             None => {}
         }
         self.faces += part.faces;
-        if !self.opacity.is_empty() {
-            self.opacity.resize(self.faces, 1.0);
+        if !self.mesh.opacity.is_empty() {
+            self.mesh.opacity.resize(self.faces, 1.0);
         }
     }
 
@@ -432,17 +430,11 @@ impl<'a> MergedMesh<'a> {
         if self.clamped > 0 {
             self.warn(format!("{} colours lay outside 0 to 1 and were clamped", self.clamped));
         }
-        if self.opacity.iter().all(|&o| o == 1.0) {
-            self.opacity = Vec::new();
+        let mut mesh = self.mesh;
+        if mesh.opacity.iter().all(|&o| o == 1.0) {
+            mesh.opacity = Vec::new();
         }
-        let colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
-        let mut mesh = Mesh {
-            positions: self.positions,
-            colors,
-            indices: self.indices,
-            opacity: self.opacity,
-            ..Mesh::default()
-        };
+        mesh.colors = if self.flat { Colors::Face(self.colors) } else { Colors::Vertex(self.colors) };
         let painted =
             accessor::paint(self.painted, &mut mesh, self.document, &mut self.accessors, &self.limits);
         self.warnings.extend(painted);

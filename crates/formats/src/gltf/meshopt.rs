@@ -73,25 +73,16 @@ fn attributes(view: &CompressedView, packed: &[u8], words: u64, count: usize) ->
     if !matches!((filter, words), ("NONE" | "EXPONENTIAL", _) | ("COLOR", ..=2)) {
         return Err(format!("has the filter {filter:?}, which is not for positions or colours"));
     }
-    match words {
-        1 => vertices::<1>(packed, count, filter),
-        2 => vertices::<2>(packed, count, filter),
-        3 => vertices::<3>(packed, count, filter),
-        4 => vertices::<4>(packed, count, filter),
-        5 => vertices::<5>(packed, count, filter),
-        6 => vertices::<6>(packed, count, filter),
-        7 => vertices::<7>(packed, count, filter),
-        8 => vertices::<8>(packed, count, filter),
-        9 => vertices::<9>(packed, count, filter),
-        10 => vertices::<10>(packed, count, filter),
-        11 => vertices::<11>(packed, count, filter),
-        12 => vertices::<12>(packed, count, filter),
-        13 => vertices::<13>(packed, count, filter),
-        14 => vertices::<14>(packed, count, filter),
-        15 => vertices::<15>(packed, count, filter),
-        16 => vertices::<16>(packed, count, filter),
-        _ => Err(format!("has {} bytes per element; expected at most 64", 4 * words)),
+    /// The decoder takes the size of an element as a type.
+    macro_rules! of_words {
+        ($($n:literal)*) => {
+            match words {
+                $($n => vertices::<$n>(packed, count, filter),)*
+                _ => Err(format!("has {} bytes per element; expected at most 64", 4 * words)),
+            }
+        };
     }
+    of_words!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16)
 }
 
 /// Decodes elements of N words; the filter is undone on whole elements.

@@ -109,27 +109,13 @@ pub fn read_splats(mut source: Source, options: &ReadOptions) -> Result<Imported
     finish(&path, splats, compose::provenance(&document.asset), reader.warnings, origin)
 }
 
-/// The Gaussians of one primitive under one node.
+/// The Gaussians of one primitive, and their node.
 struct Part {
     place: String,
-    numbers: Numbers,
-    count: usize,
-    /// Coefficients of a channel.
-    coefficients: usize,
+    splats: Splats,
     transform: DMat4,
     turn: DQuat,
     scale: f64,
-}
-
-/// Where the numbers of Gaussians are.
-enum Numbers {
-    Accessors {
-        /// Position, rotation, scale and opacity.
-        basic: [usize; 4],
-        /// The spherical harmonics, all degrees in order.
-        sh: Vec<usize>,
-    },
-    Unpacked(Splats),
 }
 
 struct Reader<'a> {
@@ -186,20 +172,26 @@ impl Reader<'_> {
             return Err(unsupported(what));
         }
         let turn = DQuat::from_mat3(&(axes * size.recip()));
-        if let Some((name, packing)) = packing {
-            let view = packing.buffer_view.ok_or_else(|| malformed(format!("{name} has no bufferView")))?;
-            let splats = self.unpacked(view)?;
-            let (count, coefficients) = (splats.len(), splats.sh_count());
-            let numbers = Numbers::Unpacked(splats);
-            return Ok(Part { place, numbers, count, coefficients, transform, turn, scale: size });
-        }
+        let splats = match packing {
+            Some((name, packing)) => {
+                let view = packing.buffer_view;
+                self.unpacked(view.ok_or_else(|| malformed(format!("{name} has no bufferView")))?)?
+            }
+            None => self.listed(primitive, &place)?,
+        };
+        Ok(Part { place, splats, transform, turn, scale: size })
+    }
+
+    /// The Gaussians in accessors, one for each of their numbers.
+    fn listed(&mut self, primitive: &SplatPrimitive, place: &str) -> Result<Splats> {
         let accessor = |name: &str| primitive.attributes.get(name).copied();
         let own = |name: &str| accessor(&format!("{GLTF_EXTENSION}:{name}"));
         let basic =
             [accessor("POSITION"), own("ROTATION"), own("SCALE"), own("OPACITY"), own("SH_DEGREE_0_COEF_0")];
         let [Some(position), Some(rotation), Some(scale), Some(opacity), Some(first)] = basic else {
             let wants = "POSITION and, of the extension, ROTATION, SCALE, OPACITY and SH_DEGREE_0_COEF_0";
-            return Err(malformed(format!("lacks an attribute; expected {wants}")));
+            let reason = format!("lacks an attribute; expected {wants}");
+            return Err(Error::malformed(self.path, place, reason));
         };
         let mut sh = vec![first];
         for degree in 1..=3 {
@@ -209,12 +201,20 @@ impl Reader<'_> {
                 None => break,
             }
         }
-        let basic = [position, rotation, scale, opacity];
-        let count =
-            self.check(&place, basic.into_iter().zip([3, 4, 3, 1]).chain(sh.iter().map(|i| (*i, 3))))?;
-        let coefficients = sh.len();
-        let numbers = Numbers::Accessors { basic, sh };
-        Ok(Part { place, numbers, count, coefficients, transform, turn, scale: size })
+        let basic = [(position, 3), (rotation, 4), (scale, 3), (opacity, 1)];
+        let count = self.check(place, basic.into_iter().chain(sh.iter().map(|i| (*i, 3))))?;
+        let degree = (sh.len().isqrt() as u8 - 1).min(self.options.sh_degree);
+        let mut splats = zeroed(self.path, count, degree, &self.options.limits)?;
+        let (k, all) = (splats.sh_count(), &mut self.accessors);
+        let single = |numbers: [f64; 3]| DVec3::from(numbers).as_vec3();
+        all.for_each(position, 0.0, |i, at| splats.positions[i] = single(at))?;
+        all.for_each(rotation, 0.0, |i, q| splats.rotations[i] = DQuat::from_array(q).as_quat())?;
+        all.for_each(scale, 0.0, |i, lengths| splats.scales[i] = single(lengths))?;
+        all.for_each(opacity, 0.0, |i, [value]| splats.opacity[i] = value as f32)?;
+        for (j, coefficient) in sh[..k].iter().enumerate() {
+            all.for_each(*coefficient, 0.0, |i, rgb| splats.sh[i * k + j] = single(rgb).to_array())?;
+        }
+        Ok(splats)
     }
 
     /// The Gaussians of an SPZ file in a buffer view.
@@ -247,52 +247,30 @@ impl Reader<'_> {
     /// All of them, and the origin that was subtracted from their positions.
     fn splats(&mut self, parts: &[Part]) -> Result<(Splats, DVec3)> {
         let limits = self.options.limits;
-        let total = parts.iter().fold(0usize, |sum, part| sum.saturating_add(part.count));
-        let degree = parts.iter().map(|part| part.coefficients.isqrt() as u8 - 1).max().unwrap_or(0);
-        let mut splats = zeroed(self.path, total, degree.min(self.options.sh_degree), &limits)?;
+        let total = parts.iter().fold(0usize, |sum, part| sum.saturating_add(part.splats.len()));
+        let degree = parts.iter().map(|part| part.splats.sh_degree).max().unwrap_or(0);
+        let mut splats = zeroed(self.path, total, degree, &limits)?;
         let k = splats.sh_count();
         let mut positions: Vec<DVec3> = limits.zeroed(self.path.display(), total)?;
-        let mut base = 0;
-        for part in parts {
-            let place = |position: [f64; 3]| part.transform.transform_point3(DVec3::from(position));
-            let turned = |quaternion: [f64; 4]| {
-                let [x, y, z, w] = DVec4::from(part.turn * DQuat::from_array(quaternion)).to_array();
-                unit([w, x, y, z])
-            };
-            let scaled = |lengths: [f64; 3]| (DVec3::from(lengths) * part.scale).as_vec3();
-            let is_turned = part.turn.w.abs() < 1.0 - f64::EPSILON;
-            let drawn = if is_turned { 1 } else { part.coefficients.min(k) };
-            if drawn < part.coefficients.min(k) {
-                let warning =
-                    format!("{}: a node turns it, so its colours are the same from all sides", part.place);
+        let mut at = 0;
+        for Part { place, splats: own, transform, turn, scale } in parts {
+            let is_turned = turn.w.abs() < 1.0 - f64::EPSILON;
+            let coefficients = own.sh_count();
+            let drawn = if is_turned { 1 } else { coefficients };
+            if drawn < coefficients {
+                let warning = format!("{place}: a node turns it, so its colours are the same from all sides");
                 self.warnings.push(warning);
             }
-            match &part.numbers {
-                Numbers::Accessors { basic: [position, rotation, scale, opacity], sh } => {
-                    let all = &mut self.accessors;
-                    all.for_each(*position, 0.0, |i, at| positions[base + i] = place(at))?;
-                    all.for_each(*rotation, 0.0, |i, q| splats.rotations[base + i] = turned(q))?;
-                    all.for_each(*scale, 0.0, |i, lengths| splats.scales[base + i] = scaled(lengths))?;
-                    all.for_each(*opacity, 0.0, |i, [value]| splats.opacity[base + i] = value as f32)?;
-                    for (j, coefficient) in sh[..drawn].iter().enumerate() {
-                        all.for_each(*coefficient, 0.0, |i, rgb: [f64; 3]| {
-                            splats.sh[(base + i) * k + j] = rgb.map(|c| c as f32);
-                        })?;
-                    }
-                }
-                Numbers::Unpacked(own) => {
-                    for i in 0..part.count {
-                        positions[base + i] = place(own.positions[i].as_dvec3().to_array());
-                        splats.rotations[base + i] = turned(own.rotations[i].as_dquat().to_array());
-                        splats.scales[base + i] = scaled(own.scales[i].as_dvec3().to_array());
-                        splats.opacity[base + i] = own.opacity[i];
-                        let to = (base + i) * k;
-                        splats.sh[to..to + drawn].copy_from_slice(&own.sh[i * part.coefficients..][..drawn]);
-                    }
-                    splats.filter = own.filter;
-                }
+            for i in 0..own.len() {
+                positions[at] = transform.transform_point3(own.positions[i].as_dvec3());
+                let [x, y, z, w] = DVec4::from(*turn * own.rotations[i].as_dquat()).to_array();
+                splats.rotations[at] = unit([w, x, y, z]);
+                splats.scales[at] = (own.scales[i].as_dvec3() * *scale).as_vec3();
+                splats.opacity[at] = own.opacity[i];
+                splats.sh[at * k..at * k + drawn].copy_from_slice(&own.sh[i * coefficients..][..drawn]);
+                at += 1;
             }
-            base += part.count;
+            splats.filter = own.filter;
         }
         let origin = origin_of(sampled(total).map(|i| positions[i]).collect());
         splats.positions.iter_mut().zip(&positions).for_each(|(to, p)| *to = (*p - origin).as_vec3());

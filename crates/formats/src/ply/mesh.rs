@@ -3,8 +3,7 @@
 use super::header::{Column, Scalar};
 use super::table::{self, Table};
 use crate::ReadOptions;
-use crate::atlas::{PaintedFaces, paint};
-use crate::faces::{Clamped, Triangles};
+use crate::faces::{Clamped, Triangles, mean};
 use crate::lines::{to_comment, write_blocks};
 use crate::mtl::{OVER_COLORS, has_colors, picture};
 use glam::{DVec3, Vec2, Vec3};
@@ -12,6 +11,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::slice::ChunksExact;
 use std::sync::Arc;
+use trisplat_scene::atlas::{PaintedFaces, paint};
 use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb8_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
@@ -273,11 +273,6 @@ fn push_vector(block: &mut Vec<u8>, vector: Vec3) {
 
 fn opacity(mesh: &Mesh, face: usize) -> f32 {
     mesh.opacity.get(face).copied().unwrap_or(1.0)
-}
-
-/// The mean of the corners, exact when they are equal.
-fn mean([a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
-    if a == b && b == c { a } else { [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0) }
 }
 
 fn rgba(linear: [f32; 3], opacity: f32) -> [u8; 4] {

@@ -166,18 +166,8 @@ fn are_lengths(splats: &Splats) -> bool {
 
 /// Gaussians that share their ranges.
 const CHUNK: usize = 256;
-/// Lower and upper ends of a chunk's ranges: positions, logarithms of scales, and in newer files colours.
-const RANGES: [[&str; 2]; 9] = [
-    ["min_x", "max_x"],
-    ["min_y", "max_y"],
-    ["min_z", "max_z"],
-    ["min_scale_x", "max_scale_x"],
-    ["min_scale_y", "max_scale_y"],
-    ["min_scale_z", "max_scale_z"],
-    ["min_r", "max_r"],
-    ["min_g", "max_g"],
-    ["min_b", "max_b"],
-];
+/// What has a range, from `min_x` to `max_x`: positions, logarithms of scales, and in newer files colours.
+const RANGES: [&str; 9] = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"];
 
 /// The ranges of a chunk.
 type Ranges = [[f64; 2]; RANGES.len()];
@@ -216,8 +206,8 @@ pub(super) fn read_packed(source: &Source, header: &Header, options: &ReadOption
 fn read_ranges(chunks: &Table) -> Result<Vec<Ranges>> {
     let has_colors = chunks.find("min_r").is_some();
     let mut columns = Vec::new();
-    for [low, high] in &RANGES[..if has_colors { RANGES.len() } else { 6 }] {
-        columns.push([chunks.column(low)?, chunks.column(high)?]);
+    for name in &RANGES[..if has_colors { RANGES.len() } else { 6 }] {
+        columns.push([chunks.column(&format!("min_{name}"))?, chunks.column(&format!("max_{name}"))?]);
     }
     let mut out = Vec::new();
     chunks.each_row(|_, row| {

@@ -4,15 +4,15 @@
 //! a picture in one tint keeps the picture as its page. Every other face becomes a patch of one more page, the atlas: what repeats or goes
 //! beyond the border, what its corners tint differently, and what has no picture.
 
+use crate::image::RgbImage;
+use crate::math::color::{linear_of_srgb8, srgb8_from_linear};
+use crate::mesh::{Colors, Mesh};
+use crate::report::counted;
+use crate::{FaceTexture, Texture, packed, parallel};
 use glam::{UVec2, Vec2};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::color::{linear_of_srgb8, srgb8_from_linear};
-use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::report::counted;
-use trisplat_scene::{FaceTexture, Texture, packed, parallel};
 
 /// Most pictures that are kept: of more, drawing each by itself costs an engine more than they show.
 const MOST_PAGES: usize = 255;
@@ -38,7 +38,7 @@ type Tints = [[u8; 3]; 3];
 
 /// How a picture goes on beyond its border, along one axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Wrap {
+pub enum Wrap {
     /// It begins again.
     #[default]
     Repeat,
@@ -49,7 +49,8 @@ pub(crate) enum Wrap {
 }
 
 /// Faces of a part of a mesh, with texture coordinates.
-pub(crate) struct PaintedFaces {
+#[derive(Debug)]
+pub struct PaintedFaces {
     /// Number of the picture.
     pub image: usize,
     /// Consecutive faces of the mesh, after those of earlier parts.
@@ -88,7 +89,7 @@ impl Wrap {
 }
 
 /// Gives `mesh` a texture, with those of the `textures` that could be read. Returns notes for the user.
-pub(crate) fn paint(
+pub fn paint(
     mesh: &mut Mesh,
     parts: Vec<PaintedFaces>,
     textures: &BTreeMap<usize, Option<Arc<Texture>>>,
