@@ -23,7 +23,6 @@ mod suggestions;
 mod terminal;
 pub mod train;
 pub mod train_args;
-mod train_block;
 pub mod train_progress;
 #[cfg(feature = "view")]
 mod train_view;

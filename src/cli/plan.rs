@@ -1,24 +1,28 @@
-//! `trisplat plan DATASET -o CITY`: a scene in blocks; `--status` prints their progress.
+//! A scene in blocks: `trisplat plan DATASET -o CITY`, `trisplat train --block`, `trisplat merge`.
 
 use super::bake::ByteSize;
 use super::flags::Sources;
 use super::inputs::Inputs;
 use super::messages::{self, many};
 use super::outputs::Outputs;
-use super::train_args::check_ply;
+use super::train_args::{BlockAddress, TrainArgs, check_ply};
 use super::train_progress::Bar;
 use super::{Global, signals};
 use clap::ArgMatches;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::{self as formats, ReadOptions};
 use trisplat_scale::{
-    Blocks, Expected, Manifest, NAME, PlanOptions, Planner, check, find_coarse, keep_coarse, status, unnamed,
+    Blocks, Expected, Manifest, NAME, PlanOptions, Planner, Task, check, find_coarse, keep_coarse, status,
+    unnamed,
 };
+use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::report::counted;
 use trisplat_scene::{Error, ImportedScene, Result};
-use trisplat_train::{BackendOptions, RunOptions, TrainOptions, TrainRun, checkpoint};
+use trisplat_train::{BackendOptions, PREVIEW, Preview, RunOptions, TrainOptions, TrainRun, checkpoint};
 
 /// What to plan.
 #[derive(Debug, clap::Args)]
@@ -248,4 +252,73 @@ pub fn merge(args: &MergeArgs, global: &Global, inputs: &Inputs) -> Result<()> {
         messages::print(&format!("wrote {}: {triangles} of {count}", args.output.display()));
     }
     Ok(())
+}
+
+// ---- `trisplat train --block PLAN:BLOCK`: one block of a plan ------------------------------------------
+
+/// Trains the block, unless its result exists.
+pub(super) fn train_block(
+    args: &TrainArgs,
+    block: &BlockAddress,
+    global: &Global,
+    inputs: &Inputs,
+) -> Result<ExitCode> {
+    let clock = Instant::now();
+    let task = Task::open(&block.plan, block.index, &args.dataset_options.limits)?;
+    let done = task.output();
+    if done.is_file() && !args.force {
+        // A run that was killed after its last rename leaves it.
+        let _ = std::fs::remove_file(task.checkpoint());
+        if !global.quiet {
+            messages::print(&format!("{} already exists", done.display()));
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut guard = guard_block(args, block, &task, inputs)?;
+    // Tried before any work, because another process may train this block.
+    let mut file = AtomicFile::create(&done)?;
+    let (dataset, cameras) = task.dataset(args.dataset.as_deref())?;
+    guard.spare_photos(&dataset)?;
+    let preview = args
+        .preview
+        .clone()
+        .map(|folder| Preview { folder, pause: Duration::from_secs_f64(args.preview_every) });
+    let outputs = task.outputs(args.checkpoint_every, preview, args.max_cpu_secs);
+    let (run, broken) = task.run(&dataset, outputs)?;
+    let run = run.start_at(&args.backend_options)?;
+    let mut bar = Bar::new(global, task.block().steps, run.steps(), args.log.as_deref(), run.curve())?;
+    bar.begun(run.card.as_deref(), broken.iter().chain(&run.warnings).chain(&dataset.warnings));
+    let trained = run.finish(&mut |event| bar.tell(event))?;
+    if bar.is_stopped("the block", &trained)? {
+        return Ok(signals::ended());
+    }
+    let trained = task.finished(trained, cameras);
+    trained.write_to(&mut file)?;
+    file.commit()?;
+    // The result exists, so the checkpoint is useless.
+    let _ = std::fs::remove_file(task.checkpoint());
+    bar.line(&format!(
+        "wrote {}: {}, {}, {:.1} CPU s, {:.1} s",
+        done.display(),
+        many(trained.soup.len() as u64, "triangle"),
+        counted(trained.steps.saturating_sub(task.block().first_step), "step"),
+        trained.cpu_secs,
+        clock.elapsed().as_secs_f64()
+    ));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Refuses a log and previews that cannot or must not be written; the block's own files have names with a hash. A block that
+/// goes on from its checkpoint goes on with them, too.
+fn guard_block<'a>(
+    args: &TrainArgs,
+    block: &BlockAddress,
+    task: &Task,
+    inputs: &'a Inputs,
+) -> Result<Outputs<'a>> {
+    let mut files = Outputs::new(inputs, args.force || task.checkpoint().is_file());
+    files.add_input(&block.plan);
+    args.log.as_deref().map_or(Ok(()), |path| files.probe("--log", path))?;
+    args.preview.as_deref().map_or(Ok(()), |folder| files.plan_pictures("--preview", folder, PREVIEW))?;
+    Ok(files)
 }

@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::terminal::Terminal;
 use super::train_args::{self, TrainArgs};
 use super::train_progress::Bar;
-use super::{Global, signals, train_block};
+use super::{Global, plan, signals};
 use clap::ArgMatches;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub fn run(
     watcher: Option<Box<dyn Watcher>>,
 ) -> Result<ExitCode> {
     if let Some(block) = &args.block {
-        return train_block::run(args, block, global, inputs);
+        return plan::train_block(args, block, global, inputs);
     }
     let clock = Instant::now();
     let outputs = outputs(args);

@@ -55,6 +55,9 @@ fn budgets_that_cannot_be_kept_are_refused() {
     fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "expected ", "or more"]);
     fails(folder.path(), &with(&["--budget-wall", "0.000001s"]), &["--budget-wall is ", "or more"]);
     fails(folder.path(), &with(&["--budget", "9s", "--set", "steps=7"]), &["--set", "--budget"]);
+    // Of a make, most is for the training: the message is about what was typed.
+    let make: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"make", &photos, &"-o", &"a.glb", &"--budget", &"0.02s"];
+    fails(folder.path(), &make, &["--budget is 0.02s: expected ", "or more"]);
     for bad in ["0", "-1", "nan", "abc", "2m-wall"] {
         let value = format!("--budget={bad}");
         let output = super::trisplat(&[&base[..], &[&value]].concat());

@@ -179,11 +179,11 @@ fn what_is_missing_or_fails_is_one_error_with_its_remedy() {
     let calls = fake.calls();
     assert!(calls[0].starts_with("exhaustive_matcher") && calls.len() == 2, "{calls:?}");
 
-    std::fs::write(fake.at("photos/IMG_1.HEIC"), "x").unwrap();
-    assert!(fake.error(&["capture", "photos", "-o", "other"]).contains("IMG_1.HEIC: is a HEIC"));
+    std::fs::write(fake.at("photos/IMG_1.NEF"), "x").unwrap();
+    assert!(fake.error(&["capture", "photos", "-o", "other"]).contains("IMG_1.NEF: is a raw photo"));
     assert!(fake.error(&["capture", "model", "-o", "other"]).contains("holds no photo"));
-    assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("HEIC"));
-    std::fs::remove_file(fake.at("photos/IMG_1.HEIC")).unwrap();
+    assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("raw photo"));
+    std::fs::remove_file(fake.at("photos/IMG_1.NEF")).unwrap();
     assert!(fake.error(&["capture", "photos", "-o", "model"]).contains("a new or empty folder"));
     assert!(fake.error(&["capture", "photos", "-o", "photos/set"]).contains("a folder outside of photos"));
     assert!(!fake.at("other").exists() && !fake.at("photos/set").exists());
@@ -348,4 +348,113 @@ fn pycolmap_finds_the_poses_of_the_sample() {
         let (found, truth) = (ratio(&found, a, b), ratio(&truth, a, b));
         assert!((found / truth - 1.0).abs() < 0.03, "{a} {b}: {found} {truth}");
     }
+}
+
+/// A block of EXIF: orientation, size and focal length.
+fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
+    let entry = |tag: u16, kind: u16, value: u32| {
+        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
+    };
+    let table = |entries: &[Vec<u8>]| {
+        [&(entries.len() as u16).to_le_bytes()[..], &entries.concat(), &[0; 4]].concat()
+    };
+    let first = table(&[entry(0x0112, 3, orientation.into()), entry(0x8769, 4, 8 + 30)]);
+    let second = [(0xa002, size[0]), (0xa003, size[1]), (0xa405, focal_35)];
+    let second = table(&second.map(|(tag, value)| entry(tag, 3, value.into())));
+    [b"II\x2a\0\x08\0\0\0", &first[..], &second].concat()
+}
+
+/// A HEIC file without a picture, for programs that do not look.
+fn heic(exif: &[u8]) -> Vec<u8> {
+    let part = |name: &[u8], body: &[u8]| [&(8 + body.len() as u32).to_be_bytes()[..], name, body].concat();
+    let item = part(b"infe", b"\x02\0\0\0\0\x01\0\0Exif\0");
+    let items = part(b"iinf", &[&b"\0\0\0\0\0\x01"[..], &item].concat());
+    let data = part(b"idat", &[&[0; 4], exif].concat());
+    let length = (4 + exif.len() as u32).to_be_bytes();
+    let place = [&b"\x01\0\0\0\x44\0\0\x01\0\x01\0\x01\0\0\0\x01\0\0\0\0"[..], &length].concat();
+    let meta = [&[0; 4], &items[..], &data, &part(b"iloc", &place)].concat();
+    [part(b"ftyp", b"heic\0\0\0\0mif1heic"), part(b"meta", &meta)].concat()
+}
+
+/// As iPhones take them: programs turn them and say so, turn them and still say to turn them, or leave that to whoever reads the JPEG.
+#[test]
+fn heic_photos_are_converted_upright_with_their_focal_length() {
+    let fake = Fake::new();
+    std::fs::write(
+        fake.at("heif-convert"),
+        "#!/bin/sh\n[ $# = 4 ] || exec echo usage\ncp \"$3.as\" \"$4\"\n",
+    )
+    .unwrap();
+    std::fs::set_permissions(fake.at("heif-convert"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    std::fs::create_dir(fake.at("phone")).unwrap();
+    // Upright, its upper half is red.
+    let red = |[w, h]: [u32; 2], is_red: &dyn Fn(u32, u32) -> bool| {
+        let pixel = |i: u32| if is_red(i % w, i / w) { [200, 20, 20] } else { [20, 20, 200] };
+        let picture = RgbImage { size: [w, h].into(), rgb: (0..w * h).map(pixel).collect(), alpha: None };
+        picture.to_jpeg(95).unwrap()
+    };
+    let (upright, lying) = (red([60, 80], &|_, y| y < 40), red([80, 60], &|x, _| x < 40));
+    let noted = |jpeg: &[u8], notes: &[u8]| {
+        let length = (2 + 6 + notes.len() as u16).to_be_bytes();
+        [&jpeg[..2], b"\xff\xe1", &length, b"Exif\0\0", notes, &jpeg[2..]].concat()
+    };
+    let notes = exif(6, [80, 60], 26);
+    for (name, jpeg) in [("a", upright.clone()), ("b", noted(&upright, &notes)), ("c", noted(&lying, &notes))]
+    {
+        std::fs::write(fake.at(&format!("phone/{name}.HEIC")), heic(&notes)).unwrap();
+        std::fs::write(fake.at(&format!("phone/{name}.HEIC.as")), jpeg).unwrap();
+    }
+    std::fs::write(fake.at("phone/d.heic"), heic(&notes)).unwrap();
+    let capture = ["capture", "phone", "-o", "set", "--report", "report.json"];
+    let error = fake.error(&capture);
+    assert!(error.contains("phone/d.heic") && error.contains("heif-convert ended with"), "{error}");
+    std::fs::remove_file(fake.at("phone/d.heic")).unwrap();
+    let said = fake.succeed(&capture);
+    assert!(said.contains("3 photos, 1 turned upright, 3 converted"), "{said}");
+    assert_eq!(names(&fake.at("set/images")), ["a.jpg", "b.jpg", "c.jpg"]);
+    for name in ["a", "b", "c"] {
+        let picture = RgbImage::load(&fake.at(&format!("set/images/{name}.jpg"))).unwrap();
+        assert_eq!(picture.size.to_array(), [60, 80], "{name}");
+        assert!(
+            picture.rgb[60 * 5 + 30][0] > 150 && picture.rgb[60 * 75 + 30][2] > 150,
+            "{name} is not upright"
+        );
+        let bytes = std::fs::read(fake.at(&format!("set/images/{name}.jpg"))).unwrap();
+        let upright = exif(1, [80, 60], 26);
+        assert!(bytes.windows(upright.len()).any(|part| part == upright), "{name} lost its notes");
+    }
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fake.at("report.json")).unwrap()).unwrap();
+    assert_eq!(report["stages"][0]["details"]["focal_known"], 3, "{report}");
+    // 26 mm of a film's diagonal.
+    let focal = format!("focal length {:.0} px", 26.0 / 43.2666 * 100.0);
+    assert!(said.contains(&focal), "{said}");
+
+    // Without a program, whatever else this system has.
+    std::fs::remove_file(fake.at("heif-convert")).unwrap();
+    let mut command = fake.command(&["capture", "phone", "-o", "other"]);
+    let said = stderr(&command.env("PATH", fake.folder()).output().unwrap());
+    assert!(
+        said.contains("phone/a.HEIC") && said.contains("libheif") && said.contains("pillow-heif"),
+        "{said}"
+    );
+    assert!(!fake.at("other").exists(), "{said}");
+}
+
+#[test]
+fn make_leaves_a_broken_photo_out_if_that_is_wanted() {
+    let fake = Fake::new();
+    let picture = RgbImage { size: [64, 48].into(), rgb: vec![[200, 90, 30]; 64 * 48], alpha: None };
+    let jpeg = picture.to_jpeg(90).unwrap();
+    std::fs::write(fake.at("photos/broken.jpg"), &jpeg[..jpeg.len() / 2]).unwrap();
+    let make =
+        ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-size", "60", "--max-triangles", "500"];
+    let error = fake.error(&make);
+    assert!(error.contains("broken.jpg") && error.contains("1 of 41 photos is broken"), "{error}");
+    assert!(error.ends_with("or skip them with --skip-broken"), "{error}");
+    let said = fake.succeed(&[&make[..], &["--skip-broken"]].concat());
+    assert!(
+        said.contains("1 of 41 photos is broken and left out") && fake.at("scene.glb").is_file(),
+        "{said}"
+    );
 }

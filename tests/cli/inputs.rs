@@ -149,6 +149,9 @@ fn devices_and_pipes_are_refused_wherever_a_file_is_named() {
         ends(folder.path(), &[&"train", &good, &"-o", &ply, &"--config", &endless], &[reason]);
         ends(folder.path(), &[&"train", &good, &"-o", &ply, &"--resume", &endless], &[reason]);
         ends(folder.path(), &[&"train", &good, &"-o", &ply, &"--from", &endless], &[reason]);
+        let video = folder.path().join(format!("walk{i}.mp4"));
+        std::os::unix::fs::symlink(endless, &video).unwrap();
+        ends(folder.path(), &[&"capture", &video, &"-o", &"set"], &[reason]);
     }
 }
 

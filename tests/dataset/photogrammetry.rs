@@ -262,3 +262,41 @@ fn realityscan_with_the_columns_of_today_and_before() {
         );
     }
 }
+
+/// RealityScan's other export, with lines that end as on Windows: a camera for each photo, photos without observations, points never refined.
+#[test]
+fn colmap_text_of_realityscan() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let at = |name: &str| folder.path().join("sparse/0").join(name);
+    let rows = |name: &str| {
+        let text = std::fs::read_to_string(at(name)).unwrap();
+        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<String>>()
+    };
+    let lens = rows("cameras.txt")[0].split_once(' ').unwrap().1.to_owned();
+    let poses: Vec<String> = rows("images.txt").into_iter().step_by(2).collect();
+    let write = |name: &str, rows: &[String]| {
+        std::fs::write(at(name), format!("# exported\r\n{}\r\n", rows.join("\r\n"))).unwrap();
+    };
+    let cameras: Vec<String> = (1..=poses.len()).map(|id| format!("{id} {lens}")).collect();
+    let own = |(i, pose): (usize, &String)| {
+        let mut words: Vec<String> = pose.split(' ').map(str::to_owned).collect();
+        words[8] = (i + 1).to_string();
+        format!("{}\r\n", words.join(" "))
+    };
+    let points: Vec<String> = rows("points3D.txt")
+        .iter()
+        .map(|row| {
+            let words: Vec<&str> = row.split(' ').take(7).collect();
+            format!("{} -1", words.join(" "))
+        })
+        .collect();
+    let wanted = load(folder.path());
+    write("cameras.txt", &cameras);
+    write("images.txt", &poses.iter().enumerate().map(own).collect::<Vec<_>>());
+    write("points3D.txt", &points);
+    let dataset = load(folder.path());
+    assert_views(&dataset, DatasetKind::ColmapText, &wanted.views);
+    assert_eq!((dataset.points.len(), dataset.points[0].error), (wanted.points.len(), None));
+    assert_eq!(dataset.reprojection(&Limits::DEFAULT).unwrap(), None);
+}

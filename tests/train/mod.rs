@@ -8,6 +8,7 @@ mod late;
 mod shell;
 mod transparent;
 mod watched;
+mod wide;
 
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;

@@ -86,7 +86,7 @@ impl TextureDetails {
     pub fn warning(&self) -> Option<String> {
         let comparison = self.comparison().filter(|_| self.colors_are_better())?;
         Some(format!(
-            "the colours were closer to the photos than the texture: {comparison}; without `texture`, or with its value `auto`, the file has colours"
+            "the colours were closer to the photos than the texture: {comparison}; without `texture`, or with its value `auto`, the file has colours, which only a USDZ does not show"
         ))
     }
 }

@@ -20,6 +20,8 @@ pub(crate) struct PhotoNotes {
     pub(crate) focal_35: Option<f64>,
     /// Exposure in stops: twice the light is 1 more.
     pub(crate) exposure_stops: Option<f64>,
+    /// Width and height before it is turned, px.
+    pub(crate) sensor: Option<UVec2>,
     /// The raw EXIF block, from its byte order mark on.
     pub(crate) raw: Vec<u8>,
 }
@@ -34,10 +36,12 @@ impl PhotoNotes {
     fn in_block(exif: &Exif) -> Self {
         let orientation =
             first_number(exif, Tag::Orientation).filter(|o| (1.0..=8.0).contains(o)).unwrap_or(1.0);
+        let side = |tag| above_zero(exif, tag).map(|side| side as u32);
         Self {
             orientation: orientation as u8,
             focal_35: above_zero(exif, Tag::FocalLengthIn35mmFilm),
             exposure_stops: exposure_stops(exif),
+            sensor: side(Tag::PixelXDimension).zip(side(Tag::PixelYDimension)).map(UVec2::from),
             raw: exif.buf().to_vec(),
         }
     }
@@ -45,6 +49,13 @@ impl PhotoNotes {
     /// Focal length in pixels for this picture size.
     pub(crate) fn focal_px(&self, size: UVec2) -> Option<f64> {
         self.focal_35.map(|focal| focal / FILM_DIAGONAL * size.as_dvec2().length())
+    }
+
+    /// The same for a picture of `size` that another program made of the photo, and that is to be turned like `orientation`: some
+    /// programs turn it, and say so still.
+    pub(crate) fn of_copy(self, orientation: u8, size: UVec2) -> Self {
+        let was_turned = orientation >= 5 && self.sensor.is_some_and(|sensor| sensor != size);
+        Self { orientation: if was_turned { 1 } else { orientation }, ..self }
     }
 
     /// The EXIF block with orientation reset to upright.

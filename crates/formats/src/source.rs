@@ -251,5 +251,12 @@ mod tests {
             assert!(error.contains(name) && error.contains("more than such a header needs"), "{error}");
         }
         assert_eq!(needed(ply.as_bytes(), 1), 64 * (3 * 3 + 4097));
+        // Text without counts may shrink as much as it likes below 128 MiB.
+        let path = folder.path().join("b.obj.gz");
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+        packed.write_all(&[&b"v 0 0 0\n"[..], &vec![b'\n'; 100 << 20]].concat()).expect("in memory");
+        std::fs::write(&path, packed.finish().expect("in memory")).expect("writable");
+        assert!(Source::open(&path, &Limits::DEFAULT).is_ok());
+        assert_eq!(needed(b"v 0 0 0\n", 2 << 20), 256 << 20);
     }
 }

@@ -19,6 +19,8 @@ const AWAY: [f32; 2] = [1.8, 3.0];
 const OUTSIDE: f32 = 0.005;
 /// Least opacity of a Gaussian that tells where the object is.
 const LEAST_OPACITY: f32 = 0.1;
+/// How far a lone Gaussian is seen, in standard deviations.
+const REACH: f32 = 3.0;
 /// Width and height of the pictures that tell what is seen, px.
 const WIDE_SIDE: u32 = 160;
 /// Share of what is seen that may be cut off on each side: floaters are.
@@ -44,8 +46,8 @@ pub(super) fn around(splats: &Splats, up: Vec3, count: usize, longer_px: u32) ->
 
 /// The middle of nearly all visible Gaussians, and the radius of a ball around it that holds them; `None` without any.
 fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
-    let visible = (0..splats.len()).filter(|i| splats.opacity[*i] >= LEAST_OPACITY);
-    let places: Vec<Vec3> = visible.map(|i| splats.positions[i]).collect();
+    let visible = || (0..splats.len()).filter(|i| splats.opacity[*i] >= LEAST_OPACITY);
+    let places: Vec<Vec3> = visible().map(|i| splats.positions[i]).collect();
     let last = places.len().checked_sub(1)?;
     let outside = (last as f32 * OUTSIDE) as usize;
     let along = |axis: usize, rank: usize| {
@@ -55,7 +57,11 @@ fn extent(splats: &Splats) -> Option<(Vec3, f32)> {
     let corner = |rank: usize| Vec3::from([0, 1, 2].map(|axis| along(axis, rank)));
     let middle = corner(outside).midpoint(corner(last - outside));
     let mut distances: Vec<f32> = places.iter().map(|place| place.distance(middle)).collect();
-    let radius = *distances.select_nth_unstable_by(last - outside, f32::total_cmp).1;
+    let mut radius = *distances.select_nth_unstable_by(last - outside, f32::total_cmp).1;
+    if radius == 0.0 {
+        // All are in one place, and as large as they are themselves.
+        radius = REACH * visible().map(|i| splats.scales[i].max_element()).fold(0.0, f32::max);
+    }
     (radius > 0.0 && radius.is_finite()).then_some((middle, radius))
 }
 

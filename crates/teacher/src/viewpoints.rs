@@ -205,7 +205,11 @@ impl Unit {
         let middles: Vec<Vec3> = middles.filter(|middle| middle.is_finite()).collect();
         let along = |axis: usize| quantile(middles.iter().map(|m| m[axis]).collect(), 0.5);
         let middle = Vec3::new(along(0)?, along(1)?, along(2)?);
-        let distances: Vec<f32> = middles.iter().map(|m| m.distance(middle)).collect();
+        let mut distances: Vec<f32> = middles.iter().map(|m| m.distance(middle)).collect();
+        if distances.iter().all(|distance| *distance == 0.0) {
+            // A lone triangle, or several in one place.
+            distances = soup.vertices.iter().flatten().map(|corner| corner.distance(middle)).collect();
+        }
         let (length, reach) = (quantile(distances.clone(), 0.5)?, quantile(distances, IN_VIEW)?);
         (length > 0.0 && reach.is_finite()).then_some(Self { middle, length, reach: reach / length })
     }

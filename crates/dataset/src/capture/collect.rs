@@ -1,5 +1,6 @@
 //! The photos step: upright photos in one folder, in file formats that every pose program reads.
 
+use super::heic::{Converter, is_heic};
 use super::log::{Log, tell};
 use super::program::CaptureOptions;
 use super::source::{SourcePhoto, Sources};
@@ -49,6 +50,8 @@ trisplat_scene::stage!(PhotosDetails, "photos");
 /// A photo to be collected.
 struct Opened {
     source: SourcePhoto,
+    /// The file of its pixels: its own, or one that another program made of it.
+    file: PathBuf,
     notes: PhotoNotes,
     /// Upright.
     size: UVec2,
@@ -61,6 +64,8 @@ struct Opened {
 enum Change {
     /// Copy the file unchanged.
     Copied,
+    /// Copy the pixels, and write the notes of the photo into the file.
+    Noted,
     /// Rotate it and keep its format.
     Turned,
     /// Convert it to PNG.
@@ -179,7 +184,15 @@ pub(super) fn collect(
     let (images, work) = (made.path().join("images"), made.path().join(WORK));
     std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
     let (mut opened, mut broken) = (Vec::new(), Vec::new());
-    let read = in_chunks(&sources.photos, observer, "reading photos", |photo| Ok(open(photo)))?;
+    let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
+    let converter = heic.map(|photo| Converter::find(options, &photo.path)).transpose()?;
+    let copies = heic.map(|_| tempfile::tempdir_in(made.path())).transpose().map_err(Error::temporary)?;
+    let copy =
+        |number: &usize| copies.iter().map(|to| to.path().join(format!("{number}.jpg"))).collect::<PathBuf>();
+    let photos: Vec<(usize, &SourcePhoto)> = sources.photos.iter().enumerate().collect();
+    let read = in_chunks(&photos, observer, "reading photos", |(number, photo)| {
+        Ok(open(photo, converter.as_ref(), &copy(number)))
+    })?;
     for (source, photo) in sources.photos.iter().zip(read) {
         match photo {
             Ok(photo) => opened.push(photo),
@@ -210,7 +223,7 @@ pub(super) fn collect(
     let count = |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
     details.photos = photos.len() as u64;
     details.turned = count(&|photo| photo.notes.orientation > 1);
-    details.converted = count(&|photo| photo.change == Change::Converted);
+    details.converted = count(&Opened::is_converted);
     details.cameras = (groups.len() + sources.videos.len()) as u64;
     details.focal_known = count(&|photo| photo.notes.focal_35.is_some());
 
@@ -221,6 +234,7 @@ pub(super) fn collect(
     let list = made.path().join(LIST);
     let text = serde_json::to_string_pretty(&taken).unwrap_or_default() + "\n";
     std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
+    drop(copies);
     made.publish(WORK)?;
     Ok((taken, left_out))
 }
@@ -258,19 +272,36 @@ fn in_chunks<A: Sync, B: Send>(
     Ok(done)
 }
 
-/// Reads a photo's size and EXIF.
-fn open(source: &SourcePhoto) -> Result<Opened> {
+/// Reads a photo's size and EXIF, those of its copy `jpeg` if the photo is for a converter.
+fn open(photo: &SourcePhoto, converter: Option<&Converter>, jpeg: &Path) -> Result<Opened> {
     let limits = &Limits::DEFAULT;
-    let size = RgbImage::size_of(&source.path, limits)?;
-    let bytes = input::read(&source.path, limits)?;
-    let notes = PhotoNotes::of(&bytes);
+    let (mut source, mut file, mut original) = (photo.clone(), photo.path.clone(), None);
+    if let Some(converter) = converter.filter(|_| is_heic(&photo.path)) {
+        original = Some(PhotoNotes::of(&input::read(&photo.path, limits)?));
+        file = jpeg.to_owned();
+        converter.convert(&photo.path, &file)?;
+        source.name = Path::new(&photo.name).with_extension("jpg").to_string_lossy().replace('\\', "/");
+    }
+    let size = RgbImage::size_of(&file, limits)?;
+    let bytes = input::read(&file, limits)?;
+    let mut notes = PhotoNotes::of(&bytes);
+    if let Some(original) = original {
+        let is_part = original.sensor.is_some_and(|s| s.max_element() > size.max_element());
+        if is_part && converter.is_some_and(Converter::reads_tiles) {
+            let reason =
+                "is read only in part by this ffmpeg; install libheif (`heif-convert`) or a newer ffmpeg";
+            return Err(Error::unsupported(&photo.path, reason));
+        }
+        notes = original.of_copy(notes.orientation, size);
+    }
     let change = match (notes.orientation, is_plain(&bytes)) {
+        (1, true) if file != photo.path => Change::Noted,
         (1, true) => Change::Copied,
         (_, true) => Change::Turned,
         (_, false) => Change::Converted,
     };
     let size = if notes.orientation >= 5 { UVec2::new(size.y, size.x) } else { size };
-    Ok(Opened { source: source.clone(), notes, size, change, is_jpeg: is_jpeg(&bytes) })
+    Ok(Opened { source, file, notes, size, change, is_jpeg: is_jpeg(&bytes) })
 }
 
 fn is_jpeg(bytes: &[u8]) -> bool {
@@ -293,6 +324,11 @@ fn is_plain(bytes: &[u8]) -> bool {
 }
 
 impl Opened {
+    /// Whether it gets another file format.
+    fn is_converted(&self) -> bool {
+        self.change == Change::Converted || self.file != self.source.path
+    }
+
     /// Folder of its camera: photos of the same size and focal length share one.
     fn group(&self) -> String {
         let UVec2 { x, y } = self.size;
@@ -319,13 +355,17 @@ impl Opened {
 
     /// Writes it into `images` as `name`.
     fn save(&self, images: &Path, name: &str) -> Result<TakenPhoto> {
-        let from = &self.source.path;
+        let from = &self.file;
         let to = images.join(name);
         let io = |e| Error::io(&to, e);
         let folder = to.parent().unwrap_or(images);
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         match self.change {
             Change::Copied => input::copy(from, &to)?,
+            Change::Noted => {
+                let bytes = input::read(from, &Limits::DEFAULT)?;
+                std::fs::write(&to, with_notes(&bytes, &self.notes.upright())).map_err(io)?;
+            }
             Change::Turned | Change::Converted => {
                 let picture = RgbImage::load(from)?.turned(self.notes.orientation);
                 let bytes = match self.change == Change::Turned && self.is_jpeg {
@@ -335,7 +375,7 @@ impl Opened {
                 std::fs::write(&to, bytes).map_err(io)?;
             }
         }
-        let (source, exposure_stops) = (from.display().to_string(), self.notes.exposure_stops);
+        let (source, exposure_stops) = (self.source.path.display().to_string(), self.notes.exposure_stops);
         Ok(TakenPhoto { name: name.to_owned(), source, frame: false, exposure_stops })
     }
 }
@@ -346,7 +386,7 @@ fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
     let mut names = vec![String::new(); photos.len()];
     for converted in [false, true] {
         for (photo, name) in photos.iter().zip(&mut names) {
-            if (photo.change == Change::Converted) == converted {
+            if photo.is_converted() == converted {
                 let mut choices = (0..).map(|rank| photo.choice(by_folder, rank));
                 *name = choices.find(|name| taken.insert(name.to_lowercase())).unwrap_or_default();
             }
@@ -377,6 +417,7 @@ mod tests {
         let photos = ["A.png", "a.PNG", "b-2.PNG", "a.jpg", "a.webp", "a.tif", "b.c/d.tif"];
         let opened = photos.map(|name| Opened {
             source: SourcePhoto { path: PathBuf::new(), name: name.to_owned() },
+            file: PathBuf::new(),
             notes: PhotoNotes::default(),
             size: UVec2::ONE,
             change: if name.contains('w') || name.contains('f') { Change::Converted } else { Change::Copied },

@@ -1,6 +1,7 @@
 //! From camera photos or a video to a data set with poses. COLMAP or pycolmap finds the poses, if one is installed.
 
 mod collect;
+mod heic;
 mod log;
 mod poses;
 mod program;

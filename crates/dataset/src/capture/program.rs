@@ -79,16 +79,13 @@ impl Program {
     ///
     /// Errors: no program is installed.
     pub(super) fn find(options: &CaptureOptions, input: &Path) -> Result<Self> {
-        let named = options.poses.clone().or_else(|| std::env::var_os(VARIABLE).map(PathBuf::from));
-        if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-            let found = if name.starts_with("py") { Self::pycolmap(&path) } else { Self::colmap(&path) };
+        if let Some(path) = named(options) {
+            let found = if is_python(&path) { Self::pycolmap(&path) } else { Self::colmap(&path) };
             let wants = "a colmap program, or a Python that has pycolmap";
             return found.ok_or_else(|| Error::invalid("poses", path.display(), wants));
         }
-        let pythons = if cfg!(windows) { ["python", "py"] } else { ["python3", "python"] };
         let found = Self::colmap(Path::new("colmap"))
-            .or_else(|| pythons.iter().find_map(|python| Self::pycolmap(Path::new(python))));
+            .or_else(|| PYTHONS.iter().find_map(|python| Self::pycolmap(Path::new(python))));
         found.ok_or_else(|| {
             let reason = "needs camera poses, and no program that finds them is installed (neither colmap, nor pycolmap in the Python of \
                           this shell). Install one: `pip install pycolmap` (any system with Python), `sudo apt install colmap` (Debian, \
@@ -249,8 +246,25 @@ impl Words {
     }
 }
 
+const PYTHONS: [&str; 2] = if cfg!(windows) { ["python", "py"] } else { ["python3", "python"] };
+
+/// The program that the option or the variable names.
+fn named(options: &CaptureOptions) -> Option<PathBuf> {
+    let path = options.poses.clone().or_else(|| std::env::var_os(VARIABLE).map(PathBuf::from));
+    path.filter(|path| !path.as_os_str().is_empty())
+}
+
+fn is_python(path: &Path) -> bool {
+    path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase().starts_with("py")
+}
+
+/// The Python that was named, and those of this shell.
+pub(super) fn pythons(options: &CaptureOptions) -> Vec<PathBuf> {
+    named(options).filter(|path| is_python(path)).into_iter().chain(PYTHONS.map(PathBuf::from)).collect()
+}
+
 /// Output of a short command; `None` if the program is missing or fails silently.
-fn said(command: &mut Command) -> Option<String> {
+pub(super) fn said(command: &mut Command) -> Option<String> {
     command.env("QT_QPA_PLATFORM", "offscreen");
     let Output { status, stdout, stderr } = command.stdin(Stdio::null()).output().ok()?;
     let text = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();

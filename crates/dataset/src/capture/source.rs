@@ -1,13 +1,13 @@
 //! Inputs of a capture: photos and videos, given as files or folders, recognised by extension.
 
+use super::heic::is_heic;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use trisplat_scene::input::files_below;
-use trisplat_scene::{Error, Result};
+use trisplat_scene::input::{self, files_below};
+use trisplat_scene::{Error, Limits, Result};
 
 const PHOTOS: [&str; 7] = ["jpg", "jpeg", "jpe", "png", "webp", "tif", "tiff"];
 const VIDEOS: [&str; 9] = ["mp4", "mov", "m4v", "mkv", "webm", "avi", "mpg", "mts", "3gp"];
-const HEIC: [&str; 4] = ["heic", "heif", "hif", "avif"];
 const RAW: [&str; 9] = ["dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2", "pef"];
 
 /// Photos and videos, sorted by name.
@@ -49,6 +49,8 @@ impl Sources {
             let meta = std::fs::metadata(input).map_err(|e| Error::unread(input, e))?;
             match meta.is_dir() {
                 true => found.add_folder(input, "")?,
+                // A device may be a video without an end.
+                false if !meta.is_file() => input::open(input, &Limits::DEFAULT).map(drop)?,
                 false => {
                     let name = input.file_name().unwrap_or_default().to_string_lossy().into_owned();
                     if !found.add(input, name)? {
@@ -57,7 +59,7 @@ impl Sources {
                         let reason = match is_zip {
                             true => "is a zip archive; unpack it, and give the folder",
                             false => {
-                                "is no photo and no video; give JPEG, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
+                                "is no photo and no video; give JPEG, HEIC, PNG, WebP, TIFF, MP4 or MOV files, or a folder of them"
                             }
                         };
                         return Err(Error::unsupported(input, reason));
@@ -67,8 +69,7 @@ impl Sources {
         }
         if found.photos.is_empty() && found.videos.is_empty() {
             let input = inputs.first().map_or(Path::new(""), PathBuf::as_path);
-            let reason =
-                "holds no photo and no video; give a folder of JPEG, PNG, WebP or TIFF files, or a video";
+            let reason = "holds no photo and no video; give a folder of JPEG, HEIC, PNG, WebP or TIFF files, or a video";
             return Err(Error::unsupported(input, reason));
         }
         if let [first, ..] = &found.again[..] {
@@ -171,16 +172,10 @@ pub fn is_camera_file(path: &Path) -> bool {
 fn kind(path: &Path) -> Kind {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let is = |list: &[&str]| list.contains(&ending.as_str());
-    if is(&PHOTOS) {
+    if is(&PHOTOS) || is_heic(path) {
         Kind::Photo
     } else if is(&VIDEOS) {
         Kind::Video
-    } else if is(&HEIC) {
-        Kind::Foreign(
-            "is a HEIC or AVIF photo, which is not read; convert all of them to JPEG: `sips -s format jpeg *.HEIC --out jpg` (macOS), \
-             `heif-convert IMG.HEIC IMG.jpg` (Linux, package libheif-examples), `magick mogrify -format jpg *.HEIC` (Windows). \
-             An iPhone takes JPEG with Settings > Camera > Formats > Most Compatible",
-        )
     } else if is(&RAW) {
         Kind::Foreign(
             "is a raw photo, which is not read; export JPEG or 16-bit TIFF files with one white balance for all",
@@ -212,9 +207,9 @@ mod tests {
         assert!(twice.contains("rename one of the two"), "{twice}");
         let text = Sources::find(&[at("in/notes.txt")]).unwrap_err().to_string();
         assert!(text.contains("notes.txt: is no photo"), "{text}");
-        std::fs::write(at("in/IMG_1.HEIC"), "").unwrap();
-        let heic = Sources::find(&[at("in")]).unwrap_err().to_string();
-        assert!(heic.contains("IMG_1.HEIC: is a HEIC") && heic.contains("heif-convert"), "{heic}");
+        std::fs::write(at("in/IMG_1.NEF"), "").unwrap();
+        let raw = Sources::find(&[at("in")]).unwrap_err().to_string();
+        assert!(raw.contains("IMG_1.NEF: is a raw photo"), "{raw}");
         std::fs::create_dir(at("empty")).unwrap();
         assert!(Sources::find(&[at("empty")]).unwrap_err().to_string().contains("holds no photo"));
     }

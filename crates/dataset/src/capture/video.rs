@@ -108,8 +108,8 @@ impl Ffmpeg {
     }
 }
 
-/// A path that ffmpeg cannot take for an option or a protocol.
-fn plain_path(path: &Path) -> OsString {
+/// A path that a program cannot take for an option or a protocol.
+pub(super) fn plain_path(path: &Path) -> OsString {
     if path.is_absolute() { path.into() } else { PathBuf::from(".").join(path).into() }
 }
 

@@ -231,7 +231,7 @@ fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) ->
     let name = format!("texture.{}", format.ending());
     let picture = bytes.as_ref().map(|bytes| (name.as_str(), bytes.as_slice()));
     usdz::write(main, picture, scene).map_err(|e| Error::io(main.path(), e))?;
-    let plain = "USDZ: phones show pictures and no colours of triangles: `texture`, or `trisplat mesh --texture`, makes one";
+    let plain = "USDZ: phones show pictures and no colours of triangles: give `texture`, even where colours are closer to the photos, or use `trisplat mesh --texture`";
     let room = "USDZ: the backdrop is left out, because a phone shows the room around the scene";
     let notes = [(picture.is_none(), plain), (apart.is_some(), room)];
     Ok(notes.into_iter().filter(|(holds, _)| *holds).map(|(_, note)| note.to_owned()).collect())
