@@ -72,11 +72,15 @@ fn baked(crop: &[&str]) -> Mesh {
 }
 
 fn bake(scene: Scene, crop: &[&str]) -> (Mesh, Report) {
+    bake_from(cameras(), scene, crop)
+}
+
+fn bake_from(cameras: Vec<Camera>, scene: Scene, crop: &[&str]) -> (Mesh, Report) {
     let mut options = BakeOptions::preset(BakePreset::Fast);
     // Of a small scene more triangles go that no camera sees.
     options.unseen.keep_unseen = true;
     options.crop.crop = crop.iter().map(|text| text.parse().unwrap()).collect();
-    let scene = ImportedScene { cameras: cameras(), ..ImportedScene::from(scene) };
+    let scene = ImportedScene { cameras, ..ImportedScene::from(scene) };
     let mut report = Report::default();
     let asset = Bake::new(&options).report(&mut report).run([scene]).unwrap();
     (asset.mesh, report)
@@ -144,6 +148,42 @@ fn rim(mesh: &Mesh) -> [f32; 16] {
         *ray = ray.max(Vec2::new(v.x, v.z).length());
     }
     edge
+}
+
+/// A block on the same table is none of its business, even if it is large and near; nor is what photos show beyond the table's edge.
+#[test]
+fn what_stands_beside_it_is_left_out() {
+    let mut room = studio();
+    let block = square(Vec3::new(1.0, 0.0, -0.6), Vec3::Y * 1.2, Vec3::Z * 1.2, 12);
+    room.append(part(block, ELSE)).unwrap();
+    room.append(part(square(Vec3::new(-9.0, -3.0, -9.0), Vec3::Z * 18.0, Vec3::X * 18.0, 40), ELSE)).unwrap();
+    let (mesh, _) = bake(Scene::Mesh(room), &["subject"]);
+    assert_eq!((count(&mesh, BALL), count(&mesh, ELSE)), (512, 0));
+    assert!(count(&mesh, TABLE) > 10);
+}
+
+/// The studio with its floor as a wall: there is nothing that the ball stands on.
+#[test]
+fn a_thing_on_a_wall_keeps_a_hands_breadth_of_it() {
+    let mut wall = studio();
+    wall.retain(|face| !is(&studio(), face, ELSE));
+    // The cameras' up is along the wall.
+    let upright = Mat3::from_rotation_x(std::f32::consts::FRAC_PI_2);
+    wall.positions.iter_mut().for_each(|at| *at = upright * *at);
+    let camera = |i: usize| {
+        let (turn, height) = ((i % 4) as f32 * 0.4 - 0.6, (i / 4) as f32 * 0.5 - 0.5);
+        let eye = Vec3::new(2.5 * turn.sin(), height, 0.5 + 2.5 * turn.cos());
+        lens(UVec2::new(96, 72), 100.0).looking(eye, Vec3::Z * 0.5, Vec3::Y)
+    };
+    let (mesh, _) = bake_from((0..12).map(camera).collect(), Scene::Mesh(wall), &["subject"]);
+    assert!(
+        count(&mesh, BALL) > 500 && count(&mesh, TABLE) > 10,
+        "{} {}",
+        count(&mesh, BALL),
+        count(&mesh, TABLE)
+    );
+    let (low, high) = bounds(&mesh);
+    assert!((high - low).max_element() < 1.6, "{low} {high}");
 }
 
 /// Triangles of a soup that reach over the edge are cut there, so the table is a disc.

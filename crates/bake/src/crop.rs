@@ -3,6 +3,7 @@
 //! It comes first, so that a budget of triangles is spent on the region.
 
 mod subject;
+mod volume;
 
 use glam::{DVec3, Vec3};
 use trisplat_scene::camera::Camera;
@@ -11,7 +12,7 @@ use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{Error, Region, Result, Scene, Soup, UpAxis};
 
-pub(crate) use subject::SubjectVolume;
+pub(crate) use volume::SubjectVolume;
 
 /// Which part of the scene is kept.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

@@ -1,12 +1,18 @@
-//! Which files a command reads: those that were given, and those that they name. None of them may be written,
-//! moved or removed.
+//! Files that a command reads: which these are, none of which may be written, moved or removed, and what is in one.
 
 use std::path::{Path, PathBuf};
+use trisplat_bake::{
+    BackgroundDetails, BackgroundOptions, PruneDetails, PruneOptions, SolidOptions, background, prune,
+    softness,
+};
 use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::camera_files;
 use trisplat_formats as formats;
+use trisplat_formats::info::{BakeInfo, Info, info_of_content};
+use trisplat_formats::{Content, ReadOptions};
 use trisplat_scale::{Manifest, NAME};
-use trisplat_scene::Limits;
+use trisplat_scene::report::{self, Outcome};
+use trisplat_scene::{ImportedScene, Limits, Result};
 
 /// `path` and every file that it names, whatever it is: a scene with its buffers, materials and pictures; a data set with its
 /// poses, photos (those of COLMAP in the folder `images`) and masks; a plan with all its files and its data set; a folder
@@ -28,4 +34,35 @@ pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
         files.extend(formats::named_files(path, limits));
     }
     files
+}
+
+/// Describes the scene or the Gaussians at `path`. A soft scene is drawn on a few small pictures to measure its softness.
+///
+/// Errors: those of reading.
+pub fn describe(path: &Path, options: &ReadOptions) -> Result<Info> {
+    let (mut info, content) = info_of_content(path, options)?;
+    let Content::Scene(mut loaded) = content else { return Ok(info) };
+    // Measured without the background of an object, as in the bake.
+    background(&mut loaded, false, &BackgroundOptions::default(), &mut BackgroundDetails::default());
+    let behind = info.triangles - loaded.scene.triangle_count() as u64;
+    info.softness = softness(&loaded, &SolidOptions::DEFAULT).ok().flatten();
+    info.bake = would_bake(loaded);
+    if let (Some(bake), 1..) = (&mut info.bake, behind) {
+        bake.dropped.insert("background".to_owned(), behind.into());
+    }
+    Ok(info)
+}
+
+/// Triangles that the default bake would keep; `None` when its first stage fails.
+fn would_bake(loaded: ImportedScene) -> Option<BakeInfo> {
+    let mut scene = loaded.scene;
+    let mut details = PruneDetails::default();
+    match prune(&mut scene, &PruneOptions::DEFAULT, &mut details) {
+        Ok(Outcome::Changed(()) | Outcome::Skipped(_)) => {
+            let mut dropped = report::to_json(&details);
+            dropped.retain(|_, count| count.as_u64() != Some(0));
+            Some(BakeInfo { kept: scene.triangle_count() as u64, dropped })
+        }
+        Err(_) => None,
+    }
 }

@@ -8,7 +8,6 @@
 //! In: a request and options in layers. Out: a finished run with its report.
 
 mod baking;
-mod describe;
 mod evaluate;
 mod event;
 mod fitted;
@@ -28,11 +27,10 @@ mod training;
 pub mod watched;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
-pub use describe::describe;
 pub use evaluate::{EvalJob, ReadyEval};
 pub use event::{Event, MakePart, Observer, TrainBegins, TrainPart};
 pub use harden::{HARDEN_STEPS, MOST_PICTURES};
-pub use inputs::files_of;
+pub use inputs::{describe, files_of};
 pub use making::{MakeDone, MakeJob};
 pub use meshing::MeshJob;
 pub use off_camera::{BesideScores, DepthScores};

@@ -1,191 +1,58 @@
 //! The object that cameras look at together, with what it stands on near it.
 //!
-//! Around the subject's ball, the height with most area is its support, such as a table. What is connected above it around the middle is the
-//! object; what is beside, behind and below is left out, except the support within a hand's breadth, cut along an ellipse where it is whole.
+//! In the smallest ball around the point that cameras look at in which something is whole: the lowest layer with much area that they see is
+//! its support, such as a table, or a wall. What is connected above it around the middle is the object; what is beside, behind and below is
+//! left out, except the support within a hand's breadth, cut along an ellipse.
 
+use super::volume::{Frame, Outline, Piece, REACH, SubjectVolume, Support};
 use crate::place::ground::Foreground;
-use crate::place::up::{Confidence, Evidence, estimate};
+use crate::place::up::{Confidence, Evidence, estimate, facing};
 use glam::{DVec3, IVec3, Vec2, Vec3};
 use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
-use trisplat_scene::camera::Camera;
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::{self, Camera};
 use trisplat_scene::math::lists::{Sets, median};
-use trisplat_scene::mesh::Mesh;
+use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Scene, UpAxis};
 
-/// What is farther from the middle than this many radii of the subject's ball is not looked at.
-const REACH: f32 = 1.6;
 /// Longest side of a triangle that is looked at, in radii: larger ones are walls.
 const LONGEST: f32 = 1.0;
+/// Most pictures by which is seen what hides what, ...
+const MOST_PICTURES: usize = 48;
+/// ... their longer side, px, ...
+const SIDE: u32 = 320;
+/// ... and their near plane, in radii.
+const NEAR: f32 = 0.05;
+/// Factor between the balls in which something is looked for.
+const GROWTH: f32 = 1.189_207_1;
+/// The ball of these that fits into the width of a picture.
+const WIDTH: usize = 4;
+/// A share of the area in view that is all of it.
+const ALL: f32 = 0.9;
+/// What ends within this share of the reach is whole.
+const ENDS: f32 = 0.9;
+/// What is smaller, in radii, is a part of the subject.
+const LEAST_SIZE: f32 = 0.25;
+/// The lowest layer with at least this share of the largest is the support.
+const COMPARABLE: f32 = 0.5;
+/// A support ends where a layer has less than this share of its area ...
+const FADES: f32 = 0.25;
+/// ... but after so many layers.
+const MOST_LAYERS: usize = 6;
 /// Thickness of the support, in radii.
 const LAYER: f32 = 0.06;
 /// The support is below this height above the middle, in radii ...
 const SUPPORT_BELOW: f32 = 0.3;
 /// ... and has at least this share of the area.
-const LEAST_SUPPORT: f32 = 0.07;
+const LEAST_SUPPORT: f32 = 0.1;
 /// Cells by which connected parts are found, per radius.
 const CELLS: f32 = 14.0;
-/// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
-const JOINED: f32 = 0.3;
 /// The object is the part with most area within this many radii of the middle.
 const CORE: f32 = 0.6;
 /// Parts with less than this share of the object's area are crumbs.
 const CRUMB: f32 = 0.05;
-/// A hand's breadth, in half axes of the object.
-const HAND: f32 = 0.15;
-/// Share of the object within its half axes: some triangles lie astray.
-const WITHIN: f32 = 0.98;
-
-/// A triangle, in heights and places on the ground around the middle of the subject's ball, whose radius is 1.
-#[derive(Clone, Copy)]
-struct Piece {
-    number: usize,
-    corners: [Vec3; 3],
-    middle: Vec3,
-    area: f32,
-}
-
-impl Piece {
-    /// Places that it connects: its middle and, unless it is long, its corners.
-    fn places(&self) -> impl Iterator<Item = Vec3> + use<> {
-        let [a, b, c] = self.corners;
-        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let corners = if longest < JOINED { 3 } else { 0 };
-        std::iter::once(self.middle).chain(self.corners.into_iter().take(corners))
-    }
-}
-
-/// Sides of the polygon that stands for the outline where triangles are cut.
-const SIDES: usize = 64;
-
-/// The space that the subject and its support take.
-pub(crate) struct SubjectVolume {
-    frame: Frame,
-    outline: Outline,
-    /// Height of the support, if it stands on one.
-    support: Option<f32>,
-    /// Where the support of the scene ends, as a share of the outline.
-    edge: f32,
-}
-
-/// Rings that tell how much of the support was seen.
-const RINGS: usize = 20;
-/// A ring is whole when this share of it is covered.
-const WHOLE: f32 = 0.95;
-/// Least share of the outline up to which the rings of a soup must be whole: less of a support looks like crumbs.
-const LEAST_WHOLE: f32 = 0.5;
-/// Number of cells along the radius of the ground disc.
-const CELLS_OF_SUPPORT: usize = 40;
-
-impl SubjectVolume {
-    /// Its radius as a share of the median distance of `cameras` from its middle.
-    pub(super) fn share(&self, cameras: &[Camera]) -> Option<f64> {
-        let (ball, outline) = (self.frame.ball, &self.outline);
-        let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));
-        let away = median(cameras.iter().map(|c| c.position().distance(center)).collect(), f32::total_cmp)?;
-        Some(f64::from(ball.radius * outline.half.max_element() / away))
-    }
-
-    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
-    pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
-        let within = |face: usize| {
-            let piece = self.frame.piece(face, corners(face))?;
-            let above = piece.corners.iter().all(|corner| corner.z > self.low());
-            (above && self.outline.holds(&piece)).then_some(piece)
-        };
-        let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
-        let level = pieces.iter().filter(|piece| self.is_level(piece));
-        let last = self.whole_rings(level).iter().rposition(|is_whole| *is_whole);
-        let edge = last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32);
-        let mut keep = vec![false; count];
-        let stays = |piece: &&Piece| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
-        pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
-        keep
-    }
-
-    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where all of it is outside.
-    pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
-        let Some(piece) = self.frame.piece(0, corners) else { return Vec::new() };
-        let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
-        // Without a support the thing ends where it stood: what reached into the support would hang below it.
-        let kept = self.edge > 0.0;
-        let low = self.support.filter(|_| !kept).unwrap_or_else(|| self.low());
-        if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge)) {
-            return vec![corners];
-        }
-        let heights: [&dyn Fn(Vec3) -> f32; 2] = [&|at| at.z - low, &|at| self.outline.top - at.z];
-        let mut inside = heights.into_iter().fold(corners.to_vec(), |polygon, inside| {
-            beyond(&polygon, |corner| inside(self.frame.within(corner)))
-        });
-        let apothem = edge * libm::cosf(std::f32::consts::PI / SIDES as f32);
-        for side in 0..SIDES {
-            let turn = std::f32::consts::TAU * side as f32 / SIDES as f32;
-            let out = Vec2::new(libm::cosf(turn), libm::sinf(turn));
-            let within = |corner| apothem - self.outline.place(self.frame.within(corner)).dot(out);
-            inside = beyond(&inside, within);
-        }
-        (2..inside.len()).map(|i| [inside[0], inside[i - 1], inside[i]]).collect()
-    }
-
-    /// The height below which nothing is kept.
-    fn low(&self) -> f32 {
-        self.support.map_or(f32::NEG_INFINITY, |height| height - LAYER)
-    }
-
-    fn is_level(&self, piece: &Piece) -> bool {
-        self.support.is_some_and(|height| piece.middle.z < height + LAYER)
-    }
-
-    /// Which rings around the middle `pieces` cover.
-    fn whole_rings<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> [bool; RINGS] {
-        let side = 2 * CELLS_OF_SUPPORT;
-        let cell = |along: f32| ((along + 1.0) * CELLS_OF_SUPPORT as f32).floor() as i32;
-        let mut there = vec![false; side * side];
-        for piece in pieces {
-            for at in spread(piece.corners.map(|corner| self.outline.place(corner))) {
-                let (x, y) = (cell(at.x), cell(at.y));
-                if (0..side as i32).contains(&x) && (0..side as i32).contains(&y) {
-                    there[y as usize * side + x as usize] = true;
-                }
-            }
-        }
-        let (mut seen, mut all) = ([0u32; RINGS], [0u32; RINGS]);
-        for (number, is_there) in there.iter().enumerate() {
-            let at = Vec2::new((number % side) as f32, (number / side) as f32) + 0.5;
-            let ring = ((at / CELLS_OF_SUPPORT as f32 - 1.0).length() * RINGS as f32) as usize;
-            if ring < RINGS {
-                all[ring] += 1;
-                seen[ring] += u32::from(*is_there);
-            }
-        }
-        std::array::from_fn(|ring| seen[ring] as f32 >= WHOLE * all[ring] as f32)
-    }
-}
-
-/// The part of a convex polygon where the affine function `inside` is not negative.
-fn beyond(polygon: &[Vec3], inside: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
-    let mut kept = Vec::with_capacity(polygon.len() + 1);
-    for (i, here) in polygon.iter().enumerate() {
-        let next = polygon[(i + 1) % polygon.len()];
-        let (a, b) = (inside(*here), inside(next));
-        if a >= 0.0 {
-            kept.push(*here);
-        }
-        if (a < 0.0) != (b < 0.0) {
-            kept.push(here.lerp(next, a / (a - b)));
-        }
-    }
-    kept
-}
-
-/// Places on a triangle, less than a cell of the support apart.
-fn spread([a, b, c]: [Vec2; 3]) -> impl Iterator<Item = Vec2> {
-    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    let steps = (longest * CELLS_OF_SUPPORT as f32 * 1.5).ceil().max(1.0) as usize;
-    let at = move |i: usize, k: usize| a + ((b - a) * i as f32 + (c - a) * k as f32) / steps as f32;
-    (0..=steps).flat_map(move |i| (0..=steps - i).map(move |k| at(i, k)))
-}
 
 /// Which triangles of `scene` are the subject, and the space they take; `None` when nothing stands out. `up` is that of its file, if it
 /// names one.
@@ -194,104 +61,183 @@ pub(super) fn subject(
     cameras: &[Camera],
     up: Option<UpAxis>,
 ) -> Option<(Vec<bool>, SubjectVolume)> {
-    let count = scene.triangle_count();
-    let middle = |i: usize| scene.corners(i).into_iter().sum::<Vec3>() / 3.0;
-    let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
-    let ball = Subject::of(&middles, cameras)?;
-    let frame = Frame::new(ball, upward(scene, cameras, up));
-    let pieces: Vec<Piece> =
-        (0..count).filter(|i| !scene.is_shell(*i)).filter_map(|i| frame.piece(i, scene.corners(i))).collect();
-    let support = support(&pieces);
-    let above = |piece: &&Piece| support.is_none_or(|height| piece.middle.z > height + LAYER);
-    let standing: Vec<Piece> = pieces.iter().filter(above).copied().collect();
-    let object = object(&standing)?;
-    let outline = Outline::new(&object)?;
+    let Standing { frame, pieces, support, object, outline } = find(scene, cameras, up)?;
     let mut volume = SubjectVolume { frame, outline, support, edge: 1.0 };
     // The object, and the support around it: what else is within floats.
-    let level = || pieces.iter().filter(|piece| volume.is_level(piece) && piece.middle.z >= volume.low());
+    let is_near =
+        |at: Vec3| at.z >= volume.low() && support.is_some_and(|support| at.z < support.high + LAYER);
+    let is_flat = |piece: &Piece| piece.longest() < LONGEST || piece.corners.into_iter().all(is_near);
+    let is_level = |piece: &&Piece| volume.is_level(piece) && is_near(piece.middle) && is_flat(piece);
+    let level = || pieces.iter().filter(is_level);
     let both = || object.iter().chain(level());
-    let mut belongs = vec![false; count];
+    let mut belongs = vec![false; scene.triangle_count()];
     both().for_each(|piece| belongs[piece.number] = true);
     // A trained support has holes far from the middle, where fewer photos look.
-    let rings = volume.whole_rings(both()).iter().take_while(|is_whole| **is_whole).count();
-    let edge = rings as f32 / RINGS as f32;
-    volume.edge = if edge < LEAST_WHOLE { 0.0 } else { edge };
+    volume.edge = volume.edge_of(both());
     let within = |i: usize| match scene {
         // What a soup's triangles have beyond the edge is cut off.
         Scene::Soup(_) => !volume.parts(scene.corners(i)).is_empty(),
         Scene::Mesh(_) => volume.parts(scene.corners(i)) == [scene.corners(i)],
     };
-    let keep = parallel::collect(count, GRAIN, |i| belongs[i] && within(i));
+    let keep = parallel::collect(belongs.len(), GRAIN, |i| belongs[i] && within(i));
     Some((keep, volume))
 }
 
-/// The direction that points up.
-fn upward(scene: &Scene, cameras: &[Camera], known: Option<UpAxis>) -> DVec3 {
-    if known == Some(UpAxis::Y) {
-        return DVec3::Y;
-    }
-    let corners = (0..scene.triangle_count()).filter(|i| !scene.is_shell(*i)).flat_map(|i| scene.corners(i));
-    let mesh = Mesh { positions: corners.collect(), ..Mesh::default() };
-    let estimate = estimate(Foreground::new(&mesh, 0), Evidence { cameras, points: &[] });
-    let usable = estimate.filter(|estimate| estimate.confidence != Confidence::None);
-    usable.map_or(known.unwrap_or_default().vector(), |estimate| DVec3::from(estimate.direction))
+/// What stands out: the thing in the middle of the pictures of `cameras`, or what they show there.
+fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standing> {
+    let count = scene.triangle_count();
+    let middle = |i: usize| scene.corners(i).into_iter().sum::<Vec3>() / 3.0;
+    let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
+    let ball = Subject::of(&middles, cameras)?;
+    let inner = (0..count).filter(|i| !scene.is_shell(*i)).flat_map(|i| scene.corners(i));
+    let mesh = Mesh {
+        positions: inner.collect(),
+        colors: Colors::Face(vec![[0.0; 3]; middles.len()]),
+        ..Mesh::default()
+    };
+    let areas = seen(&mesh, cameras, ball);
+    let ways = ways(&mesh, cameras, up);
+    let looked_at = looked_at(cameras);
+    let tries = looked_at.iter().flat_map(|ball| ways.iter().map(move |way| (*ball, *way)));
+    let standing = |(ball, way)| Standing::new(scene, &areas, Frame::new(ball, way));
+    // Only what hangs from something is on a wall.
+    let is_whole =
+        |found: &Standing, way: DVec3| found.is_whole() && (found.support.is_some() || way == ways[0]);
+    let mut whole =
+        tries.filter_map(|(ball, way)| standing((ball, way)).filter(|found| is_whole(found, way)));
+    // What ends nowhere is cut out as photos show it, unless it is all that they show.
+    let all: f32 = areas.iter().sum();
+    let reached =
+        || standing((ball, *ways.first()?)).filter(|found| looked_at.is_empty() || found.sees() > ALL * all);
+    let middle = || Some(standing((*looked_at.get(WIDTH)?, *ways.first()?))?.cut());
+    whole.next().or_else(reached).or_else(middle)
 }
 
-/// Coordinates in which the subject's ball is that of radius 1 around the origin, and z is up.
-struct Frame {
-    ball: Subject,
-    axes: [Vec3; 3],
+/// Balls around the point that `cameras` look at: from a quarter of the width of most pictures there to half of their height.
+fn looked_at(cameras: &[Camera]) -> Vec<Subject> {
+    let Some(center) = camera::focus(cameras.iter()) else { return Vec::new() };
+    let size = |side: fn(Vec2) -> f32| {
+        let at = |camera: &Camera| (camera.rotation * center + camera.translation).z;
+        let sizes = cameras.iter().map(|camera| side(camera.size.as_vec2() / camera.focal) * at(camera));
+        median(sizes.collect(), f32::total_cmp).unwrap_or(0.0)
+    };
+    let (least, most) = (size(Vec2::min_element) / 4.0, size(Vec2::max_element) / 2.0);
+    let ball = |radius| Subject { center, radius, is_alone: false };
+    let radii = std::iter::successors(Some(least), |radius| Some(radius * GROWTH));
+    radii.take_while(|radius| 0.0 < *radius && *radius <= most).map(ball).collect()
 }
 
-impl Frame {
-    fn new(ball: Subject, up: DVec3) -> Self {
-        let up = up.as_vec3().normalize_or(Vec3::Y);
-        let along = up.any_orthonormal_vector();
-        Self { ball, axes: [along, up.cross(along), up] }
+/// The area of each face that some of `cameras` see, times their number; all of it without cameras. `[F]`
+fn seen(mesh: &Mesh, cameras: &[Camera], ball: Subject) -> Vec<f32> {
+    let mut areas = vec![0.0; mesh.face_count()];
+    let mut solid = SolidRasterizer::new();
+    let options = SolidRasterOptions { near: NEAR * ball.radius, ..SolidRasterOptions::default() };
+    for camera in cameras.iter().step_by(cameras.len().div_ceil(MOST_PICTURES).max(1)) {
+        let camera = camera.within(SIDE);
+        let drawn = solid.visibility(mesh, &camera, &options);
+        for (face, depth) in drawn.face.iter().zip(&drawn.depth).filter(|(face, _)| **face != NO_FACE) {
+            areas[*face as usize] += depth * depth / camera.focal.element_product();
+        }
+    }
+    if cameras.is_empty() {
+        areas = (0..mesh.face_count()).map(|face| mesh.area(face) as f32).collect();
+    }
+    areas
+}
+
+/// The directions in which a subject may stand out: up from a table, then from a wall that faces the cameras.
+fn ways(mesh: &Mesh, cameras: &[Camera], known: Option<UpAxis>) -> Vec<DVec3> {
+    let (scene, evidence) = (Foreground::new(mesh, 0), Evidence { cameras, points: &[] });
+    let usable = || estimate(scene, evidence).filter(|estimate| estimate.confidence != Confidence::None);
+    let up = match known {
+        Some(UpAxis::Y) => DVec3::Y,
+        _ => usable().map_or(known.unwrap_or_default().vector(), |estimate| estimate.direction.into()),
+    };
+    let toward = -cameras.iter().map(|camera| camera.rotation.row(2).as_dvec3()).sum::<DVec3>();
+    let wall = toward.try_normalize().and_then(|toward| facing(scene, evidence, toward));
+    std::iter::once(up).chain(wall).collect()
+}
+
+/// What stands out in a ball.
+struct Standing {
+    frame: Frame,
+    pieces: Vec<Piece>,
+    support: Option<Support>,
+    object: Vec<Piece>,
+    outline: Outline,
+}
+
+impl Standing {
+    fn new(scene: &Scene, areas: &[f32], frame: Frame) -> Option<Self> {
+        let inner = (0..scene.triangle_count()).filter(|i| !scene.is_shell(*i)).zip(areas);
+        let pieces: Vec<Piece> =
+            inner.filter_map(|(i, area)| frame.piece(i, scene.corners(i), *area)).collect();
+        let support = support(&pieces);
+        let is_level = |piece: &Piece| support.is_some_and(|support| support.holds(piece));
+        let stands = |piece: &&Piece| piece.longest() < LONGEST && !is_level(piece);
+        let standing: Vec<Piece> = pieces.iter().filter(stands).copied().collect();
+        let object = object(&standing)?;
+        let outline = Outline::new(&object)?;
+        Some(Self { frame, pieces, support, object, outline })
     }
 
-    /// A place in these coordinates.
-    fn within(&self, at: Vec3) -> Vec3 {
-        Vec3::from(self.axes.map(|axis| axis.dot(at - self.ball.center))) / self.ball.radius
+    /// The area that is seen in its reach.
+    fn sees(&self) -> f32 {
+        self.pieces.iter().map(|piece| piece.seen).sum()
     }
 
-    /// An offset in these coordinates as one in the scene's.
-    fn out(&self, offset: Vec3) -> Vec3 {
-        (0..3).map(|axis| self.axes[axis] * offset[axis]).sum()
+    /// All that is in the ball.
+    fn cut(mut self) -> Self {
+        self.object = self.pieces.iter().filter(|piece| piece.middle.length() < 1.0).copied().collect();
+        self.outline = Outline { center: Vec2::ZERO, axes: [Vec2::X, Vec2::Y], half: Vec2::ONE, top: 1.0 };
+        self.support = Some(Support { height: -1.0, low: -1.0 - LAYER, high: LAYER - 1.0 });
+        self
     }
 
-    /// A triangle that is near enough and not too large.
-    fn piece(&self, number: usize, corners: [Vec3; 3]) -> Option<Piece> {
-        let corners = corners.map(|corner| self.within(corner));
-        let [a, b, c] = corners;
-        let middle = (a + b + c) / 3.0;
-        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-        let area = (b - a).cross(c - a).length() / 2.0;
-        let near = middle.truncate().length() < REACH && middle.z.abs() < REACH && longest < LONGEST;
-        near.then_some(Piece { number, corners, middle, area })
+    /// Whether it ends within the ball, and is no mere part of what is in the middle.
+    fn is_whole(&self) -> bool {
+        let Outline { center, half, top, .. } = self.outline;
+        let far = center.length() + half.max_element();
+        far.max(top) < ENDS * REACH && half.max_element() > LEAST_SIZE && center.length() < half.max_element()
     }
 }
 
-/// The height of the layer with most area, if it has enough.
-fn support(pieces: &[Piece]) -> Option<f32> {
-    let mut heights: Vec<(f32, f32)> = pieces.iter().map(|piece| (piece.middle.z, piece.area)).collect();
+/// The layer with most area, if it has enough.
+fn support(pieces: &[Piece]) -> Option<Support> {
+    let within = pieces.iter().filter(|piece| piece.longest() < LONGEST);
+    let mut heights: Vec<(f32, f32)> = within.map(|piece| (piece.middle.z, piece.seen)).collect();
     heights.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all: f32 = heights.iter().map(|one| one.1).sum();
     let (mut end, mut area, mut moment) = (0, 0.0, 0.0);
-    let mut best = (0.0, 0.0);
+    let mut layers = Vec::new();
     for (first, weight) in &heights {
         while end < heights.len() && heights[end].0 <= first + LAYER {
             area += heights[end].1;
             moment += heights[end].0 * heights[end].1;
             end += 1;
         }
-        if area > best.0 && moment / area < SUPPORT_BELOW {
-            best = (area, moment / area);
+        if moment / area < SUPPORT_BELOW {
+            layers.push((area, moment / area));
         }
         area -= weight;
         moment -= first * weight;
     }
-    (best.0 > LEAST_SUPPORT * all).then_some(best.1)
+    let largest = layers.iter().map(|layer| layer.0).fold(0.0, f32::max);
+    // Cloth has folds: of a board on it, more may be in one layer.
+    let first = layers.iter().find(|layer| layer.0 >= COMPARABLE * largest)?;
+    let near = layers.iter().filter(|layer| (first.1..first.1 + LAYER).contains(&layer.1));
+    let (area, height) = near.copied().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let between = |low: f32, high: f32| {
+        let at = |height: f32| heights.partition_point(|one| one.0 < height);
+        heights[at(low)..at(high)].iter().map(|one| one.1).sum::<f32>()
+    };
+    // Half a layer is on either side of its middle.
+    let is_thick = |at: f32| between(height + at - LAYER / 2.0, height + at + LAYER / 2.0) > FADES * area;
+    let end = |way: f32| {
+        let layers = (1..MOST_LAYERS).map(|i| way * i as f32 * LAYER);
+        layers.take_while(|at| is_thick(*at)).last().unwrap_or(0.0) + way * LAYER
+    };
+    (area > LEAST_SUPPORT * all).then(|| Support { height, low: height + end(-1.0), high: height + end(1.0) })
 }
 
 /// The connected part around the middle, and others that are large.
@@ -319,78 +265,16 @@ fn object(standing: &[Piece]) -> Option<Vec<Piece>> {
             }
         }
     }
-    // Area of each part, and how much of it is around the middle.
+    // What is seen of each part, and of that around the middle.
     let mut areas = vec![(0.0f32, 0.0f32); cells.len()];
     let part: Vec<usize> =
         standing.iter().map(|piece| sets.first(numbers[&cell(piece.middle)]) as usize).collect();
     for (piece, part) in standing.iter().zip(&part) {
-        areas[*part].0 += piece.area;
-        areas[*part].1 += if piece.middle.length() < CORE { piece.area } else { 0.0 };
+        areas[*part].0 += piece.seen;
+        areas[*part].1 += if piece.middle.length() < CORE { piece.seen } else { 0.0 };
     }
     let main = (0..areas.len()).max_by(|a, b| areas[*a].1.total_cmp(&areas[*b].1).then(b.cmp(a)))?;
     let largest = areas[main].0;
     let belongs = |part: usize| part == main || areas[part].1 > CRUMB * largest;
     Some(standing.iter().zip(&part).filter(|(_, part)| belongs(**part)).map(|(piece, _)| *piece).collect())
-}
-
-/// An ellipse on the ground around an object and a hand's breadth, up to its top.
-struct Outline {
-    center: Vec2,
-    axes: [Vec2; 2],
-    half: Vec2,
-    top: f32,
-}
-
-impl Outline {
-    /// `None` of nothing.
-    fn new(object: &[Piece]) -> Option<Self> {
-        let area: f32 = object.iter().map(|piece| piece.area).sum();
-        let ground = |piece: &Piece| piece.middle.truncate();
-        let center = object.iter().map(|piece| ground(piece) * piece.area).sum::<Vec2>() / area;
-        if !center.is_finite() {
-            return None;
-        }
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for piece in object {
-            let d = ground(piece) - center;
-            (xx, xy, yy) =
-                (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
-        }
-        let turn = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
-        let along = Vec2::new(libm::cosf(turn), libm::sinf(turn));
-        let axes = [along, along.perp()];
-        let quantile = |value: &dyn Fn(&Piece) -> f32| {
-            let mut values: Vec<f32> = object.iter().map(value).collect();
-            let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
-            *values.select_nth_unstable_by(at, f32::total_cmp).1
-        };
-        let half = axes.map(|axis| quantile(&|piece| (ground(piece) - center).dot(axis).abs()).max(1e-3));
-        let half = Vec2::from(half);
-        let away =
-            |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
-        let half = half * quantile(&away);
-        let hand = HAND * half.max_element();
-        Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })
-    }
-
-    /// A place on the ground, in half axes.
-    fn place(&self, corner: Vec3) -> Vec2 {
-        let at = corner.truncate() - self.center;
-        Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half
-    }
-
-    /// How far out a triangle reaches, in half axes.
-    fn farthest(&self, piece: &Piece) -> f32 {
-        piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
-    }
-
-    /// Whether a corner is below its top and within a share of its half axes.
-    fn has(&self, corner: Vec3, share: f32) -> bool {
-        self.place(corner).length_squared() <= share * share && corner.z <= self.top
-    }
-
-    /// Whether a triangle is within it.
-    fn holds(&self, piece: &Piece) -> bool {
-        piece.corners.iter().all(|corner| self.has(*corner, 1.0))
-    }
 }

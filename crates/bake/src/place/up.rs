@@ -25,6 +25,8 @@ const RANDOM_TILT: f64 = 20.0;
 const STEADY_TILT: f64 = 8.0;
 /// Largest angle between a level surface and the cameras' estimate, degrees.
 const WIDEST_CONE: f64 = 20.0;
+/// Largest angle between a wall and the cameras that look at it, degrees.
+const WIDEST_VIEW: f64 = 60.0;
 /// Least limit of that angle, degrees.
 const NARROWEST_CONE: f64 = 5.0;
 /// Thickness of a surface as a share of the distance of the cameras.
@@ -119,10 +121,18 @@ struct CameraUp {
     open: bool,
 }
 
+/// From the rows of the photos, or from their columns where these are level: photos of a phone that are stored on their side.
 fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
+    let held = from_level(cameras, 0)?;
+    let on_side = from_level(cameras, 1).filter(|side| held.open && !side.open && side.tilt < held.tilt);
+    Some(on_side.unwrap_or(held))
+}
+
+/// From the rows (0) or columns (1) of photos, which are taken to be level.
+fn from_level(cameras: &[Camera], level: usize) -> Option<CameraUp> {
     let row = |i: usize| cameras.iter().map(move |c| c.rotation.row(i).as_dvec3());
-    let rights: Vec<DVec3> = row(0).collect();
-    let mean_up = -row(1).sum::<DVec3>().normalize_or_zero();
+    let rights: Vec<DVec3> = row(level).collect();
+    let mean_up = -row(1 - level).sum::<DVec3>().normalize_or_zero();
     if rights.is_empty() {
         return None;
     }
@@ -144,7 +154,8 @@ fn from_cameras(cameras: &[Camera]) -> Option<CameraUp> {
     // Cameras that look straight down have their columns level, and the ground below them.
     let columns = -row(1).map(|down| down.dot(up)).sum::<f64>();
     let away = -row(2).map(|ahead| ahead.dot(up)).sum::<f64>();
-    let sign = if columns.abs() > 0.1 * rights.len() as f64 { columns } else { away };
+    // A photo on its side was turned either way.
+    let sign = if level == 0 && columns.abs() > 0.1 * rights.len() as f64 { columns } else { away };
     let up = if sign < 0.0 { -up } else { up };
     let tilt = |r: &DVec3| libm::asin(r.dot(up).clamp(-1.0, 1.0)).abs().to_degrees();
     let tilt = median(rights.iter().map(tilt).collect(), f64::total_cmp)?;
@@ -175,6 +186,11 @@ fn scatter(vectors: impl Iterator<Item = (DVec3, f64)>) -> DMat3 {
         weights += weight;
     }
     sum * (1.0 / f64::max(weights, 1e-300))
+}
+
+/// The normal of the largest flat surface that is seen from the direction `toward`, such as a wall; `None` without a clear one.
+pub(crate) fn facing(scene: Foreground, known: Evidence, toward: DVec3) -> Option<DVec3> {
+    surface(scene, known, toward, WIDEST_VIEW).map(|wall| wall.normal)
 }
 
 /// A flat surface.
@@ -316,6 +332,12 @@ mod tests {
         let quarter = |i: usize| if i.is_multiple_of(3) { 1.57 } else { 0.01 * (i % 5) as f32 };
         let found = estimate_of(&Mesh::default(), &ring(30, up, quarter)).expect("there are cameras");
         assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{found:?}");
+        // All of them on the same side, either way.
+        for side in [1.57, -1.57] {
+            let found = estimate_of(&Mesh::default(), &ring(30, up, |i| side + 0.01 * (i % 5) as f32));
+            let found = found.expect("there are cameras");
+            assert!(degrees(&found, up) < 1.5 && found.confidence == Confidence::High, "{side}: {found:?}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::log::tell;
 use super::poses::ModelDetails;
 use super::video::{Grey, sharpness};
 use crate::colmap::{TrackedPhoto, Tracks};
-use crate::exposure::{Observation, solve_points};
+use crate::exposure::{Observation, SPREAD, spread_of_points};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,10 +29,8 @@ const BLURRED: f32 = 0.5;
 const BESIDE: usize = 3;
 /// Thresholds between good, fair and poor: share of photos with poses, ...
 const REGISTERED: [f64; 2] = [0.95, 0.6];
-/// ... reprojection error, px, ...
+/// ... and reprojection error, px.
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
-/// ... and range of exposures, stops.
-const STOPS: f64 = 0.5;
 /// Fewer points for each photo tie no scene together.
 const LEAST_TIES: u64 = 8;
 /// Verdict on a capture.
@@ -52,7 +50,7 @@ pub struct VerdictDetails {
     /// Mean reprojection error, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_px: Option<f64>,
-    /// Range of exposures in stops, measured on shared points.
+    /// Standard deviation of exposures in stops, between photos that show the same points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_stops: Option<f64>,
     /// Range of exposures in stops, from EXIF.
@@ -147,7 +145,6 @@ pub(super) fn judge(
     let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
     let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();
     let observations = looked.into_iter().flat_map(|looked| looked.observations).collect::<Vec<_>>();
-    let stops = solve_points(&observations, tracks.photos.len(), tracks.points);
     let noted: Vec<f64> = stored.photos.iter().filter_map(|photo| photo.exposure_stops).collect();
     let seen: usize = tracks.photos.iter().map(|photo| photo.seen.len()).sum();
     let weak = tracks.photos.iter().filter(|photo| photo.seen.len() <= FEW_POINTS);
@@ -157,7 +154,7 @@ pub(super) fn judge(
         points: tracks.points as u64,
         track_length: seen as f64 / tracks.points.max(1) as f64,
         error_px: tracks.error_px,
-        exposure_stops: span(stops.into_iter().flatten()),
+        exposure_stops: spread_of_points(observations),
         noted_stops: span(noted.into_iter()),
         blurred: listed(blurred(&sharpness).into_iter().map(|i| names[i])),
         weak: listed(weak.map(|photo| photo.name.as_str())),
@@ -303,8 +300,11 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     of_photos(&details.weak, ["holds", "hold"], "few points", "more overlap there, or more texture");
     let remedy = "more light, slower steps, or leave them out";
     of_photos(&details.blurred, ["is", "are"], "blurred beside the others", remedy);
-    if let Some(stops) = details.exposure_stops.filter(|stops| *stops > STOPS) {
-        advice.push(format!("exposures are {stops:.1} stops apart: lock the exposure of the camera"));
+    // As training measures it, as a logarithm; less is left as it is.
+    let spread = details.exposure_stops.map(|stops| stops * std::f64::consts::LN_2);
+    if let Some(spread) = spread.filter(|spread| *spread > f64::from(SPREAD[0])) {
+        let percent = 100.0 * spread;
+        advice.push(format!("photos spread by {percent:.0}% in exposure: lock the exposure of the camera"));
     }
     if let Some(error) = details.error_px.filter(|error| *error > ERROR_PX[0]) {
         advice.push(format!(

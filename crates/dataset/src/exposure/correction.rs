@@ -137,7 +137,7 @@ impl Rings {
 /// on they are corrected in full, between the two by a part. The first is high because neighbouring photos
 /// share exposure, so correction lowers raw scores (docs/benchmarks/exposure.md). White balance does not
 /// decide, because colours of an untrained scene differ from photo to photo.
-const SPREAD: [f32; 2] = [0.15, 0.25];
+pub(crate) const SPREAD: [f32; 2] = [0.15, 0.25];
 /// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
 /// edges may look like one.
 const FALLOFF: [f32; 2] = [0.12, 0.3];

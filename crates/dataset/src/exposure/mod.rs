@@ -3,6 +3,7 @@
 mod correction;
 mod solve;
 
+pub(crate) use correction::SPREAD;
 pub use correction::{ExposureUse, Exposures, Solved, Verdict, compared_size, judge};
 pub use solve::{Cells, solve};
-pub(crate) use solve::{Observation, solve_points};
+pub(crate) use solve::{Observation, spread_of_points};

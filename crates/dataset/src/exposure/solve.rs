@@ -7,6 +7,7 @@
 
 use super::correction::{Exposures, Rings, Solved};
 use glam::{UVec2, Vec2};
+use std::collections::HashMap;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_of_srgb8;
 use trisplat_scene::math::lists::median;
@@ -196,10 +197,12 @@ impl Sums {
 
 /// Usable 8-bit codes: brighter ones are clipped, darker ones mostly noise.
 const USEFUL: std::ops::RangeInclusive<u8> = 8..=247;
-/// Fewest shared points for an estimate.
+/// Fewest points that two photos share for a comparison.
 const LEAST: usize = 20;
-/// Rounds of alternation; a chain of photos needs at most its length.
-const POINT_ROUNDS: usize = 60;
+/// Photos that each photo of a point is compared with, at most.
+const BESIDE: usize = 8;
+/// Squared error of a median of one value, in squared median deviations.
+const ERROR_OF_MEDIAN: f64 = 1.4826 * 1.4826 * std::f64::consts::FRAC_PI_2;
 
 /// Brightness of a point in a photo.
 #[derive(Debug, Clone, Copy)]
@@ -220,26 +223,29 @@ impl Observation {
     }
 }
 
-/// Solves light = exposure + point by alternating least squares. Returns the exposure of each photo in stops, up to a common constant;
-/// `None` for photos with too few shared points.
-pub(crate) fn solve_points(observations: &[Observation], photos: usize, points: usize) -> Vec<Option<f64>> {
-    let mut seen = vec![0usize; points];
-    observations.iter().for_each(|o| seen[o.point] += 1);
-    let useful: Vec<&Observation> = observations.iter().filter(|o| seen[o.point] > 1).collect();
-    let mut counts = vec![0usize; photos];
-    useful.iter().for_each(|o| counts[o.photo] += 1);
-    let mut exposure = vec![0.0; photos];
-    for _ in 0..POINT_ROUNDS {
-        let mut brightness = vec![0.0; points];
-        useful
-            .iter()
-            .for_each(|o| brightness[o.point] += (o.light - exposure[o.photo]) / seen[o.point] as f64);
-        exposure.fill(0.0);
-        useful
-            .iter()
-            .for_each(|o| exposure[o.photo] += (o.light - brightness[o.point]) / counts[o.photo] as f64);
+/// Standard deviation of the photos' exposures, stops, by the points that two photos both show: errors of such pairs do not add up along
+/// a chain of photos. `None` where no two photos share enough points.
+pub(crate) fn spread_of_points(mut observations: Vec<Observation>) -> Option<f64> {
+    observations.sort_by_key(|seen| (seen.point, seen.photo));
+    let mut pairs: HashMap<[usize; 2], Vec<f64>> = HashMap::new();
+    for (i, one) in observations.iter().enumerate() {
+        for other in observations[i + 1..].iter().take_while(|other| other.point == one.point).take(BESIDE) {
+            pairs.entry([one.photo, other.photo]).or_default().push(other.light - one.light);
+        }
     }
-    exposure.into_iter().zip(counts).map(|(stops, count)| (count >= LEAST).then_some(stops)).collect()
+    pairs.retain(|_, stops| stops.len() >= LEAST);
+    // Of the square, less that of the error of the median.
+    let variance = |stops: &Vec<f64>| {
+        let apart = median(stops.clone(), f64::total_cmp).unwrap_or(0.0);
+        let off = median(stops.iter().map(|stops| (stops - apart).abs()).collect(), f64::total_cmp);
+        apart * apart - ERROR_OF_MEDIAN * off.unwrap_or(0.0).powi(2) / stops.len() as f64
+    };
+    let mut variances: Vec<([usize; 2], f64)> =
+        pairs.iter().map(|(pair, stops)| (*pair, variance(stops))).collect();
+    variances.sort_unstable_by_key(|one| one.0);
+    let sum: f64 = variances.iter().map(|one| one.1).sum();
+    // Two photos differ by twice the variance of one.
+    (!variances.is_empty()).then(|| (sum / (2 * variances.len()) as f64).max(0.0).sqrt())
 }
 
 #[cfg(test)]
@@ -301,22 +307,33 @@ mod tests {
         assert_eq!(solve(&[]), Solved::default());
     }
 
+    /// Photos with these stops in a chain, each sharing points with its neighbours, whose light differs by `noise`.
+    fn chain(truth: &[f64], noise: f64) -> Vec<Observation> {
+        let rng = Rng::new(3, "chain", 0);
+        let light = |(photo, stops): (usize, &f64)| {
+            let stops = *stops;
+            let noise = |i| noise * f64::from(rng.normal(i));
+            (30 * photo..30 * photo + 120).map(move |point| {
+                let light = -4.0 + (point as f64 * 0.37).sin() + stops + noise((200 * photo + point) as u64);
+                Observation { photo, point, light }
+            })
+        };
+        truth.iter().enumerate().flat_map(light).collect()
+    }
+
     #[test]
-    fn exposures_are_found_again_along_a_chain() {
-        let truth: Vec<f64> = (0..12).map(|i| 0.4 * f64::from(i % 4)).collect();
-        let mut observations = Vec::new();
-        for (photo, stops) in truth.iter().enumerate() {
-            for point in 30 * photo..30 * photo + 120 {
-                let light = -4.0 + (point as f64 * 0.37).sin() + stops;
-                observations.push(Observation { photo, point, light });
-            }
+    fn the_spread_of_exposures_is_found_and_drift_is_none() {
+        let truth: Vec<f64> = (0..40).map(|i| 0.4 * f64::from(i % 4)).collect();
+        // The standard deviation of 0, 0.4, 0.8, 1.2.
+        for noise in [0.0, 0.3] {
+            let found = spread_of_points(chain(&truth, noise)).unwrap();
+            assert!((found - 0.447).abs() < 0.1, "{noise}: {found}");
+            assert!(spread_of_points(chain(&[0.0; 40], noise)).unwrap() < 0.02);
         }
-        let found = solve_points(&observations, 13, 1000);
-        assert_eq!(found[12], None);
-        let offset = found[0].unwrap() - truth[0];
-        for (found, truth) in found.iter().zip(&truth) {
-            assert!((found.unwrap() - offset - truth).abs() < 0.02, "{found:?} {truth}");
-        }
+        // Each pair is off by 0.04 stops, which makes 1.6 along the chain.
+        let drift: Vec<f64> = (0..40).map(|i| 0.04 * f64::from(i)).collect();
+        assert!(spread_of_points(chain(&drift, 0.1)).unwrap() < 0.1);
+        assert_eq!(spread_of_points(chain(&[0.0], 0.1)), None);
         assert!(Observation::of_code(0, 0, 255).is_none() && Observation::of_code(0, 0, 0).is_none());
         let stops = |code| Observation::of_code(0, 0, code).unwrap().light;
         assert!((stops(188) - stops(137) - 1.0).abs() < 0.02, "twice the light");

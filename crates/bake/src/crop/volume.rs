@@ -1,0 +1,293 @@
+//! The space that a subject and its support take, and what of a scene is in it.
+
+use glam::{DVec3, Vec2, Vec3};
+use trisplat_raster::framing::Subject;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::lists::median;
+
+/// What is farther from the middle than this many radii of the subject's ball is not looked at.
+pub(super) const REACH: f32 = 1.6;
+/// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
+const JOINED: f32 = 0.5;
+/// A hand's breadth, in half axes of the object.
+const HAND: f32 = 0.15;
+/// Share of the object within its half axes: some triangles lie astray.
+const WITHIN: f32 = 0.98;
+
+/// A triangle, in heights and places on the ground around the middle of the subject's ball, whose radius is 1.
+#[derive(Clone, Copy)]
+pub(super) struct Piece {
+    pub(super) number: usize,
+    pub(super) corners: [Vec3; 3],
+    pub(super) middle: Vec3,
+    area: f32,
+    /// What cameras see of that.
+    pub(super) seen: f32,
+}
+
+impl Piece {
+    /// Its longest side.
+    pub(super) fn longest(&self) -> f32 {
+        let [a, b, c] = self.corners;
+        a.distance(b).max(b.distance(c)).max(c.distance(a))
+    }
+
+    /// Places that it connects: its middle and, unless it is long, its corners.
+    pub(super) fn places(&self) -> impl Iterator<Item = Vec3> + use<> {
+        let corners = if self.longest() < JOINED { 3 } else { 0 };
+        std::iter::once(self.middle).chain(self.corners.into_iter().take(corners))
+    }
+}
+
+/// Sides of the polygon that stands for the outline where triangles are cut.
+const SIDES: usize = 64;
+
+/// What a subject stands on, or hangs from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Support {
+    pub(super) height: f32,
+    /// What is between these is part of it: trained walls are rough, and cloth has folds.
+    pub(super) low: f32,
+    pub(super) high: f32,
+}
+
+/// The space that the subject and its support take.
+pub(crate) struct SubjectVolume {
+    pub(super) frame: Frame,
+    pub(super) outline: Outline,
+    pub(super) support: Option<Support>,
+    /// Where the support of the scene ends, as a share of the outline.
+    pub(super) edge: f32,
+}
+
+impl Support {
+    pub(super) fn holds(&self, piece: &Piece) -> bool {
+        piece.middle.z < self.high
+    }
+}
+
+/// Rings that tell how much of the support was seen.
+const RINGS: usize = 20;
+/// A ring is whole when this share of it is covered.
+const WHOLE: f32 = 0.95;
+/// A soup's support ends where less than this share of it is there ...
+const MOST_OF_IT: f32 = 0.75;
+/// ... and is left out where that is nearer than this share of the outline: it looks like crumbs.
+const LEAST_EDGE: f32 = 0.5;
+/// Number of cells along the radius of the ground disc.
+const CELLS_OF_SUPPORT: usize = 40;
+
+impl SubjectVolume {
+    /// Its radius as a share of the median distance of `cameras` from its middle.
+    pub(super) fn share(&self, cameras: &[Camera]) -> Option<f64> {
+        let (ball, outline) = (self.frame.ball, &self.outline);
+        let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));
+        let away = median(cameras.iter().map(|c| c.position().distance(center)).collect(), f32::total_cmp)?;
+        Some(f64::from(ball.radius * outline.half.max_element() / away))
+    }
+
+    /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
+    pub(crate) fn faces(&self, count: usize, corners: impl Fn(usize) -> [Vec3; 3]) -> Vec<bool> {
+        let within = |face: usize| {
+            let piece = self.frame.piece(face, corners(face), 0.0)?;
+            let above = piece.corners.iter().all(|corner| corner.z > self.low());
+            (above && self.outline.holds(&piece)).then_some(piece)
+        };
+        let pieces: Vec<Piece> = (0..count).filter_map(within).collect();
+        let level = pieces.iter().filter(|piece| self.is_level(piece));
+        let last = self.rings(level).iter().rposition(|[there, all]| *there >= WHOLE * all);
+        let edge = last.map_or(1.0, |ring| (ring + 1) as f32 / RINGS as f32);
+        let mut keep = vec![false; count];
+        let stays = |piece: &&Piece| !self.is_level(piece) || self.outline.farthest(piece) <= edge;
+        pieces.iter().filter(stays).for_each(|piece| keep[piece.number] = true);
+        keep
+    }
+
+    /// The parts of a triangle that are within it: cut where it reaches over the edge, none where all of it is outside.
+    pub(super) fn parts(&self, corners: [Vec3; 3]) -> Vec<[Vec3; 3]> {
+        let Some(piece) = self.frame.piece(0, corners, 0.0) else { return Vec::new() };
+        let edge = if self.is_level(&piece) { self.edge } else { 1.0 };
+        // Without a support the thing ends where it stood: what reached into the support would hang below it.
+        let kept = self.edge > 0.0;
+        let low = self.support.filter(|_| !kept).map_or_else(|| self.low(), |support| support.height);
+        if piece.corners.into_iter().all(|corner| corner.z >= low && self.outline.has(corner, edge)) {
+            return vec![corners];
+        }
+        let heights: [&dyn Fn(Vec3) -> f32; 2] = [&|at| at.z - low, &|at| self.outline.top - at.z];
+        let mut inside = heights.into_iter().fold(corners.to_vec(), |polygon, inside| {
+            beyond(&polygon, |corner| inside(self.frame.within(corner)))
+        });
+        let apothem = edge * libm::cosf(std::f32::consts::PI / SIDES as f32);
+        for side in 0..SIDES {
+            let turn = std::f32::consts::TAU * side as f32 / SIDES as f32;
+            let out = Vec2::new(libm::cosf(turn), libm::sinf(turn));
+            let within = |corner| apothem - self.outline.place(self.frame.within(corner)).dot(out);
+            inside = beyond(&inside, within);
+        }
+        (2..inside.len()).map(|i| [inside[0], inside[i - 1], inside[i]]).collect()
+    }
+
+    /// The height below which nothing is kept.
+    pub(super) fn low(&self) -> f32 {
+        self.support.map_or(f32::NEG_INFINITY, |support| support.low)
+    }
+
+    pub(super) fn is_level(&self, piece: &Piece) -> bool {
+        self.support.is_some_and(|support| support.holds(piece))
+    }
+
+    /// How far from the middle, as a share of the outline, most of what `pieces` cover is there; 0 where that is little.
+    pub(super) fn edge_of<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> f32 {
+        let mut sums = [0.0, 0.0];
+        let is_there = self.rings(pieces).map(|ring| {
+            sums = [0, 1].map(|i| sums[i] + ring[i]);
+            sums[0] >= MOST_OF_IT * sums[1]
+        });
+        let edge = is_there.iter().rposition(|is| *is).map_or(0.0, |ring| (ring + 1) as f32 / RINGS as f32);
+        if edge < LEAST_EDGE { 0.0 } else { edge }
+    }
+
+    /// How many cells of each ring around the middle `pieces` cover, and of how many.
+    fn rings<'a>(&self, pieces: impl Iterator<Item = &'a Piece>) -> [[f32; 2]; RINGS] {
+        let side = 2 * CELLS_OF_SUPPORT;
+        let cell = |along: f32| ((along + 1.0) * CELLS_OF_SUPPORT as f32).floor() as i32;
+        let mut there = vec![false; side * side];
+        for piece in pieces {
+            for at in spread(piece.corners.map(|corner| self.outline.place(corner))) {
+                let (x, y) = (cell(at.x), cell(at.y));
+                if (0..side as i32).contains(&x) && (0..side as i32).contains(&y) {
+                    there[y as usize * side + x as usize] = true;
+                }
+            }
+        }
+        let mut rings = [[0.0; 2]; RINGS];
+        for (number, is_there) in there.iter().enumerate() {
+            let at = Vec2::new((number % side) as f32, (number / side) as f32) + 0.5;
+            let ring = ((at / CELLS_OF_SUPPORT as f32 - 1.0).length() * RINGS as f32) as usize;
+            if ring < RINGS {
+                rings[ring][0] += f32::from(u8::from(*is_there));
+                rings[ring][1] += 1.0;
+            }
+        }
+        rings
+    }
+}
+
+/// The part of a convex polygon where the affine function `inside` is not negative.
+fn beyond(polygon: &[Vec3], inside: impl Fn(Vec3) -> f32) -> Vec<Vec3> {
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, here) in polygon.iter().enumerate() {
+        let next = polygon[(i + 1) % polygon.len()];
+        let (a, b) = (inside(*here), inside(next));
+        if a >= 0.0 {
+            kept.push(*here);
+        }
+        if (a < 0.0) != (b < 0.0) {
+            kept.push(here.lerp(next, a / (a - b)));
+        }
+    }
+    kept
+}
+
+/// Places on a triangle, less than a cell of the support apart.
+fn spread([a, b, c]: [Vec2; 3]) -> impl Iterator<Item = Vec2> {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let steps = (longest * CELLS_OF_SUPPORT as f32 * 1.5).ceil().max(1.0) as usize;
+    let at = move |i: usize, k: usize| a + ((b - a) * i as f32 + (c - a) * k as f32) / steps as f32;
+    (0..=steps).flat_map(move |i| (0..=steps - i).map(move |k| at(i, k)))
+}
+
+/// Coordinates in which the subject's ball is that of radius 1 around the origin, and z is up.
+pub(super) struct Frame {
+    ball: Subject,
+    axes: [Vec3; 3],
+}
+
+impl Frame {
+    pub(super) fn new(ball: Subject, up: DVec3) -> Self {
+        let up = up.as_vec3().normalize_or(Vec3::Y);
+        let along = up.any_orthonormal_vector();
+        Self { ball, axes: [along, up.cross(along), up] }
+    }
+
+    /// A place in these coordinates.
+    fn within(&self, at: Vec3) -> Vec3 {
+        Vec3::from(self.axes.map(|axis| axis.dot(at - self.ball.center))) / self.ball.radius
+    }
+
+    /// An offset in these coordinates as one in the scene's.
+    fn out(&self, offset: Vec3) -> Vec3 {
+        (0..3).map(|axis| self.axes[axis] * offset[axis]).sum()
+    }
+
+    /// A triangle that is near enough.
+    pub(super) fn piece(&self, number: usize, corners: [Vec3; 3], seen: f32) -> Option<Piece> {
+        let corners = corners.map(|corner| self.within(corner));
+        let [a, b, c] = corners;
+        let (middle, area) = ((a + b + c) / 3.0, (b - a).cross(c - a).length() / 2.0);
+        let near = middle.truncate().length() < REACH && middle.z.abs() < REACH;
+        near.then_some(Piece { number, corners, middle, area, seen })
+    }
+}
+
+/// An ellipse on the ground around an object and a hand's breadth, up to its top.
+pub(super) struct Outline {
+    pub(super) center: Vec2,
+    pub(super) axes: [Vec2; 2],
+    pub(super) half: Vec2,
+    pub(super) top: f32,
+}
+
+impl Outline {
+    /// `None` of nothing.
+    pub(super) fn new(object: &[Piece]) -> Option<Self> {
+        let area: f32 = object.iter().map(|piece| piece.area).sum();
+        let ground = |piece: &Piece| piece.middle.truncate();
+        let center = object.iter().map(|piece| ground(piece) * piece.area).sum::<Vec2>() / area;
+        if !center.is_finite() {
+            return None;
+        }
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for piece in object {
+            let d = ground(piece) - center;
+            (xx, xy, yy) =
+                (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
+        }
+        let turn = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
+        let along = Vec2::new(libm::cosf(turn), libm::sinf(turn));
+        let axes = [along, along.perp()];
+        let quantile = |value: &dyn Fn(&Piece) -> f32| {
+            let mut values: Vec<f32> = object.iter().map(value).collect();
+            let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
+            *values.select_nth_unstable_by(at, f32::total_cmp).1
+        };
+        let half = axes.map(|axis| quantile(&|piece| (ground(piece) - center).dot(axis).abs()).max(1e-3));
+        let half = Vec2::from(half);
+        let away =
+            |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
+        let half = half * quantile(&away);
+        let hand = HAND * half.max_element();
+        Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })
+    }
+
+    /// A place on the ground, in half axes.
+    fn place(&self, corner: Vec3) -> Vec2 {
+        let at = corner.truncate() - self.center;
+        Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half
+    }
+
+    /// How far out a triangle reaches, in half axes.
+    fn farthest(&self, piece: &Piece) -> f32 {
+        piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
+    }
+
+    /// Whether a corner is below its top and within a share of its half axes.
+    fn has(&self, corner: Vec3, share: f32) -> bool {
+        self.place(corner).length_squared() <= share * share && corner.z <= self.top
+    }
+
+    /// Whether a triangle is within it.
+    fn holds(&self, piece: &Piece) -> bool {
+        piece.corners.iter().all(|corner| self.has(*corner, 1.0))
+    }
+}
