@@ -92,7 +92,8 @@ impl<'a> Terminal<'a> {
         let lost = self.bar.take().map_or_else(Vec::new, |mut bar| bar.done());
         self.clear();
         let TrainBegins { part, steps, done, .. } = *begins;
-        let mut bar = Bar::new(self.global, steps, done, log, begins.curve)?.losing(lost);
+        let mut bar = Bar::new(self.global, steps, done, log, begins.curve)?;
+        bar.lost = lost;
         let (count, hint) = (counted(steps, "step"), self.hint);
         match part {
             TrainPart::Trial => bar.line(&format!(
@@ -108,7 +109,7 @@ impl<'a> Terminal<'a> {
             TrainPart::Scene => {
                 bar.begun(begins.card.as_deref(), []);
                 if begins.card.is_some() {
-                    bar.say_rate(done);
+                    bar.rate_from = Some(done);
                 }
                 begins.plan.iter().for_each(|plan| bar.line(plan));
                 if done > 0 {

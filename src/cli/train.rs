@@ -338,7 +338,7 @@ fn write(
     let bytes = bytes.map_err(|error| rescued(error, args, trained))?;
     report.outputs.push(OutputReport { path: args.output.display().to_string(), bytes });
     if let Some(path) = &args.report {
-        report.warnings.extend_from_slice(bar.lost_so_far());
+        report.warnings.extend_from_slice(&bar.lost);
         report.seconds = clock.elapsed().as_secs_f64();
         if let Err(error) = files.take(path).and_then(|file| messages::save_json(&report, file)) {
             bar.note_lost(&error, "the report is missing");

@@ -19,7 +19,7 @@ pub struct Bar {
     lines: Lines,
     log: Option<(PathBuf, Box<dyn Write>)>,
     /// Outputs that could not be written, with their errors.
-    lost: Vec<String>,
+    pub lost: Vec<String>,
     /// From here on a request to stop is for the training.
     stop: Option<Listener>,
     psnr: Option<(f64, Option<ShrunkSize>)>,
@@ -27,7 +27,7 @@ pub struct Bar {
     /// The last printed progress, without a bar.
     percent: Option<u64>,
     /// Steps made when the measurement of the rate began, until the rate is printed.
-    rate_from: Option<u64>,
+    pub rate_from: Option<u64>,
 }
 
 /// How long the first steps are timed.
@@ -53,17 +53,6 @@ impl Bar {
         let percent = (lines.verbose && lines.bar.is_none()).then(|| percent(done, steps));
         let (stop, lost, psnr, rate_from) = (Some(Listener::new()), Vec::new(), None, None);
         Ok(Self { lines, log, lost, stop, psnr, steps, percent, rate_from })
-    }
-
-    /// Makes it print the steps per second when known; `done` steps are made already.
-    pub fn say_rate(&mut self, done: u64) {
-        self.rate_from = Some(done);
-    }
-
-    /// The same, after outputs that were lost before it.
-    pub fn losing(mut self, lost: Vec<String>) -> Self {
-        self.lost = lost;
-        self
     }
 
     /// Prints a line above the bar; nothing when quiet.
@@ -98,11 +87,6 @@ impl Bar {
             }
             None => Err(Error::Incomplete(format!("{what} was stopped without a checkpoint: {lost}"))),
         }
-    }
-
-    /// Outputs that could not be written so far, with their errors.
-    pub fn lost_so_far(&self) -> &[String] {
-        &self.lost
     }
 
     /// Warns that something was not written.

@@ -50,7 +50,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<Checked> {
     // No engine reads a page, and its own viewer reads everything.
     let for_engines = format != Format::Html;
     let mut findings = Findings::default();
-    let (inner, mut source) = html::inside(format, source.again()?)?;
+    let (inner, source) = html::inside(format, source.again()?)?;
     if matches!(inner, Format::Glb | Format::Gltf) {
         gltf::check(source.again()?, options, for_engines, &mut findings)?;
     }

@@ -197,7 +197,7 @@ pub fn info_of_content(path: &Path, options: &ReadOptions) -> Result<(Info, Cont
 
 fn info_of_scene(path: &Path, mut source: Source, options: &ReadOptions) -> Result<(Info, ImportedScene)> {
     let (format, bytes) = (detect(&mut source)?, source.len);
-    let (inner, mut source) = html::inside(format, source)?;
+    let (inner, source) = html::inside(format, source)?;
     let is_gltf = matches!(inner, Format::Glb | Format::Gltf);
     let gltf = if is_gltf { Some(gltf_info(source.again()?, &options.limits)?) } else { None };
     let loaded = read_as(inner, source.again()?, options)?;

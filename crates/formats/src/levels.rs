@@ -118,8 +118,11 @@ pub(super) fn text(scene: &EngineScene) -> String {
         line(&mut out, format_args!("\n[node name=\"Lod{i}\" parent=\".\" instance=ExtResource(\"{i}\")]"));
         for node in &file.nodes {
             line(&mut out, format_args!("\n[node name=\"{node}\" parent=\"Lod{i}\"]"));
-            match i {
-                0 => nearest(&mut out, scene),
+            match (i, scene.files.get(1).and_then(|next| next.nodes.first())) {
+                (0, None) => {}
+                (0, Some(next)) => {
+                    line(&mut out, format_args!("visibility_parent = NodePath(\"../../Lod1/{next}\")"));
+                }
                 _ => range(&mut out, scene, distances[i - 1], distances.get(i).copied()),
             }
         }
@@ -133,13 +136,6 @@ pub(super) fn text(scene: &EngineScene) -> String {
         line(&mut out, format_args!("[editable path=\"Lod{i}\"]"));
     }
     out
-}
-
-/// Properties of a node of the finest level.
-fn nearest(out: &mut String, scene: &EngineScene) {
-    if let Some(node) = scene.files.get(1).and_then(|next| next.nodes.first()) {
-        line(out, format_args!("visibility_parent = NodePath(\"../../Lod1/{node}\")"));
-    }
 }
 
 /// Properties of a node that is drawn from `begin` on, up to `end`.

@@ -17,7 +17,8 @@ pub(super) struct Lines<'a> {
     path: &'a Path,
     reader: BufReader<&'a File>,
     line: Vec<u8>,
-    number: u64,
+    /// Counted from 1.
+    pub(super) number: u64,
 }
 
 impl<'a> Lines<'a> {
@@ -65,11 +66,6 @@ impl<'a> Lines<'a> {
         Ok(false)
     }
 
-    /// Counted from 1.
-    pub(super) fn line_number(&self) -> u64 {
-        self.number
-    }
-
     /// The trimmed line.
     pub(super) fn text(&self) -> &str {
         std::str::from_utf8(&self.line).unwrap_or_default().trim()
@@ -92,22 +88,17 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Whether a text begins as one in UTF-16 does.
-pub(super) fn is_utf16(head: &[u8]) -> bool {
-    matches!(head, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
-}
-
 /// The file, in UTF-8 if it is in UTF-16.
 pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
-    let mut source = Source { path: source.path.clone(), file: Arc::clone(&source.file), len: source.len };
-    let head = source.head()?;
-    if !is_utf16(&head) {
-        return Ok(source);
-    }
+    let mut source = source.again()?;
+    let of = match source.head()?[..] {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ => return Ok(source),
+    };
     limits.document(source.path.display(), source.len)?;
     let mut bytes = Vec::new();
     (&*source.file).read_to_end(&mut bytes).map_err(|e| Error::io(&source.path, e))?;
-    let of = if head[0] == 0xff { u16::from_le_bytes } else { u16::from_be_bytes };
     let units = bytes[2..].as_chunks::<2>().0.iter().map(|pair| of(*pair));
     let text: String = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
     let (file, len) = input::spool(&source.path, &mut text.as_bytes(), limits)?;

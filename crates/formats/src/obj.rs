@@ -77,7 +77,7 @@ impl ObjDraft {
         let mut words = lines.words();
         match words.next() {
             Some("v") => self.take_vertex(words),
-            Some("f") => self.take_face(words, lines.line_number()),
+            Some("f") => self.take_face(words, lines.number),
             Some("vt") => self.take_place(words),
             Some("mtllib") => {
                 self.materials.library(lines.rest());

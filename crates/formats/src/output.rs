@@ -63,9 +63,9 @@ impl OutputOptions {
 
     /// The glTF options of the target; notes for the user go into `details`.
     pub fn encoding(&self, details: &mut WriteDetails) -> GltfOptions {
-        let encoding = self.target.encoding(self.compress);
-        details.notes = Some(encoding.notes);
-        GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding.options }
+        let (encoding, notes) = self.target.encoding(self.compress);
+        details.notes = Some(notes);
+        GltfOptions { texture: self.texture_format, allow_huge: self.allow_huge, ..encoding }
     }
 
     /// The glTF options of our own page: it reads everything, so it is compressed, without loss by default.
@@ -74,7 +74,7 @@ impl OutputOptions {
         let notes =
             other.then_some("html: the page is its own viewer; `target` is for files that engines read");
         details.notes = Some(notes.into_iter().map(str::to_owned).collect());
-        let web = OutputTarget::Web.encoding(self.compress).options;
+        let (web, _) = OutputTarget::Web.encoding(self.compress);
         GltfOptions {
             meshopt: true,
             lit: false,

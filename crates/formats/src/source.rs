@@ -62,7 +62,7 @@ impl Source {
     }
 
     /// The same open file again, at byte 0. Both share their position: use one at a time.
-    pub fn again(&mut self) -> Result<Self> {
+    pub fn again(&self) -> Result<Self> {
         self.rewind()?;
         Ok(Self { path: self.path.clone(), file: Arc::clone(&self.file), len: self.len })
     }

@@ -33,15 +33,6 @@ pub enum OutputTarget {
     Playcanvas,
 }
 
-/// How to write the file for a target, and notes for the user.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct TargetEncoding {
-    /// For [`crate::gltf`].
-    pub(crate) options: GltfOptions,
-    /// One sentence each, starting with the target's name.
-    pub(crate) notes: Vec<String>,
-}
-
 /// A target's support for small files.
 enum SmallFile {
     /// None: positions stay f32, for this reason.
@@ -142,8 +133,8 @@ impl OutputTarget {
         }
     }
 
-    /// How to write a GLB for this target; `small` asks for the fewest bytes it can read.
-    pub(crate) fn encoding(self, small: bool) -> TargetEncoding {
+    /// How to write a GLB for this target, and notes for the user, one sentence each; `small` asks for the fewest bytes it can read.
+    pub(crate) fn encoding(self, small: bool) -> (GltfOptions, Vec<String>) {
         let row = self.row();
         let mut notes: Vec<&str> = row.notes.to_vec();
         let kept = match row.small {
@@ -156,17 +147,15 @@ impl OutputTarget {
         }
         let positions =
             if small && kept.is_none() { PositionEncoding::ChunkU16 } else { PositionEncoding::F32 };
-        TargetEncoding {
-            options: GltfOptions {
-                colors: row.colors,
-                positions,
-                meshopt: small && matches!(row.small, SmallFile::Compressed),
-                material_name: row.material.to_owned(),
-                collision_name: row.collision.map(str::to_owned),
-                ..GltfOptions::default()
-            },
-            notes: notes.iter().map(|note| format!("{}: {note}", row.name)).collect(),
-        }
+        let options = GltfOptions {
+            colors: row.colors,
+            positions,
+            meshopt: small && matches!(row.small, SmallFile::Compressed),
+            material_name: row.material.to_owned(),
+            collision_name: row.collision.map(str::to_owned),
+            ..GltfOptions::default()
+        };
+        (options, notes.iter().map(|note| format!("{}: {note}", row.name)).collect())
     }
 
     /// Whether the target's glTF has a collision node; other targets get a file beside the scene.
@@ -246,7 +235,7 @@ mod tests {
     fn only_godot_files_break_the_color_rule_and_they_carry_the_name_that_says_so() {
         for target in ALL {
             for small in [false, true] {
-                let options = target.encoding(small).options;
+                let options = target.encoding(small).0;
                 assert_eq!(
                     options.colors.is_linear(),
                     !options.material_name.ends_with("-vcol"),
@@ -261,23 +250,23 @@ mod tests {
     #[test]
     fn nothing_is_quantised_or_compressed_unless_small_is_asked_for_and_read() {
         for target in ALL {
-            let options = target.encoding(false).options;
+            let options = target.encoding(false).0;
             assert!(options.positions == PositionEncoding::F32 && !options.meshopt, "{target:?}");
-            let small = target.encoding(true);
+            let (small, notes) = target.encoding(true);
             let reads = matches!(
                 target,
                 OutputTarget::Unity | OutputTarget::Blender | OutputTarget::Web | OutputTarget::Playcanvas
             );
-            assert_eq!(small.options.positions == PositionEncoding::ChunkU16, reads, "{target:?}");
-            assert_eq!(small.options.meshopt, target == OutputTarget::Web, "{target:?}");
-            assert!(!small.notes.is_empty(), "{target:?} says what small means");
+            assert_eq!(small.positions == PositionEncoding::ChunkU16, reads, "{target:?}");
+            assert_eq!(small.meshopt, target == OutputTarget::Web, "{target:?}");
+            assert!(!notes.is_empty(), "{target:?} says what small means");
         }
     }
 
     #[test]
     fn notes_start_with_the_name_the_user_typed() {
         for target in ALL {
-            for note in target.encoding(true).notes {
+            for note in target.encoding(true).1 {
                 assert!(note.starts_with(&format!("{}: ", name(target))), "{note}");
             }
         }

@@ -185,14 +185,9 @@ pub(super) fn collect(
     std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
     let (mut opened, mut broken) = (Vec::new(), Vec::new());
     let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
-    let converter = heic.map(|photo| Converter::find(options, &photo.path)).transpose()?;
-    let copies = heic.map(|_| tempfile::tempdir_in(made.path())).transpose().map_err(Error::temporary)?;
-    let copy =
-        |number: &usize| copies.iter().map(|to| to.path().join(format!("{number}.jpg"))).collect::<PathBuf>();
-    let photos: Vec<(usize, &SourcePhoto)> = sources.photos.iter().enumerate().collect();
-    let read = in_chunks(&photos, observer, "reading photos", |(number, photo)| {
-        Ok(open(photo, converter.as_ref(), &copy(number)))
-    })?;
+    let converter = heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
+    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()));
+    let read = in_chunks(&sources.photos, observer, "reading photos", open)?;
     for (source, photo) in sources.photos.iter().zip(read) {
         match photo {
             Ok(photo) => opened.push(photo),
@@ -234,7 +229,7 @@ pub(super) fn collect(
     let list = made.path().join(LIST);
     let text = serde_json::to_string_pretty(&taken).unwrap_or_default() + "\n";
     std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
-    drop(copies);
+    drop(converter);
     made.publish(WORK)?;
     Ok((taken, left_out))
 }
@@ -272,30 +267,24 @@ fn in_chunks<A: Sync, B: Send>(
     Ok(done)
 }
 
-/// Reads a photo's size and EXIF, those of its copy `jpeg` if the photo is for a converter.
-fn open(photo: &SourcePhoto, converter: Option<&Converter>, jpeg: &Path) -> Result<Opened> {
-    let limits = &Limits::DEFAULT;
-    let (mut source, mut file, mut original) = (photo.clone(), photo.path.clone(), None);
-    if let Some(converter) = converter.filter(|_| is_heic(&photo.path)) {
-        original = Some(PhotoNotes::of(&input::read(&photo.path, limits)?));
-        file = jpeg.to_owned();
-        converter.convert(&photo.path, &file)?;
+/// Reads a photo's size and EXIF; of a HEIC photo, what the converter makes of it.
+fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<Opened> {
+    let (limits, converter) = (&Limits::DEFAULT, converter.filter(|_| is_heic(&photo.path)));
+    let (mut source, mut file) = (photo.clone(), photo.path.clone());
+    if let Some(converter) = converter {
+        file = converter.convert(&photo.path)?;
         source.name = Path::new(&photo.name).with_extension("jpg").to_string_lossy().replace('\\', "/");
     }
     let size = RgbImage::size_of(&file, limits)?;
     let bytes = input::read(&file, limits)?;
     let mut notes = PhotoNotes::of(&bytes);
-    if let Some(original) = original {
-        let is_part = original.sensor.is_some_and(|s| s.max_element() > size.max_element());
-        if is_part && converter.is_some_and(Converter::reads_tiles) {
-            let reason =
-                "is read only in part by this ffmpeg; install libheif (`heif-convert`) or a newer ffmpeg";
-            return Err(Error::unsupported(&photo.path, reason));
-        }
+    if let Some(converter) = converter {
+        let original = PhotoNotes::of(&input::read(&photo.path, limits)?);
+        converter.check(&photo.path, original.sensor, size)?;
         notes = original.of_copy(notes.orientation, size);
     }
     let change = match (notes.orientation, is_plain(&bytes)) {
-        (1, true) if file != photo.path => Change::Noted,
+        (1, true) if converter.is_some() => Change::Noted,
         (1, true) => Change::Copied,
         (_, true) => Change::Turned,
         (_, false) => Change::Converted,

@@ -209,13 +209,13 @@ impl<'a> Poses<'a> {
             return Err(self.log.failure(&first, &ended));
         }
         tell(observer, StageEvent::Noted(&format!("again without the graphics card: {photos} photos")))?;
-        self.program = self.program.on_cpu();
+        self.program.has_gpu = false;
         self.log.run_well(&mut command(&self.program), observer, hear)
     }
 
     /// Reconstructs poses and puts the best model in its place.
     pub(super) fn model(&mut self, observer: StageObserver<'_>) -> Result<ModelDetails> {
-        let can = self.program.has_global();
+        let can = self.program.global.is_some();
         let asked = self.options.mapper;
         if asked == Mapper::Global && !can {
             let wants =

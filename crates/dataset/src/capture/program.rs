@@ -23,8 +23,8 @@ pub(super) struct Program {
     pub(super) version: String,
     /// Whether it can use a graphics card.
     pub(super) has_gpu: bool,
-    /// Its global mapper.
-    global: Option<Global>,
+    /// Its global mapper, which finds all poses at once.
+    pub(super) global: Option<Global>,
     /// CPU threads that it may use.
     pub(super) threads: usize,
 }
@@ -36,7 +36,7 @@ enum Kind {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum Global {
+pub(super) enum Global {
     /// A command of the program itself.
     Own,
     /// A separate program.
@@ -116,16 +116,6 @@ impl Program {
         let global = words.contains(&"global").then_some(Global::Own);
         let threads = parallel::threads();
         Some(Self { kind: Kind::Pycolmap, path: path.to_owned(), version, has_gpu: false, global, threads })
-    }
-
-    /// True when it can find all poses at once.
-    pub(super) fn has_global(&self) -> bool {
-        self.global.is_some()
-    }
-
-    /// The same without a graphics card.
-    pub(super) fn on_cpu(&self) -> Self {
-        Self { has_gpu: false, ..self.clone() }
     }
 
     /// The command that finds features in the photos.

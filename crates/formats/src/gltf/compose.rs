@@ -3,7 +3,7 @@
 use super::buffers;
 use super::container::stream_offsets;
 use super::document::{QUANTIZATION, UNLIT};
-use super::encode::{self, Content, Picture};
+use super::encode::{self, Content};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
@@ -43,7 +43,9 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let (mut buffer_views, buffers) = buffers(content, bin_name)?;
     let mut accessors = Vec::with_capacity(buffer_views.len());
     let streams = buffer_views.len();
-    buffer_views.extend(content.pictures.iter().map(picture_view));
+    // Pictures are never compressed, so they are in the file's own buffer.
+    let pictures = content.pictures.iter();
+    buffer_views.extend(pictures.map(|picture| view(0, picture.start, picture.bytes.len() as u64)));
     let pages = 0..content.pictures.len();
     let images = pages.clone().map(|page| image(index(streams + page), page, options.texture)).collect();
     let textures = pages.clone().map(texture).collect();
@@ -160,11 +162,6 @@ fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
         }),
         ..Material::default()
     }
-}
-
-/// The place of a page's picture: never compressed, so in the file's own buffer.
-fn picture_view(picture: &Picture) -> View {
-    view(0, picture.start, picture.bytes.len() as u64)
 }
 
 /// Bytes of a buffer.

@@ -128,13 +128,6 @@ pub(crate) struct GlbChunk {
     pub(crate) length: u64,
 }
 
-impl GlbChunk {
-    /// True for the chunk that holds buffer 0.
-    pub(crate) fn is_bin(&self) -> bool {
-        self.kind == BIN_CHUNK
-    }
-}
-
 impl ContainerFile {
     /// Reads the header and the JSON; the binary chunk stays on disk.
     pub(crate) fn read(source: &mut Source, limits: &Limits) -> Result<Self> {
@@ -154,7 +147,7 @@ impl ContainerFile {
 
     /// The binary chunk of a GLB.
     pub(crate) fn bin(&self) -> Option<GlbChunk> {
-        self.chunks.iter().copied().find(GlbChunk::is_bin)
+        self.chunks.iter().copied().find(|chunk| chunk.kind == BIN_CHUNK)
     }
 }
 

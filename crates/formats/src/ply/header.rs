@@ -81,11 +81,6 @@ impl Property {
     pub(super) fn is_corner_list(&self) -> bool {
         self.name == "vertex_indices" || self.name == "vertex_index"
     }
-
-    /// True for the list of texture coordinates of a face's corners.
-    pub(super) fn is_place_list(&self) -> bool {
-        self.name == "texcoord" || self.name == "texcoords"
-    }
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]

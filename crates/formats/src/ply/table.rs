@@ -379,21 +379,8 @@ fn read_at(file: &File, out: &mut [u8], offset: u64) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, out, offset)
 }
 
-#[cfg(windows)]
-fn read_at(file: &File, mut out: &mut [u8], mut offset: u64) -> std::io::Result<()> {
-    while !out.is_empty() {
-        let read = std::os::windows::fs::FileExt::seek_read(file, out, offset)?;
-        if read == 0 {
-            return Err(std::io::ErrorKind::UnexpectedEof.into());
-        }
-        out = &mut out[read..];
-        offset += read as u64;
-    }
-    Ok(())
-}
-
-/// Without a system call for reading at an offset, one thread at a time seeks and reads.
-#[cfg(not(any(unix, windows)))]
+/// Elsewhere one thread at a time seeks and reads.
+#[cfg(not(unix))]
 fn read_at(mut file: &File, out: &mut [u8], offset: u64) -> std::io::Result<()> {
     use std::io::{Read, Seek, SeekFrom};
     static TURN: std::sync::Mutex<()> = std::sync::Mutex::new(());

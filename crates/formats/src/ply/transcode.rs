@@ -8,6 +8,9 @@ use crate::faces::{MAX_CORNERS, check_corners, not_a_triangle};
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use trisplat_scene::{Error, Result};
 
+/// Names of the list of texture coordinates of a face's corners.
+const PLACES: [&str; 2] = ["texcoord", "texcoords"];
+
 /// What is wanted of an element's rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wanted {
@@ -98,7 +101,7 @@ impl Input<'_> {
                     self.corners(count, item, row, wanted, out)?;
                 }
                 PropertyType::List { count, item }
-                    if wanted == Wanted::Polygons && property.is_place_list() =>
+                    if wanted == Wanted::Polygons && PLACES.contains(&property.name.as_str()) =>
                 {
                     let length = integer(self.number(count)?, count);
                     if !(0..=2 * MAX_CORNERS as i64).contains(&length) {
