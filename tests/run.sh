@@ -23,6 +23,7 @@ MATURIN=1.16.0
 PUPPETEER=25.16.0
 PYCOLMAP=4.2.1
 BPY=4.2.21
+BPY_NEWEST=5.0.1
 USD=26.11
 judges=target/judges
 python=$judges/venv/bin/python
@@ -184,6 +185,15 @@ if "$python" -m pip install --quiet --disable-pip-version-check "bpy==$BPY" && "
     echo "Blender $BPY"
 else
     echo "NOT CHECKED: bpy $BPY has no wheel for this system, or lacks a library"
+fi
+# One environment has one Blender.
+newest=$judges/bpy
+if { [ -x $newest/bin/python ] || "$python" -m venv $newest; } &&
+    $newest/bin/python -m pip install --quiet --disable-pip-version-check "bpy==$BPY_NEWEST" && $newest/bin/python -c 'import bpy' >/dev/null 2>&1; then
+    required=$required,bpy-newest
+    echo "Blender $BPY_NEWEST"
+else
+    echo "NOT CHECKED: bpy $BPY_NEWEST has no wheel for this system, or lacks a library"
 fi
 
 section 'USD'

@@ -8,6 +8,8 @@ const FLY_PIVOT = 1e-3;
 const SPEED = 0.5;
 /** The slowest glide, radians or radii of the scene per step. What is left of a slower one is below a tenth of a pixel. */
 const GLIDE = 1e-5;
+/** From here, in radii of everything, all of it is as high as the picture: farther away it is a dot in the dark. */
+const FARTHEST = 2.5;
 const DIRECTIONS = {
   KeyW: [0, 0, 1], ArrowUp: [0, 0, 1], KeyS: [0, 0, -1], ArrowDown: [0, 0, -1],
   KeyA: [-1, 0, 0], ArrowLeft: [-1, 0, 0], KeyD: [1, 0, 0], ArrowRight: [1, 0, 0],
@@ -25,6 +27,7 @@ export class Controls {
   #camera;
   #canvas;
   #radius;
+  #reach;
   #pressed = new Set();
   #intrinsics = null;
   #flying = false;
@@ -33,9 +36,9 @@ export class Controls {
   /** Where the camera was at the end of the last step: events move it between steps too. */
   #last = { position: new Vector3(), quaternion: new Quaternion() };
 
-  /** `viewpoint` is the file's, or null: it says how far photos look around. */
-  constructor(camera, canvas, radius, viewpoint) {
-    [this.#camera, this.#canvas, this.#radius, this.#pivotDistance] = [camera, canvas, radius, radius];
+  /** `viewpoint` is the file's, or null: it says how far photos look around. `reach` is the radius of everything. */
+  constructor(camera, canvas, radius, viewpoint, reach = 400 * radius) {
+    [this.#camera, this.#canvas, this.#radius, this.#reach, this.#pivotDistance] = [camera, canvas, radius, reach, radius];
     this.#viewpoint = viewpoint;
     addEventListener('keydown', (event) => this.#key(event, true));
     addEventListener('keyup', (event) => this.#key(event, false));
@@ -52,7 +55,8 @@ export class Controls {
     this.#intrinsics = { fov, pinhole };
     // OrbitControls reads the up axis in its constructor.
     const orbit = new OrbitControls(camera, this.#canvas);
-    Object.assign(orbit, { enableDamping: true, dampingFactor: 0.12, zoomToCursor: true, maxDistance: 1e3 * this.#radius });
+    const maxDistance = Math.max(FARTHEST * this.#reach, eye.distanceTo(target));
+    Object.assign(orbit, { enableDamping: true, dampingFactor: 0.12, zoomToCursor: true, maxDistance });
     orbit.target.copy(target);
     this.#orbit = orbit;
     camera.lookAt(target);

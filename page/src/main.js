@@ -44,7 +44,7 @@ async function open() {
   renderer.resize();
   renderer.camera.near = requested.near ?? 1e-3 * bounds.radius;
   renderer.camera.far = 1e3 * bounds.reach;
-  const controls = new Controls(renderer.camera, canvas, bounds.radius, viewpoint);
+  const controls = new Controls(renderer.camera, canvas, bounds.radius, viewpoint, bounds.reach);
 
   const aspect = () => renderer.width / renderer.height;
   const fit = () => (controls.set(framed(viewpoint, bounds, aspect(), controls.view)), renderer.restart());

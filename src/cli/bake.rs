@@ -11,7 +11,7 @@ use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
-use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails};
+use trisplat_bake::{BakeOptions, ReshapeDetails, TeacherDetails, TextureWhen};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::info::Softness;
 use trisplat_formats::output::OutputFormat;
@@ -27,6 +27,9 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     let sources = Sources { matches, sets: &args.sets, config: args.config.as_deref() };
     let mut options =
         sources.resolve(&args.options, &args.dataset_options.limits, BakeOptions::preset)?.options;
+    if args.dataset.is_some() {
+        textured_by_itself(&mut options, matches, &args.output);
+    }
     if let [plan] = &args.inputs[..]
         && is_plan(plan)
     {
@@ -53,6 +56,13 @@ pub fn run(args: &BakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     report.dry_run = args.dry_run;
     say(&report, &terminal.done());
     outputs.save_report(args.report.as_deref(), &report)
+}
+
+/// Phones show no colours of corners in USDZ: photos become a texture unless `--texture` was typed.
+pub(super) fn textured_by_itself(options: &mut BakeOptions, matches: &ArgMatches, output: &Path) {
+    if OutputFormat::of(output).ok() == Some(OutputFormat::Usdz) && !flags::is_typed(matches, "texture") {
+        options.texture.texture = TextureWhen::On;
+    }
 }
 
 /// The lines after the stages of a bake.
@@ -124,7 +134,7 @@ pub struct BakeArgs {
     /// Posed photos of the scene: removes triangles hidden in all of them, and fits colours to them
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// Train a soft scene solid first: minutes, for a file that looks like the soft scene.
+    /// Train a soft scene solid first: minutes, and twice the triangles, for a file that looks like the soft scene.
     ///
     /// It is trained on the photos of --dataset, or on its own soft pictures, in 2000 steps or N. Gaussian
     /// splats are always trained solid: with it in four times as many steps, on more and larger pictures.

@@ -1,17 +1,19 @@
 //! `trisplat make INPUT -o scene.glb`: from photos or a video to a file for an engine and a page, in one command.
 
+use super::bake::textured_by_itself;
 use super::capture::advise;
+use super::flags::{self, Sources};
 use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::terminal::Terminal;
-use super::{Global, flags, signals};
+use super::{Global, signals};
+use clap::ArgMatches;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use trisplat_bake::{BackdropOptions, CropOptions};
+use trisplat_bake::BakeOptions;
 use trisplat_dataset::capture::CaptureOptions;
 use trisplat_dataset::{DatasetOptions, ShrunkSize};
-use trisplat_formats::OutputTarget;
 use trisplat_job::{Event, MakeDone, MakeJob, MakePart};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::report::counted;
@@ -55,27 +57,18 @@ pub struct MakeArgs {
     /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Who reads OUT
-    #[arg(long, value_enum, default_value_t)]
-    pub target: OutputTarget,
-    /// Most triangles; by default the budget decides
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
-    pub max_triangles: Option<u64>,
     /// Train although too few points tie the photos together
     #[arg(long)]
     pub anyway: bool,
     /// Write the results of every step as JSON (schema: trisplat schema report)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
-    /// What is kept.
-    #[command(flatten)]
-    pub crop_options: CropOptions,
-    /// What stands behind it.
-    #[command(flatten)]
-    pub backdrop_options: BackdropOptions,
     /// Photos and poses.
     #[command(flatten)]
     pub capture: CaptureOptions,
+    /// The options of the bake.
+    #[command(flatten, next_help_heading = "Bake")]
+    pub bake: BakeOptions,
     /// Where to train.
     #[command(flatten, next_help_heading = "Backend")]
     pub backend_options: BackendOptions,
@@ -85,19 +78,20 @@ pub struct MakeArgs {
 }
 
 /// Makes it.
-pub fn run(args: &MakeArgs, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
+pub fn run(args: &MakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inputs) -> Result<ExitCode> {
     let page = args.page.clone().unwrap_or_else(|| args.output.with_extension("html"));
     let mut job = MakeJob::new(args.inputs.iter().cloned(), args.output.clone());
     if let Some(work) = &args.work {
         job.work = work.clone();
     }
-    job.bake.output.target = args.target;
-    (job.bake.crop, job.bake.backdrop) = (args.crop_options.clone(), args.backdrop_options.clone());
+    let sources = Sources { matches, sets: &[], config: None };
+    job.bake = sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
+    textured_by_itself(&mut job.bake, matches, &args.output);
     let mut outputs = guard(args, inputs, &page, &job)?;
     job.page = Some(page);
     (job.capture, job.force, job.anyway) = (args.capture.clone(), args.force, args.anyway);
     (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
-    if let Some(most) = args.max_triangles {
+    if let Some(most) = job.bake.prune.max_triangles {
         job.train = TrainOptions { max_triangles: most, ..TrainOptions::default() };
     }
     job.budget = Some(args.budget);

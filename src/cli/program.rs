@@ -112,7 +112,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
     let out = &mut Stdout;
     let inputs = &Inputs::typed(typed, limits);
     match &cli.command {
-        Command::Make(args) => return make::run(args, &cli.global, inputs),
+        Command::Make(args) => return make::run(args, typed, &cli.global, inputs),
         Command::Capture(args) => return capture::run(args, &cli.global, inputs),
         Command::Bake(args) => bake::run(args, typed, &cli.global, inputs),
         Command::Mesh(args) => return mesh::run(args, typed, &cli.global, inputs),

@@ -44,8 +44,9 @@ impl Lines {
     pub(super) fn print(&self, text: &str) {
         match &self.bar {
             _ if self.quiet => {}
-            Some(bar) => bar.suspend(|| messages::print(text)),
-            None => messages::print(text),
+            // A finished bar would be drawn again, and stay.
+            Some(bar) if !bar.is_finished() => bar.suspend(|| messages::print(text)),
+            _ => messages::print(text),
         }
     }
 
@@ -100,8 +101,8 @@ impl Progress {
     /// Runs code that prints on standard output, with the bar hidden.
     pub fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
         match &self.lines.bar {
-            Some(bar) => bar.suspend(print),
-            None => print(),
+            Some(bar) if !bar.is_finished() => bar.suspend(print),
+            _ => print(),
         }
     }
 

@@ -458,3 +458,42 @@ fn make_leaves_a_broken_photo_out_if_that_is_wanted() {
         "{said}"
     );
 }
+
+/// A model of the first points only.
+fn with_points(fake: &Fake, most: usize) {
+    let id_of = |word: &str| word.parse::<f64>().is_ok_and(|id| id > most as f64);
+    let points = std::fs::read_to_string(fake.at("model/points3D.txt")).unwrap();
+    let few: Vec<&str> =
+        points.lines().filter(|line| line.split(' ').next().is_none_or(|id| !id_of(id))).collect();
+    std::fs::write(fake.at("model/points3D.txt"), few.join("\n") + "\n").unwrap();
+    let images = std::fs::read_to_string(fake.at("model/images.txt")).unwrap();
+    let seen = |line: &str| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let kept = words.chunks(3).flat_map(|seen| match seen {
+            [x, y, id] => [*x, *y, if id_of(id) { "-1" } else { id }],
+            _ => panic!("{line}"),
+        });
+        kept.collect::<Vec<_>>().join(" ")
+    };
+    let mut is_pose = false;
+    let lines = images.lines().map(|line| {
+        is_pose = !line.starts_with('#') && !is_pose;
+        if is_pose || line.starts_with('#') || line.is_empty() { line.to_owned() } else { seen(line) }
+    });
+    let text = lines.collect::<Vec<_>>().join("\n") + "\n";
+    std::fs::write(fake.at("model/images.txt"), text).unwrap();
+}
+
+#[test]
+fn a_hopeless_capture_stops_before_training_unless_told_to_go_on() {
+    let fake = Fake::new();
+    // Fewer than eight for each of the 40 photos, each of which still sees more than ten.
+    with_points(&fake, 300);
+    let make =
+        ["make", "photos", "-o", "scene.glb", "--steps", "100", "--max-size", "60", "--max-triangles", "300"];
+    let error = fake.error(&make);
+    assert!(error.contains("is a poor capture: 300 points tie") && error.contains("--anyway"), "{error}");
+    assert!(!fake.at("scene.glb").exists() && !fake.at("scene.make/scene.ply").exists());
+    let said = fake.succeed(&[&make[..], &["--anyway"]].concat());
+    assert!(said.contains("done before") && fake.at("scene.glb").exists(), "{said}");
+}

@@ -115,15 +115,20 @@ fn a_page_shows_what_our_renderer_draws() {
     }
 }
 
-/// The direction of the eye from the target of a view, as the page tells it.
+/// The direction of the eye from the target of a view.
 fn direction(view: &Value) -> DVec3 {
+    away(view).normalize()
+}
+
+/// The way from the target of a view to its eye, as the page tells it.
+fn away(view: &Value) -> DVec3 {
     let text = view.as_str().unwrap().trim_start_matches('#');
     let point = |name: &str| -> DVec3 {
         let list = text.split('&').find_map(|part| part.strip_prefix(name)).unwrap();
         let numbers: Vec<f64> = list.split(',').map(|number| number.parse().unwrap()).collect();
         DVec3::from_slice(&numbers)
     };
-    (point("eye=") - point("target=")).normalize()
+    point("eye=") - point("target=")
 }
 
 #[test]
@@ -335,6 +340,26 @@ fn f_frames_the_subject_from_the_side_where_one_is_and_the_link_is_the_view() {
     assert!(direction(&views[1]).dot(direction(&views[4])) < 0.99, "the drag turned");
     assert_eq!(views[5], views[0], "R is the first view");
     assert_eq!(visits[0]["hash"], views[6], "the link is the view");
+}
+
+/// All that there is would be a dot in the dark otherwise.
+#[test]
+fn zooming_out_ends_where_all_is_as_high_as_the_picture() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let [scene, page] = ["ball.obj", "ball.html"].map(|name| folder.path().join(name));
+    fs::write(&scene, ball_and_crumb()).unwrap();
+    bake(&scene, &page, &["--up", "y"]);
+    let steps =
+        json!([{ "wheel": 400, "at": [200, 150], "notches": 60 }, { "show": "#eye=0,0,900&target=0,0,0" }]);
+    let visits = visit(
+        &chromium,
+        &json!([{ "page": page, "fragment": "#ssaa=1", "size": [400, 300], "steps": steps }]),
+    );
+    let views = visits[0]["views"].as_array().unwrap();
+    let away = [0, 1, 2].map(|step| away(&views[step]).length());
+    assert!(away[1] > 2.0 * away[0] && away[1] < 2.6 * 8.3, "{away:?}");
+    assert!((away[2] - 900.0).abs() < 0.01, "an address goes anywhere: {away:?}");
 }
 
 #[test]

@@ -79,6 +79,7 @@ pub fn mesh(
     report.warnings.append(&mut scene.warnings);
     if let Some(views) = views.as_deref_mut() {
         views.transform(&scene.provenance.placement);
+        views.show_part(!options.crop.crop.is_empty());
     }
     let cameras = views.as_deref().map_or(&[][..], Views::cameras);
     let known = if cameras.is_empty() { scene.cameras.clone() } else { cameras.to_vec() };

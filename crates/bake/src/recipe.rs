@@ -61,6 +61,7 @@ impl<'a> Recipe<'a> {
         let given = loaded.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
             photos.transform(&loaded.provenance.placement);
+            photos.show_part(self.is_cropped());
         }
         let mut pictures = Pictures { photos, drawn: None };
         let loaded = self.background(loaded, &pictures)?;

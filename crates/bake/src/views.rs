@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use trisplat_dataset::exposure::Exposures;
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos};
-use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::{evenly_spaced, median};
@@ -51,6 +51,8 @@ pub struct Views {
     cut: Vec<bool>,
     /// The photos' corrections; empty for none.
     exposures: Exposures,
+    /// The scene is a part of what they show.
+    part: bool,
 }
 
 impl Views {
@@ -69,6 +71,7 @@ impl Views {
             masked: dataset.train().any(|v| v.photo.mask.is_some() || v.photo.is_cut()),
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
             exposures: Exposures::default(),
+            part: false,
         }
     }
 
@@ -104,6 +107,7 @@ impl Views {
             masked: false,
             cut: Vec::new(),
             exposures: Exposures::default(),
+            part: false,
         }
     }
 
@@ -230,6 +234,11 @@ impl Views {
         evenly_spaced(self.len(), count).collect()
     }
 
+    /// Scores from now on are of the pixels that the scene covers, if it is a `part` of what the photos show.
+    pub fn show_part(&mut self, part: bool) {
+        self.part = part;
+    }
+
     /// Mean PSNR of `mesh`, drawn solid, against the photos `chosen`, dB. Fails when a photo cannot be decoded.
     pub fn mean_psnr(&mut self, mesh: &Mesh, chosen: &[usize]) -> Result<f64> {
         let [psnr] = self.mean(mesh, chosen, |photo, drawn| {
@@ -261,8 +270,17 @@ impl Views {
         let mut solid = SolidRasterizer::new();
         let mut sums = [0.0; N];
         self.prefetch(chosen);
+        let mut count = 0;
         for &view in chosen {
-            let photo = self.taken(view)?;
+            let mut photo = self.taken(view)?;
+            if self.part && !self.is_cut(view) {
+                let one = SolidRasterOptions { samples: 1, ..options };
+                let Some(covered) = covered(&photo, solid.visibility(mesh, self.camera(view), &one)) else {
+                    continue;
+                };
+                photo = Arc::new(covered);
+            }
+            count += 1;
             let cut = self.is_cut(view) && photo.alpha.is_some();
             let mut scores = |photo: &RgbImage, background: [f32; 3]| {
                 let options = SolidRasterOptions { background, ..options };
@@ -281,8 +299,16 @@ impl Views {
             };
             sums.iter_mut().zip(of_view).for_each(|(sum, score)| *sum += score);
         }
-        Ok(sums.map(|sum| sum / chosen.len().max(1) as f64))
+        Ok(sums.map(|sum| sum / f64::from(count.max(1))))
     }
+}
+
+/// A photo without the pixels where nothing is `seen`; `None` when that is everywhere.
+fn covered(photo: &RgbImage, seen: &Visibility) -> Option<RgbImage> {
+    let mut alpha = photo.alpha.clone().unwrap_or_else(|| vec![u8::MAX; photo.rgb.len()]);
+    let outside = seen.face.iter().map(|face| *face == NO_FACE);
+    alpha.iter_mut().zip(outside).filter(|(_, outside)| *outside).for_each(|(alpha, _)| *alpha = 0);
+    alpha.iter().any(|alpha| *alpha > 0).then(|| RgbImage { alpha: Some(alpha), ..photo.clone() })
 }
 
 /// How `cameras` draw `mesh`: with the near plane a hundredth of the way to its middle, and a black

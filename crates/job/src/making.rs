@@ -342,8 +342,11 @@ impl MakeJob {
         };
         let files: Vec<String> = Dataset::pose_files(path).iter().map(|file| meta(file)).collect();
         let options = (&self.dataset_options, &self.train, self.budget);
-        let options =
+        let mut options =
             serde_json::to_string(&options).map_err(|e| Error::invalid("options", e, "finite numbers"))?;
+        if self.backend != BackendOptions::default() {
+            options += &format!(" {:?}", self.backend);
+        }
         let full = std::fs::canonicalize(path).map_err(|e| Error::io(path, e))?;
         let list = if path.is_file() { meta(path) } else { files.join(" ") };
         let photos = format!("{} {list}", full.display());

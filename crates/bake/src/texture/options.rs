@@ -44,8 +44,8 @@ impl From<bool> for TextureWhen {
 #[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields, default)]
 pub struct TextureOptions {
-    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj
-    /// and .tileset.json files
+    /// Give triangles texels in place of one colour each, from the photos: more detail for few triangles. For .glb, .gltf, .html, .obj,
+    /// .usdz (without being asked, as phones show no colours there) and .tileset.json files
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TextureOptions::DEFAULT.texture, num_args = 0..=1,
           require_equals = true, default_missing_value = "on", value_name = "WHEN"))]
     #[serde(deserialize_with = "when")]
