@@ -4,8 +4,9 @@ use super::messages::{self, many, thousands};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use trisplat_dataset::{Dataset, DatasetOptions, Description};
+use trisplat_formats::check::{Checked, Severity, check};
 use trisplat_formats::info::{Distribution, Info, SceneKind, Softness, TextureInfo};
-use trisplat_formats::unzipped_sog;
+use trisplat_formats::{ReadOptions, unzipped_sog};
 use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Placement, Result};
 
@@ -207,4 +208,45 @@ fn dataset_rows(d: &Description) -> Vec<Row> {
     }
     rows.extend(d.warnings.iter().map(|warning| ("warning", warning.clone())));
     rows
+}
+
+// ---- `trisplat validate FILE`: what stops a file from being read, and what engines reject -----------
+
+/// What to check.
+#[derive(Debug, clap::Args)]
+pub struct ValidateArgs {
+    /// File to check: .ply, .splat, .spz, .sog, .pt, .off, .obj, .glb or .gltf; "-" is standard input.
+    #[arg(value_name = "FILE")]
+    pub input: PathBuf,
+    /// Print JSON (`trisplat schema validate` describes it).
+    #[arg(long)]
+    pub json: bool,
+}
+
+const SEVERITIES: [(Severity, &str); 3] =
+    [(Severity::Error, "error"), (Severity::Warning, "warning"), (Severity::Note, "note")];
+
+/// Lists every finding on `out`; an error when any of them is one.
+pub fn validate(args: &ValidateArgs, options: &ReadOptions, out: &mut dyn Write) -> Result<()> {
+    let checked = check(&args.input, options)?;
+    let printed = if args.json { messages::print_json(&checked, out) } else { print_findings(&checked, out) };
+    printed.map_err(|e| Error::io("-", e))?;
+    match checked.count(Severity::Error) {
+        0 => Ok(()),
+        n => Err(Error::malformed(
+            &args.input,
+            "validation",
+            format!("{}, listed above", counted(n as u64, "error")),
+        )),
+    }
+}
+
+fn print_findings(checked: &Checked, out: &mut dyn Write) -> io::Result<()> {
+    for finding in &checked.findings {
+        let name = SEVERITIES.iter().find(|(severity, _)| *severity == finding.severity).map_or("", |s| s.1);
+        messages::write(out, &format!("{name:<8} {}: {}", finding.place, finding.what))?;
+    }
+    let triangles = checked.triangles.map_or(String::new(), |n| format!(", {}", counted(n, "triangle")));
+    let counts = SEVERITIES.map(|(severity, name)| counted(checked.count(severity) as u64, name)).join(", ");
+    messages::write(out, &format!("{}: {}{triangles}: {counts}", checked.path, checked.format.name()))
 }

@@ -26,7 +26,6 @@ pub mod train_args;
 pub mod train_progress;
 #[cfg(feature = "view")]
 mod train_view;
-pub mod validate;
 #[cfg(feature = "view")]
 pub mod view;
 

@@ -4,7 +4,7 @@ use super::inputs::Inputs;
 use super::messages::{self, Stdout};
 use super::{
     Global, bake, capture, eval, flags, info, make, mesh, plan, render, schema, signals, suggestions, train,
-    train_args, validate,
+    train_args,
 };
 #[cfg(feature = "view")]
 use super::{train_view, view};
@@ -44,7 +44,7 @@ pub enum Command {
     /// Describe a file, and the scene that a bake would make of it.
     Info(info::InfoArgs),
     /// Check a file of trisplat or another tool for errors.
-    Validate(validate::ValidateArgs),
+    Validate(info::ValidateArgs),
     /// Train a soup of triangles on posed photos.
     Train(Box<train_args::TrainArgs>),
     /// Cut a scene that is too large for one run into blocks, to be trained one by one.
@@ -133,7 +133,7 @@ fn run(mut cli: Cli, matches: &ArgMatches) -> Result<ExitCode> {
         Command::Validate(args) => {
             let options =
                 ReadOptions { limits, allow_outside: cli.global.allow_outside, ..ReadOptions::default() };
-            validate::run(args, &options, out)
+            info::validate(args, &options, out)
         }
         Command::Schema(args) => schema::run(args),
         Command::Completions(args) => schema::completions(args, &mut Cli::command()),

@@ -5,7 +5,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use trisplat::cli::info::InfoArgs;
-use trisplat::cli::validate::ValidateArgs;
+use trisplat::cli::info::ValidateArgs;
 use trisplat_bench::scenes::studio;
 use trisplat_formats::{
     Format,
@@ -145,7 +145,7 @@ fn a_broken_file_of_any_format_is_a_finding() {
         let checked = check(&path, &trisplat::ReadOptions::default()).expect("a known format");
         assert_eq!((checked.count(Severity::Error), checked.triangles), (1, None), "{name}: {checked:#?}");
         let mut out = Vec::new();
-        let error = trisplat::cli::validate::run(
+        let error = trisplat::cli::info::validate(
             &ValidateArgs { input: path, json: false },
             &trisplat::ReadOptions::default(),
             &mut out,
