@@ -25,7 +25,7 @@ pub(super) struct ImageRow {
 }
 
 /// The rotation of the quaternion (w, x, y, z) of an image, which may have any length except zero; otherwise what is wrong.
-pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> std::result::Result<DMat3, String> {
+pub(super) fn rotation(wxyz: [f64; 4], moved: DVec3, image: String) -> Result<DMat3, String> {
     let q = DQuat::from_xyzw(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
     let length = q.length();
     let good = length > 1e-6 && length.is_finite() && moved.is_finite();

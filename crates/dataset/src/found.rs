@@ -69,7 +69,7 @@ impl LensClaim {
 
     /// The lens, with missing values from the photo: its size, square pixels, the principal point in the
     /// middle.
-    pub(super) fn resolve(&self, photo: UVec2) -> std::result::Result<Lens, String> {
+    pub(super) fn resolve(&self, photo: UVec2) -> Result<Lens, String> {
         let size = self.size.unwrap_or(photo);
         if size.min_element() == 0 {
             return Err(format!("its size is {}x{}", size.x, size.y));

@@ -50,7 +50,7 @@ fn pictures(folder: &Path) -> Vec<PathBuf> {
     pictures
 }
 
-fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> std::result::Result<FoundPhoto, String> {
+fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, String> {
     let column = |c: usize| DVec3::new(row[c], row[5 + c], row[10 + c]);
     let (to_world, size) = (DMat3::from_cols(column(1), column(0), -column(2)), column(4));
     let skew = to_world.transpose() * to_world - DMat3::IDENTITY;

@@ -319,7 +319,7 @@ fn check_memory(path: &Path, stored: UVec2, options: &DatasetOptions) -> Result<
 }
 
 /// A camera may have been calibrated on the same photos at another size, but not at another shape.
-fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> std::result::Result<Option<String>, String> {
+fn check_shape(path: &Path, lens: &Lens, stored: UVec2) -> Result<Option<String>, String> {
     if lens.size == stored {
         return Ok(None);
     }

@@ -162,7 +162,7 @@ impl Cameras {
 }
 
 impl Sensor {
-    fn lens(&self) -> std::result::Result<LensClaim, String> {
+    fn lens(&self) -> Result<LensClaim, String> {
         let projection = match self.kind.as_str() {
             "" | "frame" => Projection::Perspective,
             "fisheye" | "equidistant_fisheye" => Projection::Fisheye,
@@ -199,7 +199,7 @@ impl Sensor {
 }
 
 impl Place {
-    fn matrix(&self) -> std::result::Result<DMat4, String> {
+    fn matrix(&self) -> Result<DMat4, String> {
         let rotation = numbers(self.rotation.as_deref().unwrap_or("1 0 0 0 1 0 0 0 1"))?;
         let rotation = DMat3::from_cols_array(&rotation).transpose();
         let [scale] = numbers(self.scale.as_deref().unwrap_or("1"))?;
@@ -209,7 +209,7 @@ impl Place {
 }
 
 /// The numbers of a text.
-fn numbers<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let finite = numbers.iter().all(|number| number.is_finite());
     numbers.try_into().ok().filter(|_| finite).ok_or_else(|| format!("expected {N} numbers, not `{text}`"))

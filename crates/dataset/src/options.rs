@@ -116,7 +116,7 @@ impl Background {
 impl FromStr for Background {
     type Err = String;
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, String> {
         let hex = match text {
             "black" => "000000",
             "white" => "ffffff",

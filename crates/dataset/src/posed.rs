@@ -186,7 +186,7 @@ impl Display for ShrunkSize {
 impl FromStr for ShrunkSize {
     type Err = String;
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, String> {
         let sides =
             text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
         sides.map(Self).ok_or_else(|| "is not a width and a height, as in 320x213".to_owned())

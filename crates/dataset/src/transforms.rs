@@ -194,7 +194,7 @@ fn frame(
 }
 
 /// World to camera from camera to world.
-fn pose(matrix: &[Vec<f64>]) -> std::result::Result<(DMat3, DVec3), String> {
+fn pose(matrix: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
     let shape = "transform_matrix must have 3 or 4 rows of 4 finite numbers";
     if !(3..=4).contains(&matrix.len()) || matrix.iter().any(|row| row.len() != 4) {
         return Err(shape.into());
@@ -240,14 +240,14 @@ struct Keys<'a> {
 
 impl Keys<'_> {
     /// A value that is not null.
-    fn value<T: DeserializeOwned>(&self, key: &str) -> std::result::Result<Option<T>, String> {
+    fn value<T: DeserializeOwned>(&self, key: &str) -> Result<Option<T>, String> {
         let given = |values: &Map<String, Value>| values.get(key).filter(|value| !value.is_null()).cloned();
         let value = given(self.own).or_else(|| given(self.shared)).map(serde_json::from_value);
         value.transpose().map_err(|e| format!("{key}: {e}"))
     }
 
     /// A number, or its place in the 3×3 matrix K.
-    fn number(&self, key: &str) -> std::result::Result<Option<f64>, String> {
+    fn number(&self, key: &str) -> Result<Option<f64>, String> {
         let place = [("fl_x", 0, 0), ("skew", 0, 1), ("cx", 0, 2), ("fl_y", 1, 1), ("cy", 1, 2)];
         let place = place.iter().find(|(name, ..)| *name == key);
         // A frame with its own focal length does not inherit the shared angle, and vice versa.
@@ -266,7 +266,7 @@ impl Keys<'_> {
         Ok(None)
     }
 
-    fn projection(&self) -> std::result::Result<Projection, String> {
+    fn projection(&self) -> Result<Projection, String> {
         let remedy = "undistort the photos first, or make pinhole views of them";
         let is = |key| self.value::<bool>(key).map(|flag| flag == Some(true));
         let model: Option<String> = self.value("camera_model")?;
@@ -291,7 +291,7 @@ impl Keys<'_> {
         })
     }
 
-    fn lens(&self, projection: Projection) -> std::result::Result<LensClaim, String> {
+    fn lens(&self, projection: Projection) -> Result<LensClaim, String> {
         let number = |key: &str| self.number(key);
         let zero = |key: &str| Ok::<_, String>(number(key)?.unwrap_or(0.0));
         let size = match (number("w")?, number("h")?) {

@@ -17,7 +17,7 @@ pub(super) fn not_a_triangle(corners: i64) -> String {
 }
 
 /// The number of corners of a face if it is within the limit; otherwise the message.
-pub(super) fn check_corners(corners: i64) -> std::result::Result<usize, String> {
+pub(super) fn check_corners(corners: i64) -> Result<usize, String> {
     match usize::try_from(corners) {
         Ok(count @ 3..=MAX_CORNERS) => Ok(count),
         Ok(count @ 3..) => Err(format!(
@@ -70,7 +70,7 @@ impl Faces {
     }
 
     /// Adds a face. Fails, with the reason, when it has too few or too many corners.
-    pub(super) fn push(&mut self, corners: &[u32]) -> std::result::Result<(), String> {
+    pub(super) fn push(&mut self, corners: &[u32]) -> Result<(), String> {
         let count = check_corners(i64::try_from(corners.len()).unwrap_or(i64::MAX))?;
         let first = self.indices.len() / 3;
         if count > 3 {

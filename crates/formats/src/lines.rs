@@ -106,7 +106,7 @@ pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
 }
 
 /// A word as a number, or a message about it.
-pub(super) fn number<T: FromStr>(word: &str) -> std::result::Result<T, String> {
+pub(super) fn number<T: FromStr>(word: &str) -> Result<T, String> {
     word.parse().map_err(|_| format!("{:?} is not a number", clip(word)))
 }
 

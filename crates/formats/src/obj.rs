@@ -73,7 +73,7 @@ struct ObjDraft {
 const NOWHERE: u32 = u32::MAX;
 
 impl ObjDraft {
-    fn take_line(&mut self, lines: &Lines) -> std::result::Result<(), String> {
+    fn take_line(&mut self, lines: &Lines) -> Result<(), String> {
         let mut words = lines.words();
         match words.next() {
             Some("v") => self.take_vertex(words),
@@ -96,7 +96,7 @@ impl ObjDraft {
     }
 
     /// `x y z`, then nothing, a weight (which only curves use), a colour, or a colour and its alpha.
-    fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+    fn take_vertex<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> Result<(), String> {
         let (mut row, mut count) = ([0.0f64; 7], 0);
         for word in words {
             *row.get_mut(count).ok_or("has more numbers than x y z r g b a")? = number(word)?;
@@ -119,20 +119,13 @@ impl ObjDraft {
     }
 
     /// `u`, `u v` or `u v w`.
-    fn take_place<'w>(
-        &mut self,
-        mut words: impl Iterator<Item = &'w str>,
-    ) -> std::result::Result<(), String> {
+    fn take_place<'w>(&mut self, mut words: impl Iterator<Item = &'w str>) -> Result<(), String> {
         let mut next = || words.next().map_or(Ok(0.0), number::<f32>);
         self.corners_placed.places.push(Vec2::new(next()?, next()?));
         Ok(())
     }
 
-    fn take_face<'w>(
-        &mut self,
-        words: impl Iterator<Item = &'w str>,
-        line: u64,
-    ) -> std::result::Result<(), String> {
+    fn take_face<'w>(&mut self, words: impl Iterator<Item = &'w str>, line: u64) -> Result<(), String> {
         let in_face = |face: usize, reason: String| format!("face {face} {reason}");
         self.corners.clear();
         for word in words {
@@ -156,7 +149,7 @@ impl ObjDraft {
     }
 
     /// Vertex number from 0 of `5`, `5/1`, `5//1`, `5/1/1`, or `-1` for the latest vertex.
-    fn corner(&mut self, word: &str, line: u64) -> std::result::Result<u32, String> {
+    fn corner(&mut self, word: &str, line: u64) -> Result<u32, String> {
         let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
         let vertex =
             vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", clip(word)))?;

@@ -137,7 +137,7 @@ fn advance(lines: &mut Lines, what: impl Fn() -> String) -> Result<()> {
     Err(lines.error(format!("the file ends before {}: it was cut short", what())))
 }
 
-fn position(lines: &Lines, colors: &mut FileColors) -> std::result::Result<DVec3, String> {
+fn position(lines: &Lines, colors: &mut FileColors) -> Result<DVec3, String> {
     let mut words = lines.words();
     let mut axis = || number(words.next().ok_or("expected x y z")?);
     let position = DVec3::new(axis()?, axis()?, axis()?);
@@ -151,7 +151,7 @@ fn read_corners(
     vertices: usize,
     corners: &mut Vec<u32>,
     colors: &mut FileColors,
-) -> std::result::Result<(), String> {
+) -> Result<(), String> {
     let mut words = lines.words();
     let count = words.next().unwrap_or_default();
     let count = count
@@ -185,7 +185,7 @@ struct FileColor {
 }
 
 impl FileColors {
-    fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> std::result::Result<(), String> {
+    fn push<'w>(&mut self, words: impl Iterator<Item = &'w str>) -> Result<(), String> {
         let (mut row, mut count) = ([0.0; 4], 0);
         for word in words {
             let slot = row.get_mut(count).ok_or("has more numbers than r g b a")?;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// The result of every fallible function of the library.
-pub type Result<T> = std::result::Result<T, Error>;
+pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why something could not be done, grouped by who can fix it.
 #[derive(Debug, thiserror::Error)]

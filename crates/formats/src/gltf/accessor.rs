@@ -344,7 +344,7 @@ pub(crate) fn painted_faces(
     (info, attributes): (&TextureInfo, &Attributes),
     faces: Range<usize>,
     corner: impl Fn(usize) -> usize,
-) -> Result<std::result::Result<PaintedFaces, String>> {
+) -> Result<Result<PaintedFaces, String>> {
     let index = info.index;
     let Some(texture) = document.textures.get(index) else {
         return Ok(Err(format!("texture {index} does not exist")));

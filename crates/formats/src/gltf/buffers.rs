@@ -212,7 +212,7 @@ pub(crate) fn is_data(uri: &str) -> bool {
 }
 
 /// The bytes of a `data:` URI, or why it is invalid.
-pub(crate) fn data(uri: &str) -> std::result::Result<Vec<u8>, &'static str> {
+pub(crate) fn data(uri: &str) -> Result<Vec<u8>, &'static str> {
     let (head, body) = uri.split_once(',').ok_or("is a data URI without a comma")?;
     if !head.ends_with(";base64") {
         return Err("is a data URI that is not base64");

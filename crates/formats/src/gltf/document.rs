@@ -211,7 +211,7 @@ pub(crate) struct ViewExtensions {
 }
 
 impl<'de> Deserialize<'de> for ViewExtensions {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut extensions = BTreeMap::<String, Box<RawValue>>::deserialize(deserializer)?;
         let meshopt = extensions.remove(MESHOPT).or_else(|| extensions.remove(MESHOPT_KHR));
         let parsed = meshopt.map(|text| serde_json::from_str(text.get())).transpose();
@@ -267,7 +267,7 @@ pub(crate) fn entry<'a, T>(path: &Path, kind: &str, list: &'a [T], index: usize)
 /// An array of at most [`ENTRIES`] entries.
 pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
-) -> std::result::Result<Vec<T>, D::Error> {
+) -> Result<Vec<T>, D::Error> {
     struct Limited<T>(PhantomData<T>);
     impl<'de, T: Deserialize<'de>> Visitor<'de> for Limited<T> {
         type Value = Vec<T>;
@@ -276,7 +276,7 @@ pub(crate) fn limited<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
             f.write_str("an array")
         }
 
-        fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> std::result::Result<Vec<T>, A::Error> {
+        fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Vec<T>, A::Error> {
             let (most, _) = ENTRIES.get();
             let mut entries = Vec::new();
             while let Some(entry) = seq.next_element()? {
@@ -331,7 +331,7 @@ pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
             return Err(Error::malformed(path, place(), "has a transform that is not finite"));
         }
         if let Some(mesh) = node.mesh
-            && !is_for_collision(node)
+            && !node.name.as_deref().is_some_and(|name| COLLIDERS.iter().any(|ending| name.ends_with(ending)))
         {
             instances.push(MeshInstance { mesh, node: index, transform });
         }
@@ -340,10 +340,8 @@ pub(crate) fn instances(path: &Path, document: &Document, limits: &Limits) -> Re
     Ok(instances)
 }
 
-/// Whether Godot's importer uses the mesh of a node only for collisions.
-fn is_for_collision(node: &Node) -> bool {
-    node.name.as_deref().is_some_and(|name| name.ends_with("-colonly") || name.ends_with("-convcolonly"))
-}
+/// Endings of names of nodes whose meshes Godot's importer uses only for collisions.
+const COLLIDERS: [&str; 2] = ["-colonly", "-convcolonly"];
 
 /// Root nodes: of the default scene, or all without a parent.
 fn roots(path: &Path, document: &Document) -> Result<Vec<usize>> {

@@ -224,10 +224,7 @@ const VERTEX_CODEC: i32 = 0;
 ///
 /// # Errors
 /// Failures of the encoder, with the remedy.
-pub(crate) fn compress(
-    parts: &[ScenePart],
-    options: &GltfOptions,
-) -> std::result::Result<Vec<Vec<u8>>, String> {
+pub(crate) fn compress(parts: &[ScenePart], options: &GltfOptions) -> Result<Vec<Vec<u8>>, String> {
     let streams: Vec<(&ScenePart, Stream)> = all_streams(parts).collect();
     let written = parallel::map(streams, |_, (part, stream)| {
         let encoded = match stream {
@@ -248,8 +245,8 @@ pub(crate) fn compress(
     written.into_iter().collect()
 }
 
-fn encode_vertices(bytes: &[u8], stride: u64) -> std::result::Result<Vec<u8>, String> {
-    fn cells<const N: usize>(bytes: &[u8]) -> std::result::Result<Vec<u8>, String> {
+fn encode_vertices(bytes: &[u8], stride: u64) -> Result<Vec<u8>, String> {
+    fn cells<const N: usize>(bytes: &[u8]) -> Result<Vec<u8>, String> {
         let (cells, _) = bytes.as_chunks::<N>();
         ::meshopt::encode_vertex_buffer_level(cells, 0, Some(VERTEX_CODEC)).map_err(|e| e.to_string())
     }

@@ -162,7 +162,7 @@ struct PictureSource {
 
 impl Texture {
     /// Number of its picture, or what it has in place of one that is read.
-    pub(crate) fn picture(&self) -> std::result::Result<usize, &'static str> {
+    pub(crate) fn picture(&self) -> Result<usize, &'static str> {
         let readable = self.extensions.webp.as_ref().map(|webp| webp.source).or(self.source);
         readable.ok_or(match &self.extensions {
             TextureExtensions { avif: true, .. } => "only an AVIF picture: convert it to PNG, JPEG or WebP",
@@ -195,11 +195,11 @@ impl Sampler {
 /// A field whose faults are ignored, so that they do not hide a good mesh.
 pub(super) fn lenient<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     deserializer: D,
-) -> std::result::Result<Option<T>, D::Error> {
+) -> Result<Option<T>, D::Error> {
     Ok(serde_json::from_value(Value::deserialize(deserializer)?).ok())
 }
 
 /// Whether a field is there, whatever it holds.
-fn is_there<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<bool, D::Error> {
+fn is_there<'de, D: Deserializer<'de>>(deserializer: D) -> Result<bool, D::Error> {
     IgnoredAny::deserialize(deserializer).map(|_| true)
 }

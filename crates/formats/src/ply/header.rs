@@ -165,7 +165,7 @@ impl HeaderDraft {
     }
 
     /// Parses one line; true when it was `end_header`.
-    fn take_line(&mut self, line: &str) -> std::result::Result<bool, String> {
+    fn take_line(&mut self, line: &str) -> Result<bool, String> {
         if !self.magic {
             self.magic = line == "ply";
             return if self.magic {
@@ -207,7 +207,7 @@ impl HeaderDraft {
     }
 }
 
-fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
+fn parse_format(rest: &str) -> Result<Encoding, String> {
     match rest.split_whitespace().collect::<Vec<_>>()[..] {
         ["ascii", "1.0"] => Ok(Encoding::Ascii),
         ["binary_little_endian", "1.0"] => Ok(Encoding::Little),
@@ -219,7 +219,7 @@ fn parse_format(rest: &str) -> std::result::Result<Encoding, String> {
     }
 }
 
-fn parse_element(rest: &str) -> std::result::Result<Element, String> {
+fn parse_element(rest: &str) -> Result<Element, String> {
     let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
         return Err(format!("expected `element NAME COUNT`, not {:?}", clip(rest)));
     };
@@ -229,7 +229,7 @@ fn parse_element(rest: &str) -> std::result::Result<Element, String> {
     Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
 }
 
-fn parse_property(rest: &str) -> std::result::Result<Property, String> {
+fn parse_property(rest: &str) -> Result<Property, String> {
     let scalar = |name: &str| {
         Scalar::parse(name).ok_or_else(|| {
             format!(
