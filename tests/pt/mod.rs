@@ -141,6 +141,18 @@ fn pipes_are_read_from_a_copy() {
     assert_eq!(pt::read(source, &ReadOptions::with_degree(0)).expect("valid").scene.triangle_count(), 2);
 }
 
+#[test]
+fn a_compressed_checkpoint_is_read_unpacked() {
+    let folder = Folder::new();
+    let path = folder.write(&checkpoint(&soup_tensors(2, 0), b""));
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, &std::fs::read(&path).expect("readable")).expect("in memory");
+    let beside = path.with_extension("pt.gz");
+    std::fs::write(&beside, packed.finish().expect("in memory")).expect("writable");
+    let read = trisplat_formats::read(&beside, &ReadOptions::with_degree(0)).expect("valid");
+    assert_eq!(read.scene.triangle_count(), 2);
+}
+
 /// Bytes of an array in an uncompressed .npz.
 fn npz_floats(npz: &[u8], name: &str) -> Vec<f32> {
     let at = npz.windows(name.len()).position(|w| w == name.as_bytes()).expect("the array is there");

@@ -24,6 +24,7 @@
 //! other one as an opaque name. `check_archive` checks the rest.
 
 use crate::finish::finish;
+use crate::source::is_packed;
 use crate::{ReadOptions, Source, format};
 use bytemuck::Pod;
 use glam::{DVec3, Vec3};
@@ -180,7 +181,7 @@ fn read_indices(file: &TorchFile, v: usize) -> Result<Vec<u32>> {
 struct TorchFile {
     /// What the user called it.
     label: PathBuf,
-    /// Path on disk; a temporary copy for standard input.
+    /// Path on disk; a temporary copy of standard input, and of what was unpacked.
     file: PathBuf,
     /// Keeps that copy alive.
     _copy: Option<NamedTempFile>,
@@ -192,7 +193,7 @@ struct TorchFile {
 impl TorchFile {
     fn open(source: &mut Source, limits: Limits) -> Result<Self> {
         let label = source.path.clone();
-        let (file, copy) = if label.as_os_str() == "-" {
+        let (file, copy) = if label.as_os_str() == "-" || is_packed(&label) {
             let copy = spool(&label, &source.file)?;
             (copy.path().to_owned(), Some(copy))
         } else {
