@@ -192,6 +192,8 @@ fn splat_record() -> Vec<u8> {
 #[test]
 fn a_splat_file_has_linear_scales_and_bytes_for_the_rest() {
     let loaded = read("a.splat", &splat_record().repeat(2)).expect("valid").splats;
+    let packed = gzipped(&splat_record().repeat(2));
+    assert_eq!(read("a.splat.gz", &packed).expect("its name tells it").splats, loaded);
     assert_eq!((loaded.len(), loaded.positions[1]), (2, Vec3::new(1.0, 2.0, 3.0)));
     assert!(close(loaded.scales[0], Vec3::new(0.1, 0.2, 0.3), 1e-7));
     let rgb = loaded.rgb(0);

@@ -13,7 +13,7 @@ use trisplat_scene::{Asset, Error, ImportedScene, ImportedSplats, Limits, Result
 /// The format of an open file; otherwise an error that names its first bytes and the accepted formats.
 pub(super) fn detect(source: &mut Source) -> Result<Format> {
     let (head, named) = (source.head()?, source.named());
-    if let Some(kind) = format::recognise(&head, &source.path) {
+    if let Some(kind) = format::recognise(&head, &named) {
         let refused = if format::UNREAD.contains(&kind) { format::unread } else { format::refusal };
         return Err(refused(&source.path, kind));
     }
@@ -160,7 +160,7 @@ pub fn holds_splats(path: &Path, limits: &Limits) -> bool {
 /// The format of an open file when it holds Gaussians that are read.
 pub(super) fn format_of_splats(source: &mut Source, limits: &Limits) -> Result<Option<Format>> {
     let head = source.head()?;
-    match format::recognise(&head, &source.path) {
+    match format::recognise(&head, &source.named()) {
         Some(format::SPZ) => return Ok(Some(Format::Spz)),
         Some(format::SPLAT) => return Ok(Some(Format::Splat)),
         _ => {}
