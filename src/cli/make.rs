@@ -175,7 +175,9 @@ fn verdict(details: &TrainDetails, done: &MakeDone, args: &MakeArgs) -> Vec<Stri
     let of_training = || Some((details.psnr?, details.ssim?));
     let of_file = done.score.as_ref().map(|score| (score.mean.psnr, score.mean.ssim));
     let Some((psnr, ssim)) = of_file.or_else(of_training) else { return Vec::new() };
+    // What fewer than two photos show cannot be known.
     let photos: Vec<(&str, f64)> = match &done.score {
+        _ if !done.judged.is_empty() => done.judged.iter().map(|(name, psnr)| (&name[..], *psnr)).collect(),
         Some(score) => score.images.iter().map(|photo| (&photo.name[..], photo.score.psnr)).collect(),
         None => details.held_out.iter().map(|photo| (&photo.name[..], photo.psnr)).collect(),
     };

@@ -159,9 +159,9 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
 }
 
 /// Width and height of the pictures that a file's own viewpoint is drawn in, px.
-const OWN_SIZE: UVec2 = UVec2::new(560, 420);
+const OWN_SIZE: UVec2 = UVec2::new(520, 440);
 /// Elevations of those cameras, and turns at each.
-const OWN_RINGS: [u32; 2] = [3, 12];
+const OWN_RINGS: [u32; 2] = [4, 16];
 /// Their distances, in turn, as shares of that of the viewpoint: photos are taken from near and far.
 const NEARER: [f64; 2] = [1.0, 0.7];
 /// How far its orbit goes beyond the photos, rad, as framing has it.

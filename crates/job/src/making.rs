@@ -3,7 +3,7 @@
 use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
-use super::scores::StepScore;
+use super::scores::{ShownTwice, StepScore};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
@@ -76,6 +76,8 @@ pub struct MakeDone {
     pub verdict: Option<VerdictDetails>,
     /// How close the file comes to photos that training did not see; `None` where it is not the whole scene, and of files that are not read back.
     pub score: Option<StepScore>,
+    /// PSNR of these photos where at least two that training saw look, dB, by name; empty without a score.
+    pub judged: Vec<(String, f64)>,
     /// PSNR of an earlier run for the same photos with less time or fewer steps, dB.
     pub earlier: Option<f64>,
     /// Photos that training saw.
@@ -166,12 +168,13 @@ impl MakeJob {
                 (folder, Some(job.run(&mut report, &mut stages(observer))?))
             }
         };
-        let (score, earlier, subject) = (None, None, None);
+        let (score, judged, earlier, subject) = (None, Vec::new(), None, None);
         let mut done = MakeDone {
             report,
             dataset,
             verdict: None,
             score,
+            judged,
             earlier,
             trained_on: 0,
             subject,
@@ -195,7 +198,7 @@ impl MakeJob {
         if !done.stopped {
             let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
             done.subject = self.bake(&photos, &mut done.report, observer)?;
-            (done.trained_on, done.score) = (photos.train().count(), self.score(&photos)?);
+            (done.trained_on, done.score) = (photos.train().count(), self.score(&photos, &mut done.judged)?);
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
@@ -305,8 +308,8 @@ impl MakeJob {
         Ok(true)
     }
 
-    /// Scores the file on the held-out photos as `trisplat eval` does.
-    fn score(&self, photos: &Dataset) -> Result<Option<StepScore>> {
+    /// Scores the file on the held-out photos as `trisplat eval` does, and what of them can be `judged`.
+    fn score(&self, photos: &Dataset, judged: &mut Vec<(String, f64)>) -> Result<Option<StepScore>> {
         let is_read = matches!(
             OutputFormat::of(&self.output),
             Ok(OutputFormat::Glb | OutputFormat::Gltf | OutputFormat::Obj | OutputFormat::Ply)
@@ -317,7 +320,15 @@ impl MakeJob {
         }
         let mut job = EvalJob::new(&self.output);
         (job.dataset_options, job.off_camera) = (self.dataset_options.clone(), false);
-        Ok(job.run(photos)?.steps.pop())
+        let ready = job.prepare(photos)?;
+        let mut twice = ShownTwice::new(&self.output, photos, ready.views(), &self.dataset_options)?;
+        let mut report = ready.run(|i, drawn| {
+            if let (Some(twice), Some(drawn)) = (&mut twice, drawn.last()) {
+                judged.extend(twice.psnr(i, &drawn.picture)?);
+            }
+            Ok(())
+        })?;
+        Ok(report.steps.pop())
     }
 
     /// Notes the score for the next run; returns that of an earlier one with less effort.

@@ -2,12 +2,19 @@
 //! and after the affine map of its colours that fits the photo best.
 
 use super::off_camera::{BesideScores, DepthScores};
+use glam::Vec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_dataset::ShrunkSize;
+use std::path::Path;
+use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, View};
+use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::ColorMap;
 use trisplat_scene::math::metric;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::placed::to_file;
+use trisplat_scene::{Result, Scene, parallel};
 use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.
@@ -160,6 +167,60 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
     RgbImage { alpha: Some(alpha), ..black.clone() }.undimmed()
 }
 
+/// Judges drawings of held-out photos only where at least two training photos look: what fewer show cannot be known.
+pub(super) struct ShownTwice<'a> {
+    mesh: Mesh,
+    cameras: Vec<Camera>,
+    views: Vec<(&'a View, Camera)>,
+    photos: Photos,
+    solid: SolidRasterizer,
+}
+
+impl<'a> ShownTwice<'a> {
+    /// Of the mesh in `file`, for the `views` of a data set. `None` of other scenes, and of photos of objects before nothing.
+    pub(super) fn new(
+        file: &Path,
+        dataset: &'a Dataset,
+        views: &[&'a View],
+        options: &DatasetOptions,
+    ) -> Result<Option<Self>> {
+        let loaded = trisplat_formats::read(file, &options.read_options(0))?;
+        let Scene::Mesh(mesh) = loaded.scene else { return Ok(None) };
+        if views.iter().any(|view| view.photo.is_cut()) {
+            return Ok(None);
+        }
+        let place = |view: &View| to_file(&view.camera, &loaded.provenance.placement, dataset.origin);
+        Ok(Some(Self {
+            mesh,
+            cameras: dataset.train().map(place).collect(),
+            views: views.iter().map(|view| (*view, place(view))).collect(),
+            photos: Photos::new(views.iter().map(|view| view.photo.clone()).collect(), options.photo_bytes()),
+            solid: SolidRasterizer::new(),
+        }))
+    }
+
+    /// The name of view `i`, and the PSNR of its drawing, dB; `None` of one that shows nothing of the kind.
+    pub(super) fn psnr(&mut self, i: usize, picture: &RgbImage) -> Result<Option<(String, f64)>> {
+        let (view, camera) = self.views[i];
+        let photo = self.photos.take(i)?;
+        let seen = self.solid.visibility(&self.mesh, &camera, &SolidRasterOptions::default());
+        let back = camera.rotation.transpose();
+        let weight = |pixel: usize| {
+            let at = Vec2::new((pixel as u32 % camera.size.x) as f32, (pixel as u32 / camera.size.x) as f32);
+            let depth = seen.depth[pixel];
+            let ray = ((at + 0.5 - camera.center) / camera.focal).extend(1.0);
+            let place = camera.position() + back * ray * depth;
+            let shown = || self.cameras.iter().filter(|other| other.frames(place)).nth(1).is_some();
+            let of_photo = photo.alpha.as_ref().map_or(u8::MAX, |alpha| alpha[pixel]);
+            if depth.is_finite() && shown() { of_photo } else { 0 }
+        };
+        let weights = parallel::collect(seen.depth.len(), parallel::GRAIN, weight);
+        let is_any = weights.iter().any(|weight| *weight > 0);
+        let psnr = || metric::psnr(&photo.rgb, &picture.rgb, Some(&weights));
+        Ok(is_any.then(|| (view.name.clone(), psnr())))
+    }
+}
+
 /// The mean of some scores; zeros without any.
 pub(super) fn mean<'a>(scores: impl ExactSizeIterator<Item = &'a Scores> + Clone) -> Scores {
     let count = scores.len().max(1) as f64;
@@ -180,5 +241,44 @@ impl Scores {
             psnr_corrected: number(|s| s.psnr_corrected),
             ssim_corrected: number(|s| s.ssim_corrected),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{UVec2, Vec3};
+    use trisplat_synthetic::SyntheticOptions;
+
+    #[test]
+    fn what_one_photo_shows_is_not_judged() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = SyntheticOptions { views: 6, width: 64, points: 50, ..SyntheticOptions::default() };
+        trisplat_synthetic::write(folder.path(), &options).unwrap();
+        let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
+        let view = &dataset.views[0];
+        let (camera, back) = (view.camera, view.camera.rotation.transpose());
+        let corner = |x: f32, y: f32| camera.position() + back * Vec3::new(9.0 * x, 9.0 * y, 2.0);
+        let wall = [[corner(-1.0, -1.0), corner(3.0, -1.0), corner(-1.0, 3.0)]];
+        // The left half of what the camera sees.
+        let left = Camera { size: UVec2::new(camera.size.x / 2, camera.size.y), ..camera };
+        let mut twice = ShownTwice {
+            mesh: Mesh::from_triangles(&wall, &[[0.5; 3]]).unwrap(),
+            cameras: vec![left, left, camera],
+            views: vec![(view, camera)],
+            photos: Photos::new(vec![view.photo.clone()], 0),
+            solid: SolidRasterizer::new(),
+        };
+        let photo = twice.photos.take(0).unwrap();
+        let mut picture = (*photo).clone();
+        let width = camera.size.x as usize;
+        let right = |(i, _): &(usize, &mut [u8; 3])| i % width > width / 2;
+        picture.rgb.iter_mut().enumerate().filter(right).for_each(|(_, pixel)| *pixel = pixel.map(|c| !c));
+        let equal = Some((view.name.clone(), 120.0));
+        assert_eq!(twice.psnr(0, &picture).unwrap(), equal, "only one photo shows the right half");
+        twice.cameras.push(camera);
+        assert!(twice.psnr(0, &picture).unwrap().unwrap().1 < 20.0);
+        twice.cameras.truncate(1);
+        assert_eq!(twice.psnr(0, &picture).unwrap(), None);
     }
 }
