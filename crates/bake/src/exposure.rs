@@ -77,7 +77,7 @@ pub(crate) fn exposure(
     details.verdict = Some(verdict);
     let Some(exposures) = exposures else {
         return Ok(Outcome::Skipped(
-            "photos spread by less than 15% in exposure: they are taken as they are",
+            "photos differ from the scene by less than 15% in exposure: they are taken as they are",
         ));
     };
     details.exposures = exposures.clone();
