@@ -73,6 +73,13 @@ pub struct Point {
     pub error: Option<f32>,
 }
 
+/// Whether a tracked point is one of the fifth that judges the depth of scenes, by its position relative to the origin: no
+/// training uses it.
+pub fn judges_depth(position: Vec3) -> bool {
+    let mix = |hash: u32, x: f32| (hash ^ x.to_bits()).wrapping_mul(0x9E37_79B1).rotate_left(13);
+    (position.to_array().into_iter().fold(0, mix) >> 7).is_multiple_of(5)
+}
+
 /// Reprojection errors, at the photos' full size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reprojection {

@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use trisplat_dataset::{Dataset, View};
+use trisplat_dataset::{Dataset, View, judges_depth};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::Rng;
 use trisplat_scene::camera::Camera;
@@ -30,7 +30,7 @@ const MAGNIFIED: f32 = 16.0;
 /// Depth along the rays from training photos to the points they track.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct DepthScores {
-    /// Number of rays.
+    /// Number of rays, to the fifth of the points that no training uses.
     pub rays: u64,
     /// Share of rays that meet the scene within 1% of the point's depth.
     pub within: f64,
@@ -56,7 +56,7 @@ pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset, seen: &[Vec<Vec3>
     for (view, points) in dataset.views.iter().zip(seen).filter(|(view, _)| !view.test) {
         let camera = &view.camera;
         let drawn = solid.visibility(mesh, camera, &options);
-        for point in points {
+        for point in points.iter().filter(|point| judges_depth(**point)) {
             let Some((at, z)) = camera.shows(*point) else { continue };
             let face = drawn.face[at.y as usize * camera.size.x as usize + at.x as usize];
             let error = if face == NO_FACE {

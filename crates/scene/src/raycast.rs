@@ -40,7 +40,7 @@ impl std::fmt::Debug for RayTree {
 
 impl RayTree {
     /// The first of the first `faces` faces of `mesh` on a ray.
-    pub(crate) fn first_hit(&self, mesh: &Mesh, faces: usize, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    pub fn first_hit(&self, mesh: &Mesh, faces: usize, origin: Vec3, direction: Vec3) -> Option<Hit> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;
         }

@@ -5,9 +5,11 @@
 //! plane. The scene keeps its look: four children cover their parent's area with the same mean window
 //! 2/((σ+1)(σ+2)), and both triangles of a clone get 1 - sqrt(1 - o), whose blend is o again.
 
+use super::known::{DepthRepair, KnownDepth};
 use super::options::{DensifyOptions, SampleWeight};
 use super::params::{Anneal, Core, Params, TrainState};
 use super::relocate::{Relocation, make_room};
+use super::start::is_among;
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -31,6 +33,8 @@ pub(crate) struct DensifyPlan<'a> {
     pub options: &'a DensifyOptions,
     /// Places of the cameras, in training space.
     pub eyes: &'a [Vec3],
+    /// Surfaces whose place is known, once the scene is solid.
+    pub known: Option<&'a KnownDepth>,
     /// Never more triangles than this.
     pub max_triangles: usize,
     /// The box with its own budget, when only a part of a scene is trained.
@@ -67,8 +71,12 @@ pub struct Densified {
     pub unseen: usize,
     /// Removed: before a camera, and shown by few photos from far away.
     pub unsupported: usize,
+    /// Removed: before known points.
+    pub blocking: usize,
     /// Removed: least summed weight, in a scene at its limit of triangles.
     pub relocated: usize,
+    /// Added at known points that photos saw through.
+    pub filled: usize,
     /// Split into four.
     pub split: usize,
     /// Cloned.
@@ -87,11 +95,14 @@ pub(crate) fn densify(
     let mut done = Densified::default();
     let complete = visibility.is_complete();
     let mut alive = prune(state, visibility, complete, plan, &mut done);
+    let holes = repair(state, visibility, &mut alive, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
         let DensifyOptions { relocate, growth, .. } = *plan.options;
         let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
         done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
     }
+    let holes = among_room(holes, &alive[state.frozen..], plan.max_triangles);
+    let plan = &DensifyPlan { max_triangles: plan.max_triangles - holes.len(), ..*plan };
     let grown = match plan.grow {
         true => sample_growth(state, &alive, visibility, plan),
         false => vec![false; alive.len()],
@@ -112,6 +123,15 @@ pub(crate) fn densify(
         *count += 1;
         for child in 0..children.len() {
             next.push_fresh(&children, child);
+            next_visibility.push_exempt();
+        }
+    }
+    if let Some(known) = plan.known {
+        let rng = Rng::new(plan.seed, "known", plan.step);
+        let filled = known.triangles(&holes, next.params.sh_degree, rng);
+        done.filled = filled.len();
+        for i in 0..filled.len() {
+            next.push_fresh(&filled, i);
             next_visibility.push_exempt();
         }
     }
@@ -160,6 +180,31 @@ fn prune(
         }
     }
     alive
+}
+
+/// Removes triangles before known points; returns the points that photos see through, while triangles may be added.
+fn repair(
+    state: &TrainState,
+    visibility: &VisibilityStats,
+    alive: &mut [bool],
+    plan: &DensifyPlan<'_>,
+    done: &mut Densified,
+) -> Vec<u32> {
+    let Some(known) = plan.known else { return Vec::new() };
+    let DepthRepair { blocks, holes } = known.repair(state, alive, visibility);
+    for (alive, _) in alive.iter_mut().zip(blocks).filter(|(alive, blocks)| **alive && *blocks) {
+        *alive = false;
+        done.blocking += 1;
+    }
+    if plan.grow { holes } else { Vec::new() }
+}
+
+/// An even selection of `holes`, as many as a scene has room for.
+fn among_room(mut holes: Vec<u32>, alive: &[bool], max_triangles: usize) -> Vec<u32> {
+    let room = max_triangles.saturating_sub(alive.iter().filter(|alive| **alive).count());
+    let (count, mut i) = (holes.len(), 0..);
+    holes.retain(|_| i.next().is_some_and(|i| is_among(i, room, count)));
+    holes
 }
 
 /// True for a triangle near a camera that only a few photos show, from much farther away.
@@ -306,6 +351,7 @@ mod tests {
         DensifyPlan {
             options,
             eyes: &[],
+            known: None,
             max_triangles: 1000,
             core: None,
             grow: true,

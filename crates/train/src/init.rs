@@ -58,11 +58,27 @@ const LEAF: usize = 8;
 /// The mean distance of every point to its three nearest neighbours, in the points' order. With fewer than
 /// four points the mean is over all others; a lone point gets 0.
 pub(crate) fn mean_distances(points: &[Vec3]) -> Vec<f32> {
+    nearest::<3, _>(points, |_, found| match found.len() {
+        0 => 0.0,
+        count => found.iter().map(|(d, _)| d.sqrt()).sum::<f32>() / count as f32,
+    })
+}
+
+/// Calls `each` with every point and its up to `N` nearest neighbours: squared distance and index, nearest first.
+pub(crate) fn nearest<const N: usize, T: Send>(
+    points: &[Vec3],
+    each: impl Fn(usize, &[(f32, u32)]) -> T + Sync,
+) -> Vec<T> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     let mut axes = vec![0; points.len()];
     build(points, &mut order, &mut axes);
     let tree = KdTree { points, order: &order, axes: &axes };
-    parallel::collect(points.len(), 1, |i| tree.mean_distance(i as u32, points[i]))
+    parallel::collect(points.len(), 1, |i| {
+        let mut best = [(f32::INFINITY, u32::MAX); N];
+        tree.search(i as u32, points[i], &mut best);
+        let found = best.iter().take_while(|(d, _)| d.is_finite()).count();
+        each(i, &best[..found])
+    })
 }
 
 /// A node is a run of `order`: its middle entry splits the rest along the axis stored at the same place.
@@ -110,16 +126,8 @@ fn widest_axis(points: &[Vec3], order: &[u32]) -> usize {
 }
 
 impl KdTree<'_> {
-    fn mean_distance(self, me: u32, p: Vec3) -> f32 {
-        let mut best = [f32::INFINITY; 3];
-        self.search(me, p, &mut best);
-        let found = best.iter().filter(|d| d.is_finite());
-        let count = found.clone().count();
-        if count == 0 { 0.0 } else { found.map(|d| d.sqrt()).sum::<f32>() / count as f32 }
-    }
-
-    /// Keeps the three smallest squared distances in `best`, ascending.
-    fn search(self, me: u32, p: Vec3, best: &mut [f32; 3]) {
+    /// Keeps the smallest squared distances in `best`, ascending.
+    fn search(self, me: u32, p: Vec3, best: &mut [(f32, u32)]) {
         if self.order.len() <= LEAF {
             self.order.iter().for_each(|&i| self.offer(i, me, p, best));
             return;
@@ -131,16 +139,17 @@ impl KdTree<'_> {
         let (near, far) = if offset < 0.0 { (left, right) } else { (right, left) };
         near.search(me, p, best);
         self.offer(self.order[middle], me, p, best);
-        if offset * offset < best[2] {
+        if offset * offset < best[best.len() - 1].0 {
             far.search(me, p, best);
         }
     }
 
-    fn offer(self, i: u32, me: u32, p: Vec3, best: &mut [f32; 3]) {
+    fn offer(self, i: u32, me: u32, p: Vec3, best: &mut [(f32, u32)]) {
         let d = self.points[i as usize].distance_squared(p);
-        if i != me && d < best[2] {
-            best[2] = d;
-            best.sort_by(f32::total_cmp);
+        let last = best.len() - 1;
+        if i != me && d < best[last].0 {
+            best[last] = (d, i);
+            best.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
     }
 

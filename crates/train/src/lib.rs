@@ -26,8 +26,10 @@ mod eval;
 mod exposure;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod grow;
 mod identity;
 mod init;
+mod known;
 mod options;
 mod outputs;
 mod params;

@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, random_points};
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, judges_depth, random_points};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::generator;
 use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
@@ -171,7 +171,7 @@ pub(super) fn first(
     let options = &run.options;
     let (space, state) = match &run.from {
         Some(scene) => from_scene(views, scene, run)?,
-        None => from_points(views, &run.dataset.points, photos, options)?,
+        None => from_points(views, &not_judging(run.dataset), photos, options)?,
     };
     let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
     let meta = CheckpointMeta {
@@ -190,6 +190,17 @@ pub(super) fn first(
         pace: None,
     };
     Ok(Checkpoint { visibility: VisibilityStats::new(state.params.len(), views.len()), state, meta })
+}
+
+/// The points to start from: a fifth of a COLMAP model's judges the depth of the result.
+fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
+    match dataset.kind {
+        DatasetKind::ColmapBinary | DatasetKind::ColmapText => {
+            let kept = dataset.points.iter().filter(|point| !judges_depth(point.position));
+            Cow::Owned(kept.copied().collect())
+        }
+        _ => Cow::Borrowed(&dataset.points),
+    }
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
@@ -251,7 +262,7 @@ fn thinned(cloud: &[Point], most: usize) -> Cow<'_, [Point]> {
 
 /// Whether entry `i` of `count` is in an even selection of `most`; the order of points in files has no
 /// meaning.
-fn is_among(i: usize, most: usize, count: usize) -> bool {
+pub(super) fn is_among(i: usize, most: usize, count: usize) -> bool {
     count <= most || (i as u128 + 1) * most as u128 / count as u128 > i as u128 * most as u128 / count as u128
 }
 

@@ -5,6 +5,7 @@ use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::densify::{self, Densified, densify};
 use super::eval::{EvalScene, TrainSample, solid_samples};
 use super::identity::RunIdentity;
+use super::known::KnownDepth;
 use super::options::TrainOptions;
 use super::params::{Anneal, TrainState};
 use super::pyramid::{MIN_PX, Pyramid, order};
@@ -42,6 +43,8 @@ pub struct Training<'a> {
     pub(super) until_step: u64,
     /// Memory for the held-out photos.
     pub(super) held_out_bytes: u64,
+    /// Surfaces whose place is known, once the scene is solid.
+    known: Option<KnownDepth>,
     /// The cameras, in training space.
     cameras: Vec<Camera>,
     photos: Pyramid,
@@ -114,6 +117,7 @@ impl<'a> Training<'a> {
             outputs: run.outputs,
             until_step: run.until_step.unwrap_or(u64::MAX),
             held_out_bytes,
+            known: None,
             cameras: views.iter().map(|v| space.camera_to_training(&v.camera)).collect(),
             photos,
             order: Vec::new(),
@@ -276,6 +280,7 @@ impl<'a> Training<'a> {
 
     fn densify(&mut self) -> Result<Densified> {
         self.collect_visibility()?;
+        self.find_known_depth()?;
         let (o, schedule) = (&self.meta.options, Schedule::new(&self.meta.options));
         // Pruning uses the last drawing of the scene.
         let last = self.meta.step - 1;
@@ -283,6 +288,7 @@ impl<'a> Training<'a> {
         let plan = densify::DensifyPlan {
             options: &o.densify,
             eyes: &eyes,
+            known: self.known.as_ref(),
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.meta.core,
             grow: schedule.grows_after(self.meta.step),
@@ -298,6 +304,17 @@ impl<'a> Training<'a> {
         let densified = densify(&mut state, &mut self.visibility, &plan);
         self.load(state)?;
         Ok(densified)
+    }
+
+    /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts of scenes have none.
+    fn find_known_depth(&mut self) -> Result<()> {
+        let options = &self.meta.options;
+        let due = Schedule::new(options).is_opaque(self.meta.step - 1) && self.meta.core.is_none();
+        if due && self.known.is_none() {
+            let (space, most) = (self.space(), options.max_triangles);
+            self.known = Some(KnownDepth::of(self.dataset, &space, &mut self.photos, self.level, most)?);
+        }
+        Ok(())
     }
 
     /// Moves the visibility of the last steps out of the backend.

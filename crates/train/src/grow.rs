@@ -1,0 +1,441 @@
+//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree.
+//!
+//! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al. 2007, Furukawa and Ponce 2010). Depth
+//! and tilt of each follow the normalised correlation with other photos. A point stays where three photos found it.
+
+use super::known::KnownPoint;
+use glam::{Mat3, UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+use trisplat_scene::camera::Camera;
+use trisplat_scene::image::RgbImage;
+
+/// Offsets of a patch's samples, px: every second one of 7 by 7.
+const REACH: i32 = 3;
+const SAMPLES: usize = 25;
+/// Least deviation of the greys of a patch, in [0, 1].
+const LEAST_DEVIATION: f32 = 0.012;
+/// Least correlation of a match.
+const LEAST_MATCH: f32 = 0.8;
+/// Photos that a patch is compared with.
+const OTHERS: usize = 4;
+/// Best angle between two photos that show a point, radians: 10 degrees.
+const BEST_ANGLE: f32 = 0.17;
+/// Trials of a cell.
+const MOST_TRIALS: u8 = 3;
+/// Depths of one surface in two photos differ by less, as a share.
+const SAME_DEPTH: f32 = 0.007;
+/// Photos that agree on a point.
+const LEAST_PHOTOS: usize = 3;
+/// Cosine of the flattest angle at which a plane is seen.
+const FLATTEST: f32 = 0.25;
+/// Changes of depth that are tried, as shares, one after the other.
+const DEPTH_CHANGES: [f32; 2] = [0.01, 0.004];
+/// Change of tilt that is tried.
+const TILT: f32 = 0.25;
+/// Least side of a cell, px.
+const LEAST_CELL: u32 = 3;
+/// Cells of all photos per triangle of the scene: about a tenth become points.
+const CELLS: u64 = 8;
+
+/// A tracked point in a photo.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seed {
+    /// The photo.
+    pub(crate) photo: u32,
+    /// Number of the point.
+    pub(crate) point: u32,
+    /// Place, in training space.
+    pub(crate) position: Vec3,
+}
+
+/// A point and the photos that show it.
+#[derive(Debug)]
+pub(crate) struct GrownPoint {
+    pub(crate) point: KnownPoint,
+    /// In rising order.
+    pub(crate) photos: Vec<u32>,
+}
+
+/// A photo in grey.
+#[derive(Debug)]
+pub(crate) struct Grey {
+    camera: Camera,
+    /// Greys in [0, 1]. `[H * W]`
+    value: Vec<f32>,
+    photo: Arc<RgbImage>,
+}
+
+impl Grey {
+    /// `photo`, taken by `camera` at any size.
+    pub(crate) fn new(camera: &Camera, photo: Arc<RgbImage>) -> Self {
+        let grey =
+            |[r, g, b]: [u8; 3]| (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0;
+        let value = photo.rgb.iter().map(|rgb| grey(*rgb)).collect();
+        Self { camera: camera.resized(photo.size), value, photo }
+    }
+
+    /// Index of the pixel at a place within the photo.
+    fn index(&self, at: Vec2) -> usize {
+        let last = self.camera.size - 1;
+        let at = at.as_uvec2().min(last);
+        (at.y * self.camera.size.x + at.x) as usize
+    }
+
+    /// Colour of a place, if it is within the picture.
+    pub(crate) fn color(&self, place: Vec3) -> Option<Vec3> {
+        let (at, _) = self.camera.shows(place)?;
+        Some(Vec3::from(self.photo.rgb[self.index(at)].map(f32::from)) / 255.0)
+    }
+
+    /// Whether a pixel is not masked.
+    fn counts(&self, at: Vec2) -> bool {
+        self.photo.alpha.as_ref().is_none_or(|alpha| alpha[self.index(at)] > 127)
+    }
+
+    /// Bilinear greys; `None` if one is outside.
+    fn sample(&self, at: &[Vec2; SAMPLES]) -> Option<[f32; SAMPLES]> {
+        let width = self.camera.size.x as usize;
+        let most = self.camera.size.as_vec2() - 1.0;
+        let mut out = [0.0; SAMPLES];
+        for (out, at) in out.iter_mut().zip(at) {
+            let p = *at - 0.5;
+            if !(p.x >= 0.0 && p.y >= 0.0 && p.x < most.x && p.y < most.y) {
+                return None;
+            }
+            let (i, j) = (p.x as usize, p.y as usize);
+            let (u, v) = (p.x - i as f32, p.y - j as f32);
+            let (row, next) = (&self.value[j * width + i..][..2], &self.value[(j + 1) * width + i..][..2]);
+            let (top, bottom) = (row[0] + u * (row[1] - row[0]), next[0] + u * (next[1] - next[0]));
+            *out = top + v * (bottom - top);
+        }
+        Some(out)
+    }
+}
+
+/// The places of a patch's samples around its middle, px.
+fn offsets() -> [Vec2; SAMPLES] {
+    let mut out = [Vec2::ZERO; SAMPLES];
+    let square = (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| (x, y)));
+    let chosen = square.filter(|(x, y)| (x + y) % 2 == 0);
+    out.iter_mut().zip(chosen).for_each(|(out, (x, y))| *out = Vec2::new(x as f32, y as f32));
+    out
+}
+
+/// The ray of a pixel, with z = 1.
+fn ray(camera: &Camera, at: Vec2) -> Vec3 {
+    ((at - camera.center) / camera.focal).extend(1.0)
+}
+
+/// A plane through a surface, seen from a photo.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    depth: f32,
+    /// Unit normal towards the photo, in its axes.
+    normal: Vec3,
+    /// Correlation with other photos.
+    score: f32,
+}
+
+impl Plane {
+    /// Its depth on the ray `to`, where `depth` is that on the ray `from`.
+    fn depth_on(&self, from: Vec3, to: Vec3) -> f32 {
+        self.depth * self.normal.dot(from) / self.normal.dot(to)
+    }
+}
+
+/// The cells of a photo.
+#[derive(Debug, Clone, Copy)]
+struct Cells {
+    size: UVec2,
+    side: u32,
+}
+
+impl Cells {
+    fn new(camera: &Camera, side: u32) -> Self {
+        Self { size: camera.size / side, side }
+    }
+
+    fn len(&self) -> usize {
+        self.size.element_product() as usize
+    }
+
+    fn middle(&self, cell: u32) -> Vec2 {
+        let at = UVec2::new(cell % self.size.x, cell / self.size.x);
+        (at.as_vec2() + 0.5) * self.side as f32
+    }
+
+    fn at(&self, at: Vec2) -> Option<u32> {
+        let cell = at.as_uvec2() / self.side;
+        cell.cmplt(self.size).all().then(|| cell.y * self.size.x + cell.x)
+    }
+
+    /// The cells at the four sides of one.
+    fn around(self, cell: u32) -> impl Iterator<Item = u32> {
+        let (x, y) = (cell % self.size.x, cell / self.size.x);
+        let sides = [
+            (x > 0).then(|| cell - 1),
+            (x + 1 < self.size.x).then_some(cell + 1),
+            (y > 0).then(|| cell.wrapping_sub(self.size.x)),
+            (y + 1 < self.size.y).then_some(cell + self.size.x),
+        ];
+        sides.into_iter().flatten()
+    }
+}
+
+/// A cell to grow from: the best first, then the lowest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Entry {
+    score: f32,
+    cell: u32,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        self.score.total_cmp(&other.score).then(other.cell.cmp(&self.cell))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// A photo to compare with, and the way there.
+struct Other<'a> {
+    photo: &'a Grey,
+    turn: Mat3,
+    shift: Vec3,
+}
+
+/// Growth within one photo.
+struct Growth<'a> {
+    own: &'a Grey,
+    others: Vec<Other<'a>>,
+    cells: Cells,
+    offsets: [Vec2; SAMPLES],
+    planes: Vec<Option<Plane>>,
+    queue: BinaryHeap<Entry>,
+}
+
+impl<'a> Growth<'a> {
+    fn new(photos: &'a [Grey], own: usize, others: &[usize], side: u32) -> Self {
+        let own = &photos[own];
+        let to = |k: &usize| {
+            let turn = photos[*k].camera.rotation * own.camera.rotation.transpose();
+            let shift = photos[*k].camera.translation - turn * own.camera.translation;
+            Other { photo: &photos[*k], turn, shift }
+        };
+        let cells = Cells::new(&own.camera, side);
+        Self {
+            own,
+            others: others.iter().map(to).collect(),
+            cells,
+            offsets: offsets(),
+            planes: vec![None; cells.len()],
+            queue: BinaryHeap::new(),
+        }
+    }
+
+    /// Grows from tracked points; returns the plane of each cell.
+    fn run(mut self, seeds: &[Seed]) -> Vec<Option<Plane>> {
+        let camera = &self.own.camera;
+        for seed in seeds {
+            let Some((at, depth)) = camera.shows(seed.position) else { continue };
+            let Some(cell) = self.cells.at(at) else { continue };
+            let normal = -ray(camera, at).normalize();
+            self.offer(cell, Plane { depth, normal, score: 0.0 });
+        }
+        let mut trials = vec![0u8; self.planes.len()];
+        while let Some(Entry { score, cell }) = self.queue.pop() {
+            let Some(plane) = self.planes[cell as usize].filter(|plane| plane.score == score) else {
+                continue;
+            };
+            let from = ray(camera, self.cells.middle(cell));
+            let cells = self.cells;
+            for next in cells.around(cell) {
+                let better = self.planes[next as usize].is_none_or(|there| there.score < score);
+                if !better || trials[next as usize] == MOST_TRIALS {
+                    continue;
+                }
+                trials[next as usize] += 1;
+                let depth = plane.depth_on(from, ray(camera, self.cells.middle(next)));
+                self.offer(next, Plane { depth, ..plane });
+            }
+        }
+        self.planes
+    }
+
+    /// Adjusts a plane to the photos, and keeps it if it is the best of its cell.
+    fn offer(&mut self, cell: u32, plane: Plane) {
+        let at = self.cells.middle(cell);
+        if !(plane.depth > 0.0 && self.own.counts(at)) {
+            return;
+        }
+        let Some(patch) = self.patch(at) else { return };
+        let found = self.adjusted(at, plane, &patch);
+        let best = self.planes[cell as usize].is_none_or(|there| there.score < found.score);
+        if found.score > LEAST_MATCH && best {
+            self.planes[cell as usize] = Some(found);
+            self.queue.push(Entry { score: found.score, cell });
+        }
+    }
+
+    /// The greys around a place, without their mean and with length 1; `None` at the border and without texture.
+    fn patch(&self, at: Vec2) -> Option<[f32; SAMPLES]> {
+        let mut patch = self.own.sample(&self.offsets.map(|offset| at + offset))?;
+        let mean = patch.iter().sum::<f32>() / SAMPLES as f32;
+        patch.iter_mut().for_each(|value| *value -= mean);
+        let length = patch.iter().map(|value| value * value).sum::<f32>().sqrt();
+        patch.iter_mut().for_each(|value| *value /= length);
+        (length > LEAST_DEVIATION * (SAMPLES as f32).sqrt()).then_some(patch)
+    }
+
+    /// The best of a plane and its changes.
+    fn adjusted(&self, at: Vec2, plane: Plane, patch: &[f32; SAMPLES]) -> Plane {
+        let from = ray(&self.own.camera, at);
+        let towards = -from.normalize();
+        let (right, up) = towards.any_orthonormal_pair();
+        let scored = |plane: Plane| Plane { score: self.score(from, plane, patch), ..plane };
+        let better = |a: Plane, b: Plane| if b.score > a.score { b } else { a };
+        let mut best = scored(plane);
+        for by in DEPTH_CHANGES {
+            let middle = best;
+            for factor in [1.0 - by, 1.0 + by] {
+                best = better(best, scored(Plane { depth: middle.depth * factor, ..middle }));
+            }
+        }
+        for tilt in [right, -right, up, -up] {
+            let normal = (best.normal + TILT * tilt).normalize();
+            if normal.dot(towards) > FLATTEST {
+                best = better(best, scored(Plane { normal, ..best }));
+            }
+        }
+        best
+    }
+
+    /// Mean of the two best correlations of a patch with other photos: one of them may be hidden.
+    fn score(&self, from: Vec3, plane: Plane, patch: &[f32; SAMPLES]) -> f32 {
+        let normal = plane.normal / (plane.depth * plane.normal.dot(from));
+        let mut best = [-1.0f32; 2];
+        for other in &self.others {
+            let Other { photo, turn, shift } = other;
+            let across = *turn + Mat3::from_cols(*shift * normal.x, *shift * normal.y, *shift * normal.z);
+            let score = self.correlation(photo, &across, from, patch);
+            if score > best[0] {
+                best = [score, best[0]];
+            } else if score > best[1] {
+                best[1] = score;
+            }
+        }
+        0.5 * (best[0] + best[1])
+    }
+
+    /// Normalised correlation of a patch with its image under the homography `across`; -1 outside the other photo.
+    fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &[f32; SAMPLES]) -> f32 {
+        let (own, camera) = (&self.own.camera, &other.camera);
+        let middle = *across * from;
+        let (right, down) = (across.x_axis / own.focal.x, across.y_axis / own.focal.y);
+        if !(middle.z > 0.0) {
+            return -1.0;
+        }
+        let at = self.offsets.map(|offset| {
+            let seen = middle + right * offset.x + down * offset.y;
+            seen.truncate() / seen.z * camera.focal + camera.center
+        });
+        let Some(there) = other.sample(&at) else { return -1.0 };
+        let mean = there.iter().sum::<f32>() / SAMPLES as f32;
+        let (mut square, mut product) = (1e-6f32, 0.0f32);
+        for (value, patch) in there.iter().zip(patch) {
+            let difference = value - mean;
+            square += difference * difference;
+            product += difference * patch;
+        }
+        product / square.sqrt()
+    }
+}
+
+/// The points on which three photos agree, for a scene of this many triangles.
+pub(crate) fn grow(photos: &[Grey], seeds: &[Seed], triangles: u64) -> Vec<GrownPoint> {
+    let mut of_photo: Vec<Vec<Seed>> = vec![Vec::new(); photos.len()];
+    seeds.iter().for_each(|seed| of_photo[seed.photo as usize].push(*seed));
+    let others = others(photos, &of_photo);
+    let count =
+        |side: u32| photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>();
+    let most = CELLS.saturating_mul(triangles);
+    let side = (LEAST_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
+    let maps: Vec<Vec<Option<Plane>>> = (0..photos.len())
+        .into_par_iter()
+        .map(|own| Growth::new(photos, own, &others[own], side).run(&of_photo[own]))
+        .collect();
+    agreed(photos, &maps, side)
+}
+
+/// The photos to compare each with: those that show most of its points from an angle near the best.
+fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
+    let points = of_photo.iter().flatten().map(|seed| seed.point as usize + 1).max().unwrap_or(0);
+    let mut shown_by: Vec<Vec<usize>> = vec![Vec::new(); points];
+    of_photo.iter().flatten().for_each(|seed| shown_by[seed.point as usize].push(seed.photo as usize));
+    let eyes: Vec<Vec3> = photos.iter().map(|photo| photo.camera.position()).collect();
+    let best = |own: usize| {
+        let mut weights = vec![0.0f32; photos.len()];
+        for Seed { point, position, .. } in &of_photo[own] {
+            for &other in shown_by[*point as usize].iter().filter(|other| **other != own) {
+                let angle = (eyes[own] - position).angle_between(eyes[other] - position).max(1e-3);
+                weights[other] += (angle / BEST_ANGLE).min(BEST_ANGLE / angle);
+            }
+        }
+        let mut order: Vec<usize> = (0..photos.len()).filter(|other| weights[*other] > 0.0).collect();
+        order.sort_by(|a, b| weights[*b].total_cmp(&weights[*a]).then(a.cmp(b)));
+        order.truncate(OTHERS);
+        order
+    };
+    (0..photos.len()).map(best).collect()
+}
+
+/// The surfaces that three photos found, each once.
+fn agreed(photos: &[Grey], maps: &[Vec<Option<Plane>>], side: u32) -> Vec<GrownPoint> {
+    let cells: Vec<Cells> = photos.iter().map(|photo| Cells::new(&photo.camera, side)).collect();
+    let mut used: Vec<Vec<bool>> = maps.iter().map(|map| vec![false; map.len()]).collect();
+    let mut grown = Vec::new();
+    for own in 0..photos.len() {
+        let Grey { camera, photo, .. } = &photos[own];
+        let back = camera.rotation.transpose();
+        for cell in 0..maps[own].len() as u32 {
+            let Some(plane) = maps[own][cell as usize].filter(|_| !used[own][cell as usize]) else {
+                continue;
+            };
+            let at = cells[own].middle(cell);
+            let position = back * (ray(camera, at) * plane.depth - camera.translation);
+            // The same surface in other photos.
+            let same = |other: usize| {
+                let camera = &photos[other].camera;
+                let (at, depth) = camera.shows(position)?;
+                let cell = cells[other].at(at)?;
+                let there = maps[other][cell as usize]?;
+                let found = there.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));
+                ((found / depth - 1.0).abs() < SAME_DEPTH).then_some((other, cell))
+            };
+            let shown: Vec<(usize, u32)> =
+                (0..photos.len()).filter(|other| *other != own).filter_map(same).collect();
+            if shown.len() + 1 < LEAST_PHOTOS {
+                continue;
+            }
+            shown.iter().for_each(|&(other, cell)| used[other][cell as usize] = true);
+            let mut by: Vec<u32> = shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
+            by.sort_unstable();
+            let point = KnownPoint {
+                position,
+                rgb: photo.rgb[photos[own].index(at)],
+                normal: back * plane.normal,
+                radius: 0.0,
+            };
+            grown.push(GrownPoint { point, photos: by });
+        }
+    }
+    grown
+}

@@ -1,0 +1,323 @@
+//! Surfaces whose place is known without training: points that photos track, and those grown from them.
+//!
+//! Each gives rays of known length from the photos that show it. In a solid scene, a triangle that stands before such points in most
+//! of its photos goes. A point that most photos see through gets a triangle, where the photos agree on its colour: what shines
+//! looks better from what seems to lie behind it.
+
+use super::grow::{Grey, Seed, grow};
+use super::init::nearest;
+use super::params::{Params, TrainState};
+use super::pyramid::Pyramid;
+use super::visibility::VisibilityStats;
+use glam::{UVec2, Vec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+use trisplat_dataset::{Dataset, Point, View, judges_depth};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::{self, GRAIN};
+use trisplat_scene::{Limits, RayTree, Result, Rng, SceneNormalization, sh0_from_rgb};
+
+/// Largest reprojection error of a point that is known, px.
+const MOST_ERROR: f32 = 2.0;
+/// Fewest photos of a point that is known, and of a triangle that blocks points.
+const LEAST_PHOTOS: u32 = 2;
+/// Depths that differ by more are of different surfaces, as a share.
+const SAME_SURFACE: f32 = 0.02;
+/// Largest deviation of the photos' colours at a point that is filled, root mean square in [0, 1].
+const MOST_SPREAD: f32 = 0.03;
+/// Longest side of the photos that points grow in, px.
+const GROWN_SIZE: f64 = 480.0;
+/// Most pixels of all these photos together.
+const GROWN_PIXELS: f64 = 32e6;
+/// Neighbours of a point that give its plane.
+const NEIGHBOURS: usize = 8;
+/// Those that give its gap.
+const GAP_NEIGHBOURS: usize = 3;
+/// Radius of a new triangle in gaps: a tenth of the surface stays open between triangles turned at random.
+const RADIUS: f32 = 1.6;
+/// Largest radius, px of the nearest photo.
+const MOST_RADIUS_PX: f32 = 6.5;
+/// Opacity's logit and σ's logarithm of a new triangle: solid.
+const SOLID_RAW: [f32; 2] = [6.0, -3.0];
+
+/// A point of a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KnownPoint {
+    /// Place, in training space.
+    pub(crate) position: Vec3,
+    /// sRGB-encoded colour.
+    pub(crate) rgb: [u8; 3],
+    /// Unit normal, towards a photo.
+    pub(crate) normal: Vec3,
+    /// Radius of its triangle.
+    pub(crate) radius: f32,
+}
+
+/// Points of surfaces, and the photos that show them.
+#[derive(Debug, Default)]
+pub(crate) struct KnownDepth {
+    points: Vec<KnownPoint>,
+    /// Deviation of the photos' colours at each point.
+    spread: Vec<f32>,
+    /// Photo and point, photo by photo.
+    rays: Vec<(u32, u32)>,
+    /// Places of the photos, in training space.
+    eyes: Vec<Vec3>,
+}
+
+/// The first face on a ray, and its distance as a share of the point's, minus 1.
+type Seen = Option<(u32, f32)>;
+
+/// What the known points change in a scene.
+#[derive(Debug, Default)]
+pub(crate) struct DepthRepair {
+    /// Triangles that block points. `[N]`
+    pub(crate) blocks: Vec<bool>,
+    /// Points that most of their photos see through.
+    pub(crate) holes: Vec<u32>,
+}
+
+impl KnownDepth {
+    /// The points of `dataset` that its training photos track, with those grown from them for a scene of up to `triangles`;
+    /// empty without tracks.
+    ///
+    /// Errors: a broken model, photos that cannot be decoded.
+    pub(crate) fn of(
+        dataset: &Dataset,
+        space: &SceneNormalization,
+        photos: &mut Pyramid,
+        level: u32,
+        triangles: u64,
+    ) -> Result<Self> {
+        let views: Vec<&View> = dataset.train().collect();
+        let cameras: Vec<Camera> = views.iter().map(|view| space.camera_to_training(&view.camera)).collect();
+        let mut known = Self { eyes: cameras.iter().map(Camera::position).collect(), ..Self::default() };
+        let seeds = known.read_tracks(dataset, space)?;
+        if seeds.is_empty() {
+            return Ok(known);
+        }
+        let greys = greys(photos, level, &cameras)?;
+        for grown in grow(&greys, &seeds, triangles) {
+            let number = known.points.len() as u32;
+            known.rays.extend(grown.photos.iter().map(|&photo| (photo, number)));
+            known.points.push(grown.point);
+        }
+        known.rays.sort_unstable();
+        known.lay_in_surfaces(&cameras);
+        known.spread = known.color_spread(&greys);
+        Ok(known)
+    }
+
+    /// Reads the tracks; returns a seed per tracked point and photo.
+    fn read_tracks(&mut self, dataset: &Dataset, space: &SceneNormalization) -> Result<Vec<Seed>> {
+        let Some(seen) = dataset.tracked_points(&Limits::DEFAULT)? else { return Ok(Vec::new()) };
+        let bits = |place: Vec3| place.to_array().map(f32::to_bits);
+        let is_usable = |point: &&Point| {
+            point.error.is_none_or(|error| error <= MOST_ERROR) && !judges_depth(point.position)
+        };
+        let usable: HashMap<[u32; 3], &Point> =
+            dataset.points.iter().filter(is_usable).map(|point| (bits(point.position), point)).collect();
+        let (mut numbers, mut seeds) = (HashMap::new(), Vec::new());
+        let training = dataset.views.iter().zip(seen).filter(|(view, _)| !view.test);
+        for (photo, (view, seen)) in training.enumerate() {
+            for place in seen.into_iter().filter(|place| view.camera.shows(*place).is_some()) {
+                let Some(Point { rgb, .. }) = usable.get(&bits(place)) else { continue };
+                let position = space.to_training(place);
+                let next = self.points.len() as u32;
+                let number = *numbers.entry(bits(place)).or_insert(next);
+                if number == next {
+                    let normal = (self.eyes[photo] - position).normalize_or_zero();
+                    self.points.push(KnownPoint { position, rgb: *rgb, normal, radius: 0.0 });
+                }
+                seeds.push(Seed { photo: photo as u32, point: number, position });
+            }
+        }
+        let mut photos = vec![0; self.points.len()];
+        seeds.iter().for_each(|seed| photos[seed.point as usize] += 1);
+        let is_known = |seed: &&Seed| photos[seed.point as usize] >= LEAST_PHOTOS;
+        self.rays.extend(seeds.iter().filter(is_known).map(|seed| (seed.photo, seed.point)));
+        Ok(seeds)
+    }
+
+    /// Gives each point the plane of its neighbours, and a radius: triangles that face a camera would stick out of a table.
+    fn lay_in_surfaces(&mut self, cameras: &[Camera]) {
+        let mut pixels = vec![f32::INFINITY; self.points.len()];
+        for &(photo, point) in &self.rays {
+            let distance = self.points[point as usize].position.distance(self.eyes[photo as usize]);
+            let pixel = &mut pixels[point as usize];
+            *pixel = pixel.min(distance / cameras[photo as usize].focal.x);
+        }
+        let positions: Vec<Vec3> = self.points.iter().map(|point| point.position).collect();
+        let planes = nearest::<NEIGHBOURS, _>(&positions, |i, found| {
+            let near = found.iter().take(GAP_NEIGHBOURS).map(|(d, _)| d.sqrt());
+            let gap = near.sum::<f32>() / found.len().clamp(1, GAP_NEIGHBOURS) as f32;
+            let offsets: Vec<Vec3> =
+                found.iter().map(|(_, k)| positions[*k as usize] - positions[i]).collect();
+            let mut normal = Vec3::ZERO;
+            for (k, a) in offsets.iter().enumerate() {
+                for b in &offsets[k + 1..] {
+                    // Towards the photo; large triangles count most.
+                    let across = a.cross(*b);
+                    normal += across * across.dot(self.points[i].normal).signum();
+                }
+            }
+            ((RADIUS * gap).min(MOST_RADIUS_PX * pixels[i]), normal.normalize_or(self.points[i].normal))
+        });
+        let both = self.points.iter_mut().zip(planes);
+        both.for_each(|(point, plane)| (point.radius, point.normal) = plane);
+    }
+
+    /// The deviation of each point's colour over its photos, after one gain per photo and channel for its exposure.
+    fn color_spread(&self, greys: &[Grey]) -> Vec<f32> {
+        let color = |&(photo, point): &(u32, u32)| {
+            let color = greys[photo as usize].color(self.points[point as usize].position)?;
+            Some((photo as usize, point as usize, color))
+        };
+        let seen: Vec<(usize, usize, Vec3)> = self.rays.iter().filter_map(color).collect();
+        let mut gains = vec![Vec3::ONE; greys.len()];
+        let mut means = self.mean_colors(&seen, &gains);
+        for _ in 0..2 {
+            // Least squares of gain · colour - mean.
+            let mut sums = vec![[Vec3::ZERO; 2]; greys.len()];
+            for &(photo, point, color) in &seen {
+                let [both, square] = &mut sums[photo];
+                (*both, *square) = (*both + means[point] * color, *square + color * color);
+            }
+            let gain = |[both, square]: &[Vec3; 2]| {
+                Vec3::select(square.cmpgt(Vec3::splat(1e-3)), *both / *square, Vec3::ONE)
+            };
+            gains = sums.iter().map(gain).collect();
+            means = self.mean_colors(&seen, &gains);
+        }
+        let mut squares = vec![(0.0f32, 0u32); self.points.len()];
+        for &(photo, point, color) in &seen {
+            let (sum, count) = &mut squares[point];
+            *sum += (color * gains[photo] - means[point]).length_squared() / 3.0;
+            *count += 1;
+        }
+        let deviation = |&(sum, count): &(f32, u32)| match count {
+            0 | 1 => f32::INFINITY,
+            count => (sum / (count - 1) as f32).sqrt(),
+        };
+        squares.iter().map(deviation).collect()
+    }
+
+    /// The mean colour of each point.
+    fn mean_colors(&self, seen: &[(usize, usize, Vec3)], gains: &[Vec3]) -> Vec<Vec3> {
+        let mut sums = vec![(Vec3::ZERO, 0.0f32); self.points.len()];
+        for &(photo, point, color) in seen {
+            let (sum, count) = &mut sums[point];
+            (*sum, *count) = (*sum + color * gains[photo], *count + 1.0);
+        }
+        sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
+    }
+
+    /// What to change in a solid scene, of the triangles that are `alive`. Pinned ones do not block.
+    pub(crate) fn repair(
+        &self,
+        state: &TrainState,
+        alive: &[bool],
+        visibility: &VisibilityStats,
+    ) -> DepthRepair {
+        let seen = self.cast(&state.params, alive);
+        let mut blocks = self.blockers(&seen, &visibility.views);
+        blocks.iter_mut().take(state.pinned).for_each(|blocks| *blocks = false);
+        DepthRepair { blocks, holes: self.holes(&seen) }
+    }
+
+    /// What each ray meets first among the triangles that are `alive`.
+    fn cast(&self, params: &Params, alive: &[bool]) -> Vec<Seen> {
+        let is_finite = |i: u32| params.vertices[i as usize].iter().all(|v| v.is_finite());
+        let drawn: Vec<u32> =
+            (0..alive.len() as u32).filter(|&i| alive[i as usize] && is_finite(i)).collect();
+        let positions = drawn.iter().flat_map(|&i| params.vertices[i as usize]).collect();
+        let (mesh, tree) = (Mesh { positions, ..Mesh::default() }, RayTree::default());
+        parallel::collect(self.rays.len(), GRAIN, |ray| {
+            let (photo, point) = self.rays[ray];
+            let eye = self.eyes[photo as usize];
+            let to = self.points[point as usize].position - eye;
+            let hit = tree.first_hit(&mesh, drawn.len(), eye, to)?;
+            Some((drawn[hit.face as usize], (hit.distance / f64::from(to.length())) as f32 - 1.0))
+        })
+    }
+
+    /// Which triangles stand before points in half of the photos that show them, and before more than they stand at.
+    fn blockers(&self, seen: &[Seen], views: &[u32]) -> Vec<bool> {
+        let mut found = vec![Blocked { last: u32::MAX, ..Blocked::default() }; views.len()];
+        for ((photo, _), seen) in self.rays.iter().zip(seen) {
+            let Some((face, error)) = *seen else { continue };
+            let face = &mut found[face as usize];
+            if error < -SAME_SURFACE {
+                face.photos += u32::from(face.last != *photo);
+                (face.rays, face.last) = (face.rays + 1, *photo);
+            } else if error <= SAME_SURFACE {
+                face.right += 1;
+            }
+        }
+        let blocks = |(face, views): (&Blocked, &u32)| {
+            face.photos >= LEAST_PHOTOS && face.rays > face.right && 2 * face.photos >= *views
+        };
+        found.iter().zip(views).map(blocks).collect()
+    }
+
+    /// The points that most of their photos see through, and whose colour is the same in all.
+    fn holes(&self, seen: &[Seen]) -> Vec<u32> {
+        let mut through = vec![0i32; self.points.len()];
+        for (&(_, point), seen) in self.rays.iter().zip(seen) {
+            through[point as usize] +=
+                if seen.is_none_or(|(_, error)| error > SAME_SURFACE) { 1 } else { -1 };
+        }
+        let is_hole =
+            |&point: &u32| through[point as usize] > 0 && self.spread[point as usize] <= MOST_SPREAD;
+        (0..through.len() as u32).filter(is_hole).collect()
+    }
+
+    /// Solid triangles at these points, in their surfaces.
+    pub(crate) fn triangles(&self, points: &[u32], sh_degree: u8, rng: Rng) -> Params {
+        let mut params = Params { sh_degree, ..Params::default() };
+        for &point in points {
+            let KnownPoint { position, rgb, normal, radius } = self.points[point as usize];
+            let (right, up) = normal.any_orthonormal_pair();
+            let turn = rng.uniform(u64::from(point));
+            params.vertices.push(std::array::from_fn(|corner| {
+                let (sin, cos) = (std::f32::consts::TAU * (turn + corner as f32 / 3.0)).sin_cos();
+                position + radius * (right * cos + up * sin)
+            }));
+            params.opacity.push(SOLID_RAW[0]);
+            params.sigma.push(SOLID_RAW[1]);
+            params.sh.push(rgb.map(|c| sh0_from_rgb(f32::from(c) / 255.0)));
+            params.sh.resize(params.len() * params.sh_count(), [0.0; 3]);
+        }
+        params
+    }
+}
+
+/// The rays that meet a triangle first.
+#[derive(Debug, Clone, Copy, Default)]
+struct Blocked {
+    /// Photos with a point behind it.
+    photos: u32,
+    /// The last of them.
+    last: u32,
+    /// Rays to points behind it.
+    rays: u32,
+    /// Rays to points on it.
+    right: u32,
+}
+
+/// The photos in grey, at the size that points grow in; decoded at `level`.
+fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera]) -> Result<Vec<Grey>> {
+    let sizes = (0..cameras.len()).map(|i| photos.size(i, level).as_dvec2());
+    let sizes: Vec<_> = sizes.map(|size| size * (GROWN_SIZE / size.max_element()).min(1.0)).collect();
+    let pixels: f64 = sizes.iter().map(|size| size.element_product()).sum();
+    let share = (GROWN_PIXELS / pixels).sqrt().min(1.0);
+    let mut greys = Vec::with_capacity(cameras.len());
+    for (i, camera) in cameras.iter().enumerate() {
+        let photo = photos.take(i, level)?;
+        let size = (sizes[i] * share).round().as_uvec2().max(UVec2::ONE);
+        let photo = if size == photo.size { photo } else { Arc::new(photo.downscaled(size)) };
+        greys.push(Grey::new(camera, photo));
+    }
+    Ok(greys)
+}
