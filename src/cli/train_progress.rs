@@ -171,14 +171,16 @@ impl Bar {
     fn densified(&mut self, step: u64, r: &Densified) {
         if self.lines.verbose {
             self.line(&format!(
-                "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen, -{} unsupported",
+                "step {step}: {}; +{} cloned, +{} split, -{} faint, -{} unimportant, -{} unseen, -{} unsupported, -{} blocking, +{} filled",
                 many(r.triangles as u64, "triangle"),
                 r.cloned,
                 3 * r.split,
                 r.faint,
                 r.unimportant,
                 r.unseen,
-                r.unsupported
+                r.unsupported,
+                r.blocking,
+                r.filled
             ));
         }
     }

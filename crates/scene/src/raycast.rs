@@ -39,7 +39,7 @@ impl std::fmt::Debug for RayTree {
 }
 
 impl RayTree {
-    /// The first of the first `faces` faces of `mesh` on a ray.
+    /// The first of the first `faces` faces of `mesh` on a ray; the tree stays that of the first call's mesh.
     pub fn first_hit(&self, mesh: &Mesh, faces: usize, origin: Vec3, direction: Vec3) -> Option<Hit> {
         if !origin.is_finite() || !direction.is_finite() || direction == Vec3::ZERO {
             return None;

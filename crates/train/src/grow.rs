@@ -439,3 +439,68 @@ fn agreed(photos: &[Grey], maps: &[Vec<Option<Plane>>], side: u32) -> Vec<GrownP
     }
     grown
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A photo of the plane z = 4 + x / 5 with a pattern on it, from `eye`.
+    fn photo(eye: Vec3) -> Grey {
+        let camera = Camera::look_at(eye, Vec3::new(0.0, 0.0, 4.0), Vec3::NEG_Y, 0.8, [96, 72]);
+        let back = camera.rotation.transpose();
+        let color = |i: u32| {
+            let at = Vec2::new((i % 96) as f32, (i / 96) as f32) + 0.5;
+            let way = back * ray(&camera, at);
+            let place = eye + way * ((4.0 + eye.x / 5.0 - eye.z) / (way.z - way.x / 5.0));
+            let waves = (5.0 * place.x).sin()
+                + (7.0 * place.y + 2.0 * place.x).sin()
+                + (11.0 * (place.x - place.y)).sin();
+            [(128.0 + 40.0 * waves) as u8; 3]
+        };
+        let rgb = (0..96 * 72).map(color).collect();
+        Grey::new(&camera, Arc::new(RgbImage { size: camera.size, rgb, alpha: None }))
+    }
+
+    fn eyes() -> Vec<Vec3> {
+        [-0.6, -0.2, 0.2, 0.6].map(|x| Vec3::new(x, 0.3 * x * x, 0.0)).to_vec()
+    }
+
+    #[test]
+    fn one_point_grows_over_its_surface() {
+        let photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
+        let position = Vec3::new(0.1, 0.05, 4.02);
+        let seeds: Vec<Seed> = (0..4).map(|photo| Seed { photo, point: 0, position }).collect();
+        let grown = grow(&photos, &seeds, 10_000);
+        assert!(grown.len() > 200, "{}", grown.len());
+        let error = |point: &GrownPoint| {
+            let p = point.point.position;
+            (p.z - 4.0 - p.x / 5.0).abs() / p.z
+        };
+        let right = grown.iter().filter(|point| error(point) < 0.01).count();
+        assert!(right as f64 > 0.97 * grown.len() as f64, "{right} of {}", grown.len());
+        for GrownPoint { point, photos } in &grown {
+            assert!(photos.len() >= LEAST_PHOTOS && photos.is_sorted());
+            assert!(point.normal.z < -0.5, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_grows_without_texture_or_from_a_wrong_place() {
+        let mut photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
+        let seeds = |position| (0..4).map(|photo| Seed { photo, point: 0, position }).collect::<Vec<_>>();
+        assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 2.5)), 10_000).len(), 0);
+        photos.iter_mut().for_each(|photo| photo.value.fill(0.5));
+        assert_eq!(grow(&photos, &seeds(Vec3::new(0.1, 0.05, 4.02)), 10_000).len(), 0);
+        assert_eq!(grow(&photos, &[], 10_000).len(), 0);
+    }
+
+    #[test]
+    fn few_triangles_get_few_cells() {
+        let photos: Vec<Grey> = eyes().into_iter().map(photo).collect();
+        let position = Vec3::new(0.1, 0.05, 4.02);
+        let seeds: Vec<Seed> = (0..4).map(|photo| Seed { photo, point: 0, position }).collect();
+        let count = |triangles| grow(&photos, &seeds, triangles).len();
+        assert!(count(20) < count(10_000) / 4);
+        assert_eq!(count(0), 0);
+    }
+}

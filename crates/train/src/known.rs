@@ -321,3 +321,92 @@ fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera]) -> Result<Vec<Gre
     }
     Ok(greys)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three photos of nine points in the plane z = 2, all of one colour.
+    fn known() -> KnownDepth {
+        let points = (0..9).map(|i| KnownPoint {
+            position: Vec3::new((i % 3) as f32 * 0.1, (i / 3) as f32 * 0.1, 2.0),
+            rgb: [128; 3],
+            normal: Vec3::NEG_Z,
+            radius: 0.16,
+        });
+        KnownDepth {
+            points: points.collect(),
+            spread: vec![0.01; 9],
+            rays: (0..3).flat_map(|photo| (0..9).map(move |point| (photo, point))).collect(),
+            eyes: vec![Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2],
+        }
+    }
+
+    /// A triangle across all rays at depth `z`.
+    fn across(z: f32) -> [Vec3; 3] {
+        [Vec3::new(-9.0, -9.0, z), Vec3::new(9.0, -9.0, z), Vec3::new(0.0, 9.0, z)]
+    }
+
+    fn state(vertices: &[[Vec3; 3]]) -> TrainState {
+        let n = vertices.len();
+        TrainState::new(Params {
+            vertices: vertices.to_vec(),
+            opacity: vec![6.0; n],
+            sigma: vec![-3.0; n],
+            sh: vec![[0.0; 3]; n],
+            sh_degree: 0,
+        })
+    }
+
+    fn repair(known: &KnownDepth, state: &TrainState, views: u32) -> DepthRepair {
+        let mut visibility = VisibilityStats::new(state.params.len(), 3);
+        visibility.views.fill(views);
+        known.repair(state, &vec![true; state.params.len()], &visibility)
+    }
+
+    #[test]
+    fn a_point_that_photos_see_through_gets_a_triangle_in_its_surface() {
+        let known = known();
+        let mut state = state(&[across(3.0)]);
+        let before = repair(&known, &state, 3);
+        assert_eq!((before.blocks, before.holes.len()), (vec![false], 9));
+        let filled = known.triangles(&before.holes, 0, Rng::new(1, "known", 0));
+        (0..filled.len()).for_each(|i| state.push_fresh(&filled, i));
+        assert!(filled.vertices.as_flattened().iter().all(|v| (v.z - 2.0).abs() < 1e-5));
+        assert!(repair(&known, &state, 3).holes.is_empty());
+        assert!(state.params.is_finite(3) && (filled.sh[0][0] - sh0_from_rgb(128.0 / 255.0)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_point_whose_colour_changes_with_the_photo_stays_open() {
+        let known = KnownDepth { spread: vec![0.2; 9], ..known() };
+        assert!(repair(&known, &state(&[across(3.0)]), 3).holes.is_empty());
+    }
+
+    #[test]
+    fn a_triangle_before_points_goes_unless_most_of_its_photos_know_nothing_against_it() {
+        let (known, scene) = (known(), state(&[across(1.0), across(2.0)]));
+        assert_eq!(repair(&known, &scene, 3).blocks, [true, false]);
+        assert_eq!(
+            repair(&known, &scene, 7).blocks,
+            [false, false],
+            "7 photos show it, 3 see a point behind it"
+        );
+        assert_eq!(repair(&known, &TrainState { pinned: 1, ..scene }, 3).blocks, [false, false]);
+        let alone = KnownDepth { rays: (0..9).map(|point| (0, point)).collect(), ..known };
+        assert_eq!(repair(&alone, &state(&[across(1.0)]), 1).blocks, [false], "one photo is no evidence");
+    }
+
+    #[test]
+    fn points_lie_in_the_plane_of_their_neighbours_and_stay_small() {
+        let camera = Camera::look_at(Vec3::ZERO, Vec3::Z, Vec3::NEG_Y, 1.0, [100, 100]);
+        let mut known = known();
+        known.points.iter_mut().for_each(|point| point.normal = Vec3::new(0.8, 0.0, -0.6));
+        known.lay_in_surfaces(&[camera; 3]);
+        let most = MOST_RADIUS_PX * 2.1 / camera.focal.x;
+        for point in &known.points {
+            assert!(point.normal.dot(Vec3::NEG_Z) > 0.999, "{point:?}");
+            assert!(point.radius > 0.1 && point.radius < most, "{point:?}");
+        }
+    }
+}
