@@ -10,7 +10,17 @@ mod colmap_model;
 mod colmap_text;
 mod describe;
 mod exif;
-pub mod exposure;
+pub mod exposure {
+    //! How photos differ in exposure, white balance, and falloff towards the corners.
+
+    mod correction;
+    mod solve;
+
+    pub(crate) use correction::SPREAD;
+    pub use correction::{ExposureUse, Exposures, Solved, Verdict, compared_size, judge};
+    pub use solve::{Cells, solve};
+    pub(crate) use solve::{Observation, spread_of_points};
+}
 mod found;
 mod lens;
 mod llff;

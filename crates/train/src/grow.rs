@@ -3,7 +3,6 @@
 //! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al. 2007, Furukawa and Ponce 2010). Depth
 //! and tilt of each follow the normalised correlation with other photos. A point stays where three photos found it.
 
-use super::known::KnownPoint;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::collections::BinaryHeap;
@@ -16,6 +15,8 @@ const REACH: i32 = 3;
 const SAMPLES: usize = 25;
 /// Least deviation of the greys of a patch, in [0, 1].
 const LEAST_DEVIATION: f32 = 0.012;
+/// Difference of greys at which a sample counts less than its middle by the factor e^-0.5.
+const SAME_GREY: f32 = 0.12;
 /// Least correlation of a match.
 const LEAST_MATCH: f32 = 0.8;
 /// Photos that a patch is compared with.
@@ -37,7 +38,7 @@ const TILT: f32 = 0.25;
 /// Least side of a cell, px.
 const LEAST_CELL: u32 = 3;
 /// Cells of all photos per triangle of the scene: about a tenth become points.
-const CELLS: u64 = 8;
+const CELLS: u64 = 4;
 
 /// A tracked point in a photo.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +49,19 @@ pub(crate) struct Seed {
     pub(crate) point: u32,
     /// Place, in training space.
     pub(crate) position: Vec3,
+}
+
+/// A point of a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct KnownPoint {
+    /// Place, in training space.
+    pub(crate) position: Vec3,
+    /// sRGB-encoded colour.
+    pub(crate) rgb: [u8; 3],
+    /// Unit normal, towards a photo.
+    pub(crate) normal: Vec3,
+    /// Radius of its triangle.
+    pub(crate) radius: f32,
 }
 
 /// A point and the photos that show it.
@@ -126,6 +140,18 @@ fn offsets() -> [Vec2; SAMPLES] {
 /// The ray of a pixel, with z = 1.
 fn ray(camera: &Camera, at: Vec2) -> Vec3 {
     ((at - camera.center) / camera.focal).extend(1.0)
+}
+
+/// The greys around a place.
+struct Patch {
+    /// Weights of the samples; they sum to 1.
+    weights: [f32; SAMPLES],
+    /// Weights times differences from the mean, as shares of the deviation.
+    products: [f32; SAMPLES],
+}
+
+fn weighted(weights: &[f32; SAMPLES], values: &[f32; SAMPLES]) -> f32 {
+    weights.iter().zip(values).map(|(weight, value)| weight * value).sum()
 }
 
 /// A plane through a surface, seen from a photo.
@@ -285,18 +311,23 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// The greys around a place, without their mean and with length 1; `None` at the border and without texture.
-    fn patch(&self, at: Vec2) -> Option<[f32; SAMPLES]> {
-        let mut patch = self.own.sample(&self.offsets.map(|offset| at + offset))?;
-        let mean = patch.iter().sum::<f32>() / SAMPLES as f32;
-        patch.iter_mut().for_each(|value| *value -= mean);
-        let length = patch.iter().map(|value| value * value).sum::<f32>().sqrt();
-        patch.iter_mut().for_each(|value| *value /= length);
-        (length > LEAST_DEVIATION * (SAMPLES as f32).sqrt()).then_some(patch)
+    /// The greys around a place; `None` at the border and without texture.
+    fn patch(&self, at: Vec2) -> Option<Patch> {
+        let mut greys = self.own.sample(&self.offsets.map(|offset| at + offset))?;
+        // Of the middle's own surface: beside an outline the rest is of another, at another depth (Yoon and Kweon 2006).
+        let middle = greys[SAMPLES / 2];
+        let mut weights = greys.map(|grey| (-0.5 * ((grey - middle) / SAME_GREY).powi(2)).exp());
+        let total: f32 = weights.iter().sum();
+        weights.iter_mut().for_each(|weight| *weight /= total);
+        let mean = weighted(&weights, &greys);
+        greys.iter_mut().for_each(|grey| *grey -= mean);
+        let deviation = greys.iter().zip(&weights).map(|(d, weight)| weight * d * d).sum::<f32>().sqrt();
+        let products = std::array::from_fn(|i| weights[i] * greys[i] / deviation);
+        (deviation > LEAST_DEVIATION).then_some(Patch { weights, products })
     }
 
     /// The best of a plane and its changes.
-    fn adjusted(&self, at: Vec2, plane: Plane, patch: &[f32; SAMPLES]) -> Plane {
+    fn adjusted(&self, at: Vec2, plane: Plane, patch: &Patch) -> Plane {
         let from = ray(&self.own.camera, at);
         let towards = -from.normalize();
         let (right, up) = towards.any_orthonormal_pair();
@@ -319,7 +350,7 @@ impl<'a> Growth<'a> {
     }
 
     /// Mean of the two best correlations of a patch with other photos: one of them may be hidden.
-    fn score(&self, from: Vec3, plane: Plane, patch: &[f32; SAMPLES]) -> f32 {
+    fn score(&self, from: Vec3, plane: Plane, patch: &Patch) -> f32 {
         let normal = plane.normal / (plane.depth * plane.normal.dot(from));
         let mut best = [-1.0f32; 2];
         for other in &self.others {
@@ -336,7 +367,7 @@ impl<'a> Growth<'a> {
     }
 
     /// Normalised correlation of a patch with its image under the homography `across`; -1 outside the other photo.
-    fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &[f32; SAMPLES]) -> f32 {
+    fn correlation(&self, other: &Grey, across: &Mat3, from: Vec3, patch: &Patch) -> f32 {
         let (own, camera) = (&self.own.camera, &other.camera);
         let middle = *across * from;
         let (right, down) = (across.x_axis / own.focal.x, across.y_axis / own.focal.y);
@@ -348,12 +379,12 @@ impl<'a> Growth<'a> {
             seen.truncate() / seen.z * camera.focal + camera.center
         });
         let Some(there) = other.sample(&at) else { return -1.0 };
-        let mean = there.iter().sum::<f32>() / SAMPLES as f32;
-        let (mut square, mut product) = (1e-6f32, 0.0f32);
-        for (value, patch) in there.iter().zip(patch) {
+        let mean = weighted(&patch.weights, &there);
+        let (mut square, mut product) = (1e-8f32, 0.0f32);
+        for ((value, weight), share) in there.iter().zip(&patch.weights).zip(&patch.products) {
             let difference = value - mean;
-            square += difference * difference;
-            product += difference * patch;
+            square += weight * difference * difference;
+            product += share * difference;
         }
         product / square.sqrt()
     }

@@ -4,10 +4,11 @@
 //! of its photos goes. A point that most photos see through gets a triangle, where the photos agree on its colour: what shines
 //! looks better from what seems to lie behind it.
 
-use super::grow::{Grey, Seed, grow};
+use super::grow::{Grey, KnownPoint, Seed, grow};
 use super::init::nearest;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
+use super::start::is_among;
 use super::visibility::VisibilityStats;
 use glam::{UVec2, Vec3};
 use std::collections::HashMap;
@@ -30,6 +31,8 @@ const MOST_SPREAD: f32 = 0.03;
 const GROWN_SIZE: f64 = 480.0;
 /// Most pixels of all these photos together.
 const GROWN_PIXELS: f64 = 32e6;
+/// Most rays to a point.
+const MOST_RAYS: usize = 4;
 /// Neighbours of a point that give its plane.
 const NEIGHBOURS: usize = 8;
 /// Those that give its gap.
@@ -40,19 +43,6 @@ const RADIUS: f32 = 1.6;
 const MOST_RADIUS_PX: f32 = 6.5;
 /// Opacity's logit and σ's logarithm of a new triangle: solid.
 const SOLID_RAW: [f32; 2] = [6.0, -3.0];
-
-/// A point of a surface.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct KnownPoint {
-    /// Place, in training space.
-    pub(crate) position: Vec3,
-    /// sRGB-encoded colour.
-    pub(crate) rgb: [u8; 3],
-    /// Unit normal, towards a photo.
-    pub(crate) normal: Vec3,
-    /// Radius of its triangle.
-    pub(crate) radius: f32,
-}
 
 /// Points of surfaces, and the photos that show them.
 #[derive(Debug, Default)]
@@ -106,6 +96,7 @@ impl KnownDepth {
         known.rays.sort_unstable();
         known.lay_in_surfaces(&cameras);
         known.spread = known.color_spread(&greys);
+        known.thin_rays();
         Ok(known)
     }
 
@@ -211,6 +202,17 @@ impl KnownDepth {
             (*sum, *count) = (*sum + color * gains[photo], *count + 1.0);
         }
         sums.iter().map(|(sum, count)| *sum / count.max(1.0)).collect()
+    }
+
+    /// Keeps some rays of each point, evenly over its photos: all of them would be a sixth of the training.
+    fn thin_rays(&mut self) {
+        let mut counts = vec![(0, 0); self.points.len()];
+        self.rays.iter().for_each(|&(_, point)| counts[point as usize].1 += 1);
+        self.rays.retain(|&(_, point)| {
+            let (i, count) = &mut counts[point as usize];
+            *i += 1;
+            is_among(*i - 1, MOST_RAYS, *count)
+        });
     }
 
     /// What to change in a solid scene, of the triangles that are `alive`. Pinned ones do not block.
