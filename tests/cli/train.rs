@@ -275,7 +275,18 @@ fn a_soft_training_says_that_it_is_soft_and_info_how_soft() {
 #[test]
 fn a_training_that_leaves_nothing_but_its_shell_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["--steps", "60", "--set", "densify.every=500", "-o", "a.ply", "--force"];
+    // No triangle is added at points of known place either.
+    let flags = [
+        "--steps",
+        "60",
+        "--set",
+        "densify.every=500",
+        "--set",
+        "densify.until=20000",
+        "-o",
+        "a.ply",
+        "--force",
+    ];
     let said = stderr(&succeed(&mut train(folder.path(), &flags)));
     assert!(
         said.contains("warning: no triangle but the shell is left") && said.contains("--steps 1000"),
@@ -291,7 +302,10 @@ fn a_run_of_so_few_steps_that_nothing_is_left_says_so() {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder.path()).arg("train").arg(dataset()).args(["-o", "a.ply", "--steps", "40"]);
     let said = super::stderr(
-        &command.args(["--max-size", "60", "--set", "init.shell_subdivisions=0"]).output().unwrap(),
+        &command
+            .args(["--max-size", "60", "--set", "init.shell_subdivisions=0", "--set", "densify.until=20000"])
+            .output()
+            .unwrap(),
     );
     assert!(
         said.contains("only one triangle is left, because 40 steps") && said.contains("--steps 1000 or more"),

@@ -73,11 +73,10 @@ pub struct Point {
     pub error: Option<f32>,
 }
 
-/// Whether a tracked point is one of the fifth that judges the depth of scenes, by its position relative to the origin: no
+/// Whether a point of a COLMAP model, by its index in [`Dataset::points`], is one of the fifth that judges the depth of scenes: no
 /// training uses it.
-pub fn judges_depth(position: Vec3) -> bool {
-    let mix = |hash: u32, x: f32| (hash ^ x.to_bits()).wrapping_mul(0x9E37_79B1).rotate_left(13);
-    (position.to_array().into_iter().fold(0, mix) >> 7).is_multiple_of(5)
+pub fn judges_depth(index: usize) -> bool {
+    index.is_multiple_of(5)
 }
 
 /// Reprojection errors, at the photos' full size.

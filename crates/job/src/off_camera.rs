@@ -3,6 +3,7 @@
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 use trisplat_dataset::{Dataset, View, judges_depth};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::Rng;
@@ -52,11 +53,14 @@ pub struct BesideScores {
 /// The depth of `mesh`, in the data set's frame; `None` without tracks. `seen` are the points of each photo.
 pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset, seen: &[Vec<Vec3>]) -> Option<DepthScores> {
     let (options, mut solid) = (options(near), SolidRasterizer::new());
+    let bits = |place: Vec3| place.to_array().map(f32::to_bits);
+    let judging = dataset.points.iter().enumerate().filter(|(i, _)| judges_depth(*i));
+    let judges: HashSet<[u32; 3]> = judging.map(|(_, point)| bits(point.position)).collect();
     let [mut rays, mut within, mut before, mut behind] = [0u64; 4];
     for (view, points) in dataset.views.iter().zip(seen).filter(|(view, _)| !view.test) {
         let camera = &view.camera;
         let drawn = solid.visibility(mesh, camera, &options);
-        for point in points.iter().filter(|point| judges_depth(**point)) {
+        for point in points.iter().filter(|point| judges.contains(&bits(**point))) {
             let Some((at, z)) = camera.shows(*point) else { continue };
             let face = drawn.face[at.y as usize * camera.size.x as usize + at.x as usize];
             let error = if face == NO_FACE {
@@ -143,7 +147,7 @@ fn options(near: f32) -> SolidRasterOptions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trisplat_dataset::DatasetOptions;
+    use trisplat_dataset::{DatasetOptions, Point};
     use trisplat_scene::math::geometry::octasphere;
     use trisplat_synthetic::SyntheticOptions;
 
@@ -176,6 +180,9 @@ mod tests {
         let camera = dataset.views[0].camera;
         let place = |x: f32| camera.rotation.transpose() * (Vec3::new(x, 0.01, 2.0) - camera.translation);
         let seen = vec![[-0.3, -0.1, 0.1, 0.3].map(place).to_vec()];
+        let point = |position: &Vec3| Point { position: *position, rgb: [0; 3], error: None };
+        // Every fifth point judges, and here each is one of them.
+        dataset.points = seen[0].iter().flat_map(|place| vec![point(place); 5]).collect();
         let shares = |depth_of_wall: f32| {
             let scores = depth(&mesh(&across(&camera, depth_of_wall, 9.0)), 0.01, &dataset, &seen).unwrap();
             assert_eq!(scores.rays, 4);

@@ -192,9 +192,13 @@ fn repair(
 ) -> Vec<u32> {
     let Some(known) = plan.known else { return Vec::new() };
     let DepthRepair { blocks, holes } = known.repair(state, alive, visibility);
-    for (alive, _) in alive.iter_mut().zip(blocks).filter(|(alive, blocks)| **alive && *blocks) {
-        *alive = false;
-        done.blocking += 1;
+    let stays = |i: usize| alive[i] && !blocks[i];
+    if (state.frozen..alive.len()).any(stays) {
+        let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
+        for (alive, _) in alive.iter_mut().zip(blocks).filter(removed) {
+            *alive = false;
+            done.blocking += 1;
+        }
     }
     if plan.grow { holes } else { Vec::new() }
 }

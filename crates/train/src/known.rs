@@ -104,11 +104,12 @@ impl KnownDepth {
     fn read_tracks(&mut self, dataset: &Dataset, space: &SceneNormalization) -> Result<Vec<Seed>> {
         let Some(seen) = dataset.tracked_points(&Limits::DEFAULT)? else { return Ok(Vec::new()) };
         let bits = |place: Vec3| place.to_array().map(f32::to_bits);
-        let is_usable = |point: &&Point| {
-            point.error.is_none_or(|error| error <= MOST_ERROR) && !judges_depth(point.position)
+        let is_usable = |(i, point): &(usize, &Point)| {
+            !judges_depth(*i) && point.error.is_none_or(|error| error <= MOST_ERROR)
         };
+        let usable = dataset.points.iter().enumerate().filter(is_usable);
         let usable: HashMap<[u32; 3], &Point> =
-            dataset.points.iter().filter(is_usable).map(|point| (bits(point.position), point)).collect();
+            usable.map(|(_, point)| (bits(point.position), point)).collect();
         let (mut numbers, mut seeds) = (HashMap::new(), Vec::new());
         let training = dataset.views.iter().zip(seen).filter(|(view, _)| !view.test);
         for (photo, (view, seen)) in training.enumerate() {

@@ -196,8 +196,8 @@ pub(super) fn first(
 fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
     match dataset.kind {
         DatasetKind::ColmapBinary | DatasetKind::ColmapText => {
-            let kept = dataset.points.iter().filter(|point| !judges_depth(point.position));
-            Cow::Owned(kept.copied().collect())
+            let kept = dataset.points.iter().enumerate().filter(|(i, _)| !judges_depth(*i));
+            Cow::Owned(kept.map(|(_, point)| *point).collect())
         }
         _ => Cow::Borrowed(&dataset.points),
     }
