@@ -37,7 +37,7 @@ const MOST_RAYS: usize = 4;
 const NEIGHBOURS: usize = 8;
 /// Those that give its gap.
 const GAP_NEIGHBOURS: usize = 3;
-/// Radius of a new triangle in gaps: a tenth of the surface stays open between triangles turned at random.
+/// Radius of a new triangle in gaps: turned at random, triangles leave a twentieth of the surface open.
 const RADIUS: f32 = 1.6;
 /// Largest radius, px of the nearest photo.
 const MOST_RADIUS_PX: f32 = 6.5;

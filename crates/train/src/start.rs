@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, judges_depth, random_points};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::generator;
-use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
+use trisplat_scene::{Error, ImportedScene, Limits, Placement, Result, SceneNormalization, Soup};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -171,7 +171,7 @@ pub(super) fn first(
     let options = &run.options;
     let (space, state) = match &run.from {
         Some(scene) => from_scene(views, scene, run)?,
-        None => from_points(views, &not_judging(run.dataset), photos, options)?,
+        None => from_points(views, &not_judging(run.dataset)?, photos, options)?,
     };
     let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
     let meta = CheckpointMeta {
@@ -192,15 +192,17 @@ pub(super) fn first(
     Ok(Checkpoint { visibility: VisibilityStats::new(state.params.len(), views.len()), state, meta })
 }
 
-/// The points to start from: a fifth of a COLMAP model's judges the depth of the result.
-fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
-    match dataset.kind {
-        DatasetKind::ColmapBinary | DatasetKind::ColmapText => {
+/// The points to start from: where photos track points, a fifth of them judges the depth of the result.
+///
+/// Errors: a broken model.
+fn not_judging(dataset: &Dataset) -> Result<Cow<'_, [Point]>> {
+    Ok(match dataset.tracked_points(&Limits::DEFAULT)? {
+        Some(_) => {
             let kept = dataset.points.iter().enumerate().filter(|(i, _)| !judges_depth(*i));
             Cow::Owned(kept.map(|(_, point)| *point).collect())
         }
-        _ => Cow::Borrowed(&dataset.points),
-    }
+        None => Cow::Borrowed(&dataset.points),
+    })
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
