@@ -308,11 +308,13 @@ impl<'a> Training<'a> {
 
     /// Finds the surfaces whose place is known, at the first densification of a solid scene; parts of scenes have none.
     fn find_known_depth(&mut self) -> Result<()> {
-        let options = &self.meta.options;
-        let due = Schedule::new(options).is_opaque(self.meta.step - 1) && self.meta.core.is_none();
+        let (options, schedule) = (&self.meta.options, Schedule::new(&self.meta.options));
+        let due = schedule.is_opaque(self.meta.step - 1) && self.meta.core.is_none();
         if due && self.known.is_none() {
+            // A resumed run sees the same pictures, though its own may be larger by now.
+            let level = schedule.level(schedule.scaled(options.solid.opacity_until));
             let (space, most) = (self.space(), options.max_triangles);
-            self.known = Some(KnownDepth::of(self.dataset, &space, &mut self.photos, self.level, most)?);
+            self.known = Some(KnownDepth::of(self.dataset, &space, &mut self.photos, level, most)?);
         }
         Ok(())
     }
