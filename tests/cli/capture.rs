@@ -487,7 +487,7 @@ fn with_points(fake: &Fake, most: usize) {
 #[test]
 fn a_hopeless_capture_stops_before_training_unless_told_to_go_on() {
     let fake = Fake::new();
-    // Fewer than eight for each of the 40 photos, each of which still sees more than ten.
+    // Fewer than eight for each of the 40 photos, but each photo sees more than ten.
     with_points(&fake, 300);
     let make =
         ["make", "photos", "-o", "scene.glb", "--steps", "100", "--max-size", "60", "--max-triangles", "300"];

@@ -69,7 +69,7 @@ pub(crate) fn exposure(
     for view in all {
         let photo = views.photo(view)?;
         let size = compared_size(photo.size);
-        let small = if size == photo.size { Arc::clone(&photo) } else { Arc::new(photo.downscaled(size)) };
+        let small = Arc::clone(&photo).shared_at(size);
         let drawn = solid.render(mesh, &views.camera(view).resized(size), &drawing);
         photos.push(Cells::new(&small, &drawn, photo.size));
     }

@@ -4,9 +4,9 @@ use super::colmap_model::{FoundPoint, ImageRow, Model};
 use super::found::{FoundDataset, FoundPhoto, LensClaim, NamedFiles};
 use super::lens::Lens;
 use super::options::DatasetOptions;
-use super::posed::{Dataset, DatasetKind, Reprojection};
+use super::posed::{DatasetKind, Reprojection};
 use super::{colmap_binary, colmap_text};
-use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::math::lists::median;
@@ -87,7 +87,9 @@ pub(super) fn read(root: &Path, files: &ModelFiles, options: &DatasetOptions) ->
     warnings.extend(fell_apart(root, files));
     let (root, folder) = photo_folders(root, &model.images[0].name, options)?;
     let mut named = NamedFiles::new(&list, &folder, options);
-    let photos = model.images.iter().map(|image| photo(image, &model, &mut named)).collect::<Result<_>>()?;
+    let numbers: HashMap<u64, u32> = points.iter().map(|point| point.id).zip(0..).collect();
+    let photos = model.images.iter().map(|image| photo(image, &model, &numbers, &mut named));
+    let photos = photos.collect::<Result<_>>()?;
     warnings.extend(named.warnings());
     Ok(FoundDataset {
         kind: if files.binary { DatasetKind::ColmapBinary } else { DatasetKind::ColmapText },
@@ -173,7 +175,12 @@ pub(super) fn with_photos<'a>(root: &'a Path, images: &Path) -> Option<&'a Path>
     candidates.into_iter().flatten().find(|folder| folder.join(images).is_dir())
 }
 
-fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<FoundPhoto> {
+fn photo(
+    image: &ImageRow,
+    model: &Model,
+    points: &HashMap<u64, u32>,
+    files: &mut NamedFiles,
+) -> Result<FoundPhoto> {
     let place = format!("image `{}`", image.name);
     let lens = model.cameras.get(&image.camera).ok_or_else(|| {
         let reason = format!("its camera {} is not in the cameras file", image.camera);
@@ -187,6 +194,7 @@ fn photo(image: &ImageRow, model: &Model, files: &mut NamedFiles) -> Result<Foun
         translation: image.translation,
         lens: LensClaim::of(lens),
         held_out: false,
+        tracked: image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect(),
     })
 }
 
@@ -252,28 +260,6 @@ pub(super) fn reprojection(root: &Path, limits: &Limits) -> Result<Option<Reproj
     }
     let mean_px = if observations > 0 { sum / observations as f64 } else { 0.0 };
     Ok((observations + behind > 0).then_some(Reprojection { mean_px, observations, behind }))
-}
-
-impl Dataset {
-    /// The points that each photo's track entries name, relative to the origin, in the order of the views; `None` without a COLMAP model or
-    /// entries. `[V][P]`
-    ///
-    /// Errors: a broken model.
-    pub fn tracked_points(&self, limits: &Limits) -> Result<Option<Vec<Vec<Vec3>>>> {
-        let colmap = matches!(self.kind, DatasetKind::ColmapBinary | DatasetKind::ColmapText);
-        // Points of another reconstruction were not read, and are no measure either.
-        let is_tracked = colmap && !self.points.is_empty();
-        let Some(files) = is_tracked.then(|| locate(&self.path)).flatten() else { return Ok(None) };
-        let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
-        let mut of: HashMap<String, Vec<Vec3>> = HashMap::new();
-        for image in model.images {
-            let seen = image.observations.iter().filter_map(|(id, _)| places.get(id));
-            of.insert(image.name.replace('\\', "/"), seen.map(|p| (*p - self.origin).as_vec3()).collect());
-        }
-        let seen: Vec<Vec<Vec3>> =
-            self.views.iter().map(|v| of.remove(&v.name).unwrap_or_default()).collect();
-        Ok(seen.iter().any(|points| !points.is_empty()).then_some(seen))
-    }
 }
 
 /// The photos of a model, and the points of each.

@@ -33,6 +33,8 @@ pub(super) struct FoundPhoto {
     pub(super) lens: LensClaim,
     /// Held out by the file itself.
     pub(super) held_out: bool,
+    /// Indices of the points of its track entries.
+    pub(super) tracked: Vec<u32>,
 }
 
 impl FoundPhoto {

@@ -42,4 +42,4 @@ pub use options::{Background, DatasetOptions, Masks};
 pub use photo::{Photo, PictureFile, StoredPicture};
 pub use photos::Photos;
 pub use points::random_points;
-pub use posed::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View, judges_depth};
+pub use posed::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View};

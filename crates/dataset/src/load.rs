@@ -154,8 +154,9 @@ fn finish(
         origin,
         warnings: found.warnings,
     };
-    if given.is_none() {
-        dataset.points = keep_points(found.points, origin, &mut dataset.warnings);
+    match given {
+        Some(_) => dataset.views.iter_mut().for_each(|view| view.tracked.clear()),
+        None => keep_points(found.points, &mut dataset),
     }
     if options.masks == Masks::Auto && are_silhouettes(&dataset.views, &dataset.points) {
         dataset.views.iter_mut().for_each(|view| view.photo.cut = true);
@@ -299,7 +300,9 @@ fn open_photo(
         if options.skip_broken {
             photo.decode()?;
         }
-        Ok(View { name: views::name(&found.name, part), camera, photo, test: found.held_out })
+        // A wide photo has none: its points are in one of its views or another.
+        let tracked = if part.is_empty() { found.tracked.clone() } else { Vec::new() };
+        Ok(View { name: views::name(&found.name, part), camera, photo, test: found.held_out, tracked })
     };
     let plans = views::plans(&lens).map_err(at_fault)?;
     let views = plans.into_iter().map(view).collect::<Result<_>>()?;
@@ -420,21 +423,27 @@ fn origin_of(found: &FoundDataset) -> DVec3 {
     far_origin(middle, extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from)))
 }
 
-/// Points with finite positions, relative to the origin.
-fn keep_points(found: Vec<FoundPoint>, origin: DVec3, warnings: &mut Vec<String>) -> Vec<Point> {
+/// Keeps the points with finite positions, relative to the origin.
+fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     let count = found.len();
-    let near = |FoundPoint { position, rgb, error, .. }| {
-        let position = (position - origin).as_vec3();
-        position.is_finite().then_some(Point { position, rgb, error })
-    };
-    let kept: Vec<Point> = found.into_iter().filter_map(near).collect();
-    if kept.len() < count {
-        warnings.push(format!("dropped {} points that are not finite", count - kept.len()));
+    let mut numbers = vec![None; count];
+    for (FoundPoint { position, rgb, error, .. }, number) in found.into_iter().zip(&mut numbers) {
+        let position = (position - dataset.origin).as_vec3();
+        if position.is_finite() {
+            *number = Some(dataset.points.len() as u32);
+            dataset.points.push(Point { position, rgb, error });
+        }
     }
-    if kept.is_empty() {
+    for view in &mut dataset.views {
+        view.tracked = view.tracked.iter().filter_map(|i| numbers[*i as usize]).collect();
+    }
+    let (kept, warnings) = (dataset.points.len(), &mut dataset.warnings);
+    if kept < count {
+        warnings.push(format!("dropped {} points that are not finite", count - kept));
+    }
+    if kept == 0 {
         warnings.push("no points: training starts from a random cloud in front of the cameras".into());
     }
-    kept
 }
 
 /// Fewer poses have no usual distance.

@@ -42,6 +42,8 @@ pub struct View {
     pub photo: Photo,
     /// Held out for evaluation, never trained on.
     pub test: bool,
+    /// The points of its track entries: indices in [`Dataset::points`].
+    pub tracked: Vec<u32>,
 }
 
 impl View {
@@ -73,12 +75,6 @@ pub struct Point {
     pub error: Option<f32>,
 }
 
-/// Whether a point of a COLMAP model, by its index in [`Dataset::points`], is one of the fifth that judges the depth of scenes: no
-/// training uses it.
-pub fn judges_depth(index: usize) -> bool {
-    index.is_multiple_of(5)
-}
-
 /// Reprojection errors, at the photos' full size.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reprojection {
@@ -91,6 +87,22 @@ pub struct Reprojection {
 }
 
 impl Dataset {
+    /// Whether photos track points, which so have a known depth.
+    pub fn has_tracks(&self) -> bool {
+        self.views.iter().any(|view| !view.tracked.is_empty())
+    }
+
+    /// The points that a view's photo tracks, with their indices.
+    pub fn tracked(&self, view: &View) -> impl Iterator<Item = (usize, &Point)> {
+        let found = |i: &u32| Some((*i as usize, self.points.get(*i as usize)?));
+        view.tracked.iter().filter_map(found)
+    }
+
+    /// Whether a tracked point, by its index, is one of the fifth that judges the depth of scenes: no training uses it.
+    pub fn judges_depth(index: usize) -> bool {
+        index.is_multiple_of(5)
+    }
+
     /// Number of photos, held-out ones included.
     pub fn len(&self) -> usize {
         self.views.len()

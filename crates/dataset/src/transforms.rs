@@ -190,7 +190,7 @@ fn frame(
     let (rotation, translation) = pose(&matrix).map_err(bad)?;
     let lens =
         keys.lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?).map_err(bad)?;
-    Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false })
+    Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false, tracked: Vec::new() })
 }
 
 /// World to camera from camera to world.

@@ -171,18 +171,11 @@ impl<'a> ReadyEval<'a> {
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
-        let asked = self.job.off_camera;
-        let seen = match asked && self.steps.iter().any(|step| step.renderer.surface().is_some()) {
-            true => self.dataset.tracked_points(&self.job.dataset_options.limits)?,
-            false => None,
-        };
         for ((step, images), draw_secs) in self.steps.iter().zip(images).zip(secs) {
             let mean = scores::mean(images.iter().map(|image| &image.score));
-            let surface = step.renderer.surface().filter(|_| asked);
+            let surface = step.renderer.surface().filter(|_| self.job.off_camera);
             scores.push(StepScore {
-                depth: surface
-                    .zip(seen.as_ref())
-                    .and_then(|((mesh, near), seen)| off_camera::depth(mesh, near, self.dataset, seen)),
+                depth: surface.and_then(|(mesh, near)| off_camera::depth(mesh, near, self.dataset)),
                 beside: surface.and_then(|(mesh, near)| off_camera::beside(mesh, near, self.dataset)),
                 name: step.name.to_owned(),
                 triangles: step.triangles,

@@ -1,4 +1,4 @@
-//! Files that a command reads: which these are, none of which may be written, moved or removed, and what is in one.
+//! The files that a command reads, which it may not write, move or remove; and a description of one.
 
 use std::path::{Path, PathBuf};
 use trisplat_bake::{

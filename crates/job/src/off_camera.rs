@@ -3,8 +3,7 @@
 use glam::{UVec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
-use trisplat_dataset::{Dataset, View, judges_depth};
+use trisplat_dataset::{Dataset, View};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::Rng;
 use trisplat_scene::camera::Camera;
@@ -50,23 +49,23 @@ pub struct BesideScores {
     pub empty: f64,
 }
 
-/// The depth of `mesh`, in the data set's frame; `None` without tracks. `seen` are the points of each photo.
-pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset, seen: &[Vec<Vec3>]) -> Option<DepthScores> {
+/// The depth of `mesh`, in the data set's frame; `None` without tracks.
+pub(super) fn depth(mesh: &Mesh, near: f32, dataset: &Dataset) -> Option<DepthScores> {
+    if !dataset.has_tracks() {
+        return None;
+    }
     let (options, mut solid) = (options(near), SolidRasterizer::new());
-    let bits = |place: Vec3| place.to_array().map(f32::to_bits);
-    let judging = dataset.points.iter().enumerate().filter(|(i, _)| judges_depth(*i));
-    let judges: HashSet<[u32; 3]> = judging.map(|(_, point)| bits(point.position)).collect();
     let [mut rays, mut within, mut before, mut behind] = [0u64; 4];
-    for (view, points) in dataset.views.iter().zip(seen).filter(|(view, _)| !view.test) {
+    for view in dataset.train() {
         let camera = &view.camera;
         let drawn = solid.visibility(mesh, camera, &options);
-        for point in points.iter().filter(|point| judges.contains(&bits(**point))) {
-            let Some((at, z)) = camera.shows(*point) else { continue };
+        for (_, point) in dataset.tracked(view).filter(|(i, _)| Dataset::judges_depth(*i)) {
+            let Some((at, z)) = camera.shows(point.position) else { continue };
             let face = drawn.face[at.y as usize * camera.size.x as usize + at.x as usize];
             let error = if face == NO_FACE {
                 f32::INFINITY
             } else {
-                plane_depth(mesh, face, camera, *point) / z - 1.0
+                plane_depth(mesh, face, camera, point.position) / z - 1.0
             };
             rays += 1;
             within += u64::from(error.abs() < RIGHT);
@@ -179,12 +178,12 @@ mod tests {
         dataset.views = vec![dataset.views[first].clone()];
         let camera = dataset.views[0].camera;
         let place = |x: f32| camera.rotation.transpose() * (Vec3::new(x, 0.01, 2.0) - camera.translation);
-        let seen = vec![[-0.3, -0.1, 0.1, 0.3].map(place).to_vec()];
-        let point = |position: &Vec3| Point { position: *position, rgb: [0; 3], error: None };
+        let point = |position| Point { position, rgb: [0; 3], error: None };
         // Every fifth point judges, and here each is one of them.
-        dataset.points = seen[0].iter().flat_map(|place| vec![point(place); 5]).collect();
+        dataset.points = [-0.3, -0.1, 0.1, 0.3].into_iter().flat_map(|x| vec![point(place(x)); 5]).collect();
+        dataset.views[0].tracked = vec![0, 5, 10, 15];
         let shares = |depth_of_wall: f32| {
-            let scores = depth(&mesh(&across(&camera, depth_of_wall, 9.0)), 0.01, &dataset, &seen).unwrap();
+            let scores = depth(&mesh(&across(&camera, depth_of_wall, 9.0)), 0.01, &dataset).unwrap();
             assert_eq!(scores.rays, 4);
             [scores.before, scores.within, scores.behind]
         };
@@ -192,7 +191,8 @@ mod tests {
         assert_eq!(shares(1.8), [1.0, 0.0, 0.0]);
         assert_eq!(shares(2.2), [0.0, 0.0, 1.0]);
         assert_eq!(shares(-1.0), [0.0, 0.0, 1.0], "nothing there");
-        assert_eq!(depth(&mesh(&across(&camera, 2.0, 9.0)), 0.01, &dataset, &[vec![]]), None);
+        dataset.views[0].tracked.clear();
+        assert_eq!(depth(&mesh(&across(&camera, 2.0, 9.0)), 0.01, &dataset), None);
     }
 
     #[test]

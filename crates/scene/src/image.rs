@@ -16,6 +16,7 @@ use glam::UVec2;
 use shrink::area_average;
 use std::io::{BufReader, Cursor, Seek};
 use std::path::Path;
+use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// An RGB picture, sRGB-encoded, values usually in [0, 1].
@@ -220,6 +221,11 @@ impl RgbImage {
             bytemuck::cast_vec(area_average(single, self.size, size))
         });
         Self { size, rgb, alpha }
+    }
+
+    /// [`Self::downscaled`], without a copy of one that has the size.
+    pub fn shared_at(self: Arc<Self>, size: UVec2) -> Arc<Self> {
+        if size == self.size { self } else { Arc::new(self.downscaled(size)) }
     }
 
     /// The picture as the bytes of a PNG file.

@@ -337,7 +337,13 @@ fn draw(
         let is_cut = picture.alpha.is_some();
         let photo = if held { Photo::drawn(picture) } else { Photo::stored(&picture, &file)? };
         let photo = if is_cut { photo.cut_out() } else { photo };
-        views.push(View { name: format!("teacher_{i:05}"), camera: *camera, photo, test: false });
+        views.push(View {
+            name: format!("teacher_{i:05}"),
+            camera: *camera,
+            photo,
+            test: false,
+            tracked: Vec::new(),
+        });
         drawn(i + 1, cameras.len());
     }
     Ok(views)

@@ -9,7 +9,7 @@ use super::known::{DepthRepair, KnownDepth};
 use super::options::{DensifyOptions, SampleWeight};
 use super::params::{Anneal, Core, Params, TrainState};
 use super::relocate::{Relocation, make_room};
-use super::start::is_among;
+use super::start::thinned;
 use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -101,7 +101,8 @@ pub(crate) fn densify(
         let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
         done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
     }
-    let holes = among_room(holes, &alive[state.frozen..], plan.max_triangles);
+    let count = alive.iter().skip(state.frozen).filter(|alive| **alive).count();
+    let holes = thinned(&holes, plan.max_triangles.saturating_sub(count));
     let plan = &DensifyPlan { max_triangles: plan.max_triangles - holes.len(), ..*plan };
     let grown = match plan.grow {
         true => sample_growth(state, &alive, visibility, plan),
@@ -191,7 +192,7 @@ fn repair(
     done: &mut Densified,
 ) -> Vec<u32> {
     let Some(known) = plan.known else { return Vec::new() };
-    let DepthRepair { blocks, holes } = known.repair(state, alive, visibility);
+    let DepthRepair { blocks, holes } = known.repair(state, alive, visibility, plan.eyes);
     let stays = |i: usize| alive[i] && !blocks[i];
     if (state.frozen..alive.len()).any(stays) {
         let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
@@ -201,14 +202,6 @@ fn repair(
         }
     }
     if plan.grow { holes } else { Vec::new() }
-}
-
-/// An even selection of `holes`, as many as a scene has room for.
-fn among_room(mut holes: Vec<u32>, alive: &[bool], max_triangles: usize) -> Vec<u32> {
-    let room = max_triangles.saturating_sub(alive.iter().filter(|alive| **alive).count());
-    let (count, mut i) = (holes.len(), 0..);
-    holes.retain(|_| i.next().is_some_and(|i| is_among(i, room, count)));
-    holes
 }
 
 /// True for a triangle near a camera that only a few photos show, from much farther away.

@@ -60,8 +60,6 @@ pub(crate) struct KnownPoint {
     pub(crate) rgb: [u8; 3],
     /// Unit normal, towards a photo.
     pub(crate) normal: Vec3,
-    /// Radius of its triangle.
-    pub(crate) radius: f32,
 }
 
 /// A point and the photos that show it.
@@ -459,12 +457,8 @@ fn agreed(photos: &[Grey], maps: &[Vec<Option<Plane>>], side: u32) -> Vec<GrownP
             shown.iter().for_each(|&(other, cell)| used[other][cell as usize] = true);
             let mut by: Vec<u32> = shown.iter().map(|(other, _)| *other as u32).chain([own as u32]).collect();
             by.sort_unstable();
-            let point = KnownPoint {
-                position,
-                rgb: photo.rgb[photos[own].index(at)],
-                normal: back * plane.normal,
-                radius: 0.0,
-            };
+            let point =
+                KnownPoint { position, rgb: photo.rgb[photos[own].index(at)], normal: back * plane.normal };
             grown.push(GrownPoint { point, photos: by });
         }
     }

@@ -11,13 +11,11 @@ use super::pyramid::Pyramid;
 use super::start::is_among;
 use super::visibility::VisibilityStats;
 use glam::{UVec2, Vec3};
-use std::collections::HashMap;
-use std::sync::Arc;
-use trisplat_dataset::{Dataset, Point, View, judges_depth};
+use trisplat_dataset::{Dataset, Point};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
-use trisplat_scene::{Limits, RayTree, Result, Rng, SceneNormalization, sh0_from_rgb};
+use trisplat_scene::{RayTree, Result, Rng, SceneNormalization, sh0_from_rgb};
 
 /// Largest reprojection error of a point that is known, px.
 const MOST_ERROR: f32 = 2.0;
@@ -48,12 +46,12 @@ const SOLID_RAW: [f32; 2] = [6.0, -3.0];
 #[derive(Debug, Default)]
 pub(crate) struct KnownDepth {
     points: Vec<KnownPoint>,
+    /// Radius of the triangle at each point.
+    radius: Vec<f32>,
     /// Deviation of the photos' colours at each point.
     spread: Vec<f32>,
     /// Photo and point, photo by photo.
     rays: Vec<(u32, u32)>,
-    /// Places of the photos, in training space.
-    eyes: Vec<Vec3>,
 }
 
 /// The first face on a ray, and its distance as a share of the point's, minus 1.
@@ -72,56 +70,58 @@ impl KnownDepth {
     /// The points of `dataset` that its training photos track, with those grown from them for a scene of up to `triangles`;
     /// empty without tracks.
     ///
-    /// Errors: a broken model, photos that cannot be decoded.
+    /// Errors: photos that cannot be decoded.
     pub(crate) fn of(
         dataset: &Dataset,
         space: &SceneNormalization,
+        cameras: &[Camera],
         photos: &mut Pyramid,
         level: u32,
         triangles: u64,
     ) -> Result<Self> {
-        let views: Vec<&View> = dataset.train().collect();
-        let cameras: Vec<Camera> = views.iter().map(|view| space.camera_to_training(&view.camera)).collect();
-        let mut known = Self { eyes: cameras.iter().map(Camera::position).collect(), ..Self::default() };
-        let seeds = known.read_tracks(dataset, space)?;
+        let mut known = Self::default();
+        let seeds = known.read_tracks(dataset, space, cameras);
         if seeds.is_empty() {
             return Ok(known);
         }
-        let greys = greys(photos, level, &cameras)?;
+        let greys = greys(photos, level, cameras)?;
         for grown in grow(&greys, &seeds, triangles) {
             let number = known.points.len() as u32;
             known.rays.extend(grown.photos.iter().map(|&photo| (photo, number)));
             known.points.push(grown.point);
         }
         known.rays.sort_unstable();
-        known.lay_in_surfaces(&cameras);
+        known.lay_in_surfaces(cameras);
         known.spread = known.color_spread(&greys);
         known.thin_rays();
         Ok(known)
     }
 
+    /// True without rays: nothing is known.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rays.is_empty()
+    }
+
     /// Reads the tracks; returns a seed per tracked point and photo.
-    fn read_tracks(&mut self, dataset: &Dataset, space: &SceneNormalization) -> Result<Vec<Seed>> {
-        let Some(seen) = dataset.tracked_points(&Limits::DEFAULT)? else { return Ok(Vec::new()) };
-        let bits = |place: Vec3| place.to_array().map(f32::to_bits);
+    fn read_tracks(
+        &mut self,
+        dataset: &Dataset,
+        space: &SceneNormalization,
+        cameras: &[Camera],
+    ) -> Vec<Seed> {
         let is_usable = |(i, point): &(usize, &Point)| {
-            !judges_depth(*i) && point.error.is_none_or(|error| error <= MOST_ERROR)
+            !Dataset::judges_depth(*i) && point.error.is_none_or(|error| error <= MOST_ERROR)
         };
-        let usable = dataset.points.iter().enumerate().filter(is_usable);
-        let usable: HashMap<[u32; 3], &Point> =
-            usable.map(|(_, point)| (bits(point.position), point)).collect();
-        let (mut numbers, mut seeds) = (HashMap::new(), Vec::new());
-        let training = dataset.views.iter().zip(seen).filter(|(view, _)| !view.test);
-        for (photo, (view, seen)) in training.enumerate() {
-            for place in seen.into_iter().filter(|place| view.camera.shows(*place).is_some()) {
-                let Some(Point { rgb, .. }) = usable.get(&bits(place)) else { continue };
-                let position = space.to_training(place);
-                let next = self.points.len() as u32;
-                let number = *numbers.entry(bits(place)).or_insert(next);
-                if number == next {
-                    let normal = (self.eyes[photo] - position).normalize_or_zero();
-                    self.points.push(KnownPoint { position, rgb: *rgb, normal, radius: 0.0 });
-                }
+        let (mut numbers, mut seeds) = (vec![None; dataset.points.len()], Vec::new());
+        for (photo, (view, camera)) in dataset.train().zip(cameras).enumerate() {
+            let shown = |(_, point): &(usize, &Point)| view.camera.shows(point.position).is_some();
+            for (i, Point { position, rgb, .. }) in dataset.tracked(view).filter(is_usable).filter(shown) {
+                let position = space.to_training(*position);
+                let number = *numbers[i].get_or_insert_with(|| {
+                    let normal = (camera.position() - position).normalize_or_zero();
+                    self.points.push(KnownPoint { position, rgb: *rgb, normal });
+                    self.points.len() as u32 - 1
+                });
                 seeds.push(Seed { photo: photo as u32, point: number, position });
             }
         }
@@ -129,16 +129,16 @@ impl KnownDepth {
         seeds.iter().for_each(|seed| photos[seed.point as usize] += 1);
         let is_known = |seed: &&Seed| photos[seed.point as usize] >= LEAST_PHOTOS;
         self.rays.extend(seeds.iter().filter(is_known).map(|seed| (seed.photo, seed.point)));
-        Ok(seeds)
+        seeds
     }
 
     /// Gives each point the plane of its neighbours, and a radius: triangles that face a camera would stick out of a table.
     fn lay_in_surfaces(&mut self, cameras: &[Camera]) {
         let mut pixels = vec![f32::INFINITY; self.points.len()];
         for &(photo, point) in &self.rays {
-            let distance = self.points[point as usize].position.distance(self.eyes[photo as usize]);
-            let pixel = &mut pixels[point as usize];
-            *pixel = pixel.min(distance / cameras[photo as usize].focal.x);
+            let (camera, pixel) = (&cameras[photo as usize], &mut pixels[point as usize]);
+            let distance = self.points[point as usize].position.distance(camera.position());
+            *pixel = pixel.min(distance / camera.focal.x);
         }
         let positions: Vec<Vec3> = self.points.iter().map(|point| point.position).collect();
         let planes = nearest::<NEIGHBOURS, _>(&positions, |i, found| {
@@ -156,8 +156,10 @@ impl KnownDepth {
             }
             ((RADIUS * gap).min(MOST_RADIUS_PX * pixels[i]), normal.normalize_or(self.points[i].normal))
         });
-        let both = self.points.iter_mut().zip(planes);
-        both.for_each(|(point, plane)| (point.radius, point.normal) = plane);
+        for (point, (radius, normal)) in self.points.iter_mut().zip(planes) {
+            point.normal = normal;
+            self.radius.push(radius);
+        }
     }
 
     /// The deviation of each point's colour over its photos, after one gain per photo and channel for its exposure.
@@ -216,21 +218,22 @@ impl KnownDepth {
         });
     }
 
-    /// What to change in a solid scene, of the triangles that are `alive`. Pinned ones do not block.
+    /// What to change in a solid scene, of the triangles that are `alive`; `eyes` are the places of the photos. Pinned ones do not block.
     pub(crate) fn repair(
         &self,
         state: &TrainState,
         alive: &[bool],
         visibility: &VisibilityStats,
+        eyes: &[Vec3],
     ) -> DepthRepair {
-        let seen = self.cast(&state.params, alive);
+        let seen = self.cast(&state.params, alive, eyes);
         let mut blocks = self.blockers(&seen, &visibility.views);
         blocks.iter_mut().take(state.pinned).for_each(|blocks| *blocks = false);
         DepthRepair { blocks, holes: self.holes(&seen) }
     }
 
     /// What each ray meets first among the triangles that are `alive`.
-    fn cast(&self, params: &Params, alive: &[bool]) -> Vec<Seen> {
+    fn cast(&self, params: &Params, alive: &[bool], eyes: &[Vec3]) -> Vec<Seen> {
         let is_finite = |i: u32| params.vertices[i as usize].iter().all(|v| v.is_finite());
         let drawn: Vec<u32> =
             (0..alive.len() as u32).filter(|&i| alive[i as usize] && is_finite(i)).collect();
@@ -238,7 +241,7 @@ impl KnownDepth {
         let (mesh, tree) = (Mesh { positions, ..Mesh::default() }, RayTree::default());
         parallel::collect(self.rays.len(), GRAIN, |ray| {
             let (photo, point) = self.rays[ray];
-            let eye = self.eyes[photo as usize];
+            let eye = eyes[photo as usize];
             let to = self.points[point as usize].position - eye;
             let hit = tree.first_hit(&mesh, drawn.len(), eye, to)?;
             Some((drawn[hit.face as usize], (hit.distance / f64::from(to.length())) as f32 - 1.0))
@@ -280,7 +283,8 @@ impl KnownDepth {
     pub(crate) fn triangles(&self, points: &[u32], sh_degree: u8, rng: Rng) -> Params {
         let mut params = Params { sh_degree, ..Params::default() };
         for &point in points {
-            let KnownPoint { position, rgb, normal, radius } = self.points[point as usize];
+            let KnownPoint { position, rgb, normal } = self.points[point as usize];
+            let radius = self.radius[point as usize];
             let (right, up) = normal.any_orthonormal_pair();
             let turn = rng.uniform(u64::from(point));
             params.vertices.push(std::array::from_fn(|corner| {
@@ -319,8 +323,7 @@ fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera]) -> Result<Vec<Gre
     for (i, camera) in cameras.iter().enumerate() {
         let photo = photos.take(i, level)?;
         let size = (sizes[i] * share).round().as_uvec2().max(UVec2::ONE);
-        let photo = if size == photo.size { photo } else { Arc::new(photo.downscaled(size)) };
-        greys.push(Grey::new(camera, photo));
+        greys.push(Grey::new(camera, photo.shared_at(size)));
     }
     Ok(greys)
 }
@@ -335,13 +338,12 @@ mod tests {
             position: Vec3::new((i % 3) as f32 * 0.1, (i / 3) as f32 * 0.1, 2.0),
             rgb: [128; 3],
             normal: Vec3::NEG_Z,
-            radius: 0.16,
         });
         KnownDepth {
             points: points.collect(),
+            radius: vec![0.16; 9],
             spread: vec![0.01; 9],
             rays: (0..3).flat_map(|photo| (0..9).map(move |point| (photo, point))).collect(),
-            eyes: vec![Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2],
         }
     }
 
@@ -364,7 +366,8 @@ mod tests {
     fn repair(known: &KnownDepth, state: &TrainState, views: u32) -> DepthRepair {
         let mut visibility = VisibilityStats::new(state.params.len(), 3);
         visibility.views.fill(views);
-        known.repair(state, &vec![true; state.params.len()], &visibility)
+        let eyes = [Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2];
+        known.repair(state, &vec![true; state.params.len()], &visibility, &eyes)
     }
 
     #[test]
@@ -405,11 +408,13 @@ mod tests {
         let camera = Camera::look_at(Vec3::ZERO, Vec3::Z, Vec3::NEG_Y, 1.0, [100, 100]);
         let mut known = known();
         known.points.iter_mut().for_each(|point| point.normal = Vec3::new(0.8, 0.0, -0.6));
+        known.radius.clear();
         known.lay_in_surfaces(&[camera; 3]);
         let most = MOST_RADIUS_PX * 2.1 / camera.focal.x;
-        for point in &known.points {
+        for (point, radius) in known.points.iter().zip(&known.radius) {
             assert!(point.normal.dot(Vec3::NEG_Z) > 0.999, "{point:?}");
-            assert!(point.radius > 0.1 && point.radius < most, "{point:?}");
+            assert!(*radius > 0.1 && *radius < most, "{radius}");
         }
+        assert_eq!(known.radius.len(), 9);
     }
 }

@@ -15,10 +15,10 @@ use glam::{DVec3, Vec3};
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, judges_depth, random_points};
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, Point, View, random_points};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::report::generator;
-use trisplat_scene::{Error, ImportedScene, Limits, Placement, Result, SceneNormalization, Soup};
+use trisplat_scene::{Error, ImportedScene, Placement, Result, SceneNormalization, Soup};
 
 /// Points drawn at random inside the views of the cameras when the data set has none.
 const RANDOM_POINTS: usize = 10_000;
@@ -171,7 +171,7 @@ pub(super) fn first(
     let options = &run.options;
     let (space, state) = match &run.from {
         Some(scene) => from_scene(views, scene, run)?,
-        None => from_points(views, &not_judging(run.dataset)?, photos, options)?,
+        None => from_points(views, &not_judging(run.dataset), photos, options)?,
     };
     let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
     let meta = CheckpointMeta {
@@ -193,16 +193,14 @@ pub(super) fn first(
 }
 
 /// The points to start from: where photos track points, a fifth of them judges the depth of the result.
-///
-/// Errors: a broken model.
-fn not_judging(dataset: &Dataset) -> Result<Cow<'_, [Point]>> {
-    Ok(match dataset.tracked_points(&Limits::DEFAULT)? {
-        Some(_) => {
-            let kept = dataset.points.iter().enumerate().filter(|(i, _)| !judges_depth(*i));
+fn not_judging(dataset: &Dataset) -> Cow<'_, [Point]> {
+    match dataset.has_tracks() {
+        true => {
+            let kept = dataset.points.iter().enumerate().filter(|(i, _)| !Dataset::judges_depth(*i));
             Cow::Owned(kept.map(|(_, point)| *point).collect())
         }
-        None => Cow::Borrowed(&dataset.points),
-    })
+        false => Cow::Borrowed(&dataset.points),
+    }
 }
 
 /// The first triangles: one per point of the sparse or a random cloud, and the shell around a cloud.
@@ -251,14 +249,14 @@ fn from_points(
     Ok((space, TrainState { pinned, ..TrainState::new(Params::from_soup(&soup, options.sh_degree)) }))
 }
 
-/// At most `most` of the points.
-fn thinned(cloud: &[Point], most: usize) -> Cow<'_, [Point]> {
-    match cloud.len() > most {
+/// At most `most` of the items, evenly.
+pub(super) fn thinned<T: Copy>(items: &[T], most: usize) -> Cow<'_, [T]> {
+    match items.len() > most {
         true => {
-            let kept = cloud.iter().enumerate().filter(|(i, _)| is_among(*i, most, cloud.len()));
-            Cow::Owned(kept.map(|(_, point)| *point).collect())
+            let kept = items.iter().enumerate().filter(|(i, _)| is_among(*i, most, items.len()));
+            Cow::Owned(kept.map(|(_, item)| *item).collect())
         }
-        false => Cow::Borrowed(cloud),
+        false => Cow::Borrowed(items),
     }
 }
 

@@ -270,7 +270,7 @@ impl<'a> Training<'a> {
         for i in 0..count {
             let photo = self.photos.take(i, level)?;
             let size = compared_size(photo.size);
-            let photo = if size == photo.size { photo } else { Arc::new(photo.downscaled(size)) };
+            let photo = photo.shared_at(size);
             let drawn = scene.draw(&self.cameras[i].resized(size), &drawing, &mut soft, &mut solid);
             photos.push(Cells::new(&photo, &drawn, self.photos.size(i, 0)));
         }
@@ -288,7 +288,7 @@ impl<'a> Training<'a> {
         let plan = densify::DensifyPlan {
             options: &o.densify,
             eyes: &eyes,
-            known: self.known.as_ref(),
+            known: self.known.as_ref().filter(|known| !known.is_empty()),
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.meta.core,
             grow: schedule.grows_after(self.meta.step),
@@ -314,7 +314,8 @@ impl<'a> Training<'a> {
             // A resumed run sees the same pictures, though its own may be larger by now.
             let level = schedule.level(schedule.scaled(options.solid.opacity_until));
             let (space, most) = (self.space(), options.max_triangles);
-            self.known = Some(KnownDepth::of(self.dataset, &space, &mut self.photos, level, most)?);
+            let (cameras, photos) = (&self.cameras, &mut self.photos);
+            self.known = Some(KnownDepth::of(self.dataset, &space, cameras, photos, level, most)?);
         }
         Ok(())
     }

@@ -39,7 +39,7 @@ const LEAST_SIZE: f32 = 0.25;
 const COMPARABLE: f32 = 0.5;
 /// A support ends where a layer has less than this share of its area ...
 const FADES: f32 = 0.25;
-/// ... but after so many layers.
+/// ... and has at most this number of layers on each side.
 const MOST_LAYERS: usize = 6;
 /// Thickness of the support, in radii.
 const LAYER: f32 = 0.06;

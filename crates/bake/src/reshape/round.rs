@@ -3,7 +3,6 @@
 use super::reshaped::{COUNT, ERROR, FaceRow, MOVING, Measures, REMOVING, RGB, ReshapedFaces, UNITS, add};
 use crate::trial::{GROUPS, group_of};
 use crate::views::Views;
-use std::sync::Arc;
 use std::sync::atomic::AtomicI64;
 use trisplat_raster::solid::{NO_FACE, Nearest, PlaneTile, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::Result;
@@ -59,11 +58,7 @@ impl<'v> Rounds<'v> {
         self.views.prefetch(&chosen);
         for view in chosen {
             let camera = self.views.camera(view).within(effort.side);
-            let photo = self.views.photo(view)?;
-            let picture = match photo.size == camera.size {
-                true => photo,
-                false => Arc::new(photo.downscaled(camera.size)),
-            };
+            let picture = self.views.photo(view)?.shared_at(camera.size);
             let (picture, colors, rows) = (&*picture, &colors[..], &found.rows[..]);
             let cut = self.views.is_cut(view) && picture.alpha.is_some();
             let sums = PictureSums { picture, colors, background, hole_error, cut, moves, rows };
