@@ -10,6 +10,7 @@ use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, Split, View}
 use trisplat_formats::{self as formats, Content};
 use trisplat_scene::Result;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::generator;
 use trisplat_train::BackendOptions;
 
@@ -109,6 +110,11 @@ impl<'a> ReadyEval<'a> {
     /// The photos, sorted by name.
     pub fn views(&self) -> &[&'a View] {
         &self.views
+    }
+
+    /// The last form's triangles and near plane, in the data set's frame, if it is drawn as a mesh.
+    pub(super) fn surface(&self) -> Option<(&Mesh, f32)> {
+        self.steps.last()?.renderer.surface()
     }
 
     /// Names of the forms that the scene is drawn in.

@@ -321,7 +321,9 @@ impl MakeJob {
         let mut job = EvalJob::new(&self.output);
         (job.dataset_options, job.off_camera) = (self.dataset_options.clone(), false);
         let ready = job.prepare(photos)?;
-        let mut twice = ShownTwice::new(&self.output, photos, ready.views(), &self.dataset_options)?;
+        let bytes = self.dataset_options.photo_bytes();
+        let twice = |surface| ShownTwice::new(surface, photos, ready.views(), bytes);
+        let mut twice = ready.surface().and_then(twice);
         let mut report = ready.run(|i, drawn| {
             if let (Some(twice), Some(drawn)) = (&mut twice, drawn.last()) {
                 judged.extend(twice.psnr(i, &drawn.picture)?);

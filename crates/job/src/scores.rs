@@ -5,16 +5,14 @@ use super::off_camera::{BesideScores, DepthScores};
 use glam::Vec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::path::Path;
-use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, View};
+use trisplat_dataset::{Dataset, Photos, ShrunkSize, View};
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::ColorMap;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
-use trisplat_scene::placed::to_file;
-use trisplat_scene::{Result, Scene, parallel};
+use trisplat_scene::{Result, parallel};
 use trisplat_train::Quality;
 
 /// What `trisplat eval --report` writes.
@@ -170,40 +168,40 @@ fn straight(black: &RgbImage, white: &RgbImage) -> RgbImage {
 /// Judges drawings of held-out photos only where at least two training photos look: what fewer show cannot be known.
 pub(super) struct ShownTwice<'a> {
     mesh: Mesh,
+    options: SolidRasterOptions,
     cameras: Vec<Camera>,
-    views: Vec<(&'a View, Camera)>,
+    views: Vec<&'a View>,
     photos: Photos,
     solid: SolidRasterizer,
 }
 
 impl<'a> ShownTwice<'a> {
-    /// Of the mesh in `file`, for the `views` of a data set. `None` of other scenes, and of photos of objects before nothing.
+    /// Of a `surface` in the data set's frame with its near plane, for the `views` of the data set; `photo_bytes` is the memory for
+    /// photos. `None` of photos of objects before nothing.
     pub(super) fn new(
-        file: &Path,
-        dataset: &'a Dataset,
+        (mesh, near): (&Mesh, f32),
+        dataset: &Dataset,
         views: &[&'a View],
-        options: &DatasetOptions,
-    ) -> Result<Option<Self>> {
-        let loaded = trisplat_formats::read(file, &options.read_options(0))?;
-        let Scene::Mesh(mesh) = loaded.scene else { return Ok(None) };
+        photo_bytes: u64,
+    ) -> Option<Self> {
         if views.iter().any(|view| view.photo.is_cut()) {
-            return Ok(None);
+            return None;
         }
-        let place = |view: &View| to_file(&view.camera, &loaded.provenance.placement, dataset.origin);
-        Ok(Some(Self {
-            mesh,
-            cameras: dataset.train().map(place).collect(),
-            views: views.iter().map(|view| (*view, place(view))).collect(),
-            photos: Photos::new(views.iter().map(|view| view.photo.clone()).collect(), options.photo_bytes()),
+        Some(Self {
+            mesh: mesh.clone(),
+            options: SolidRasterOptions { near, ..SolidRasterOptions::default() },
+            cameras: dataset.train().map(|view| view.camera).collect(),
+            views: views.to_vec(),
+            photos: Photos::new(views.iter().map(|view| view.photo.clone()).collect(), photo_bytes),
             solid: SolidRasterizer::new(),
-        }))
+        })
     }
 
     /// The name of view `i`, and the PSNR of its drawing, dB; `None` of one that shows nothing of the kind.
     pub(super) fn psnr(&mut self, i: usize, picture: &RgbImage) -> Result<Option<(String, f64)>> {
-        let (view, camera) = self.views[i];
+        let View { name, camera, .. } = self.views[i];
         let photo = self.photos.take(i)?;
-        let seen = self.solid.visibility(&self.mesh, &camera, &SolidRasterOptions::default());
+        let seen = self.solid.visibility(&self.mesh, camera, &self.options);
         let back = camera.rotation.transpose();
         let weight = |pixel: usize| {
             let at = Vec2::new((pixel as u32 % camera.size.x) as f32, (pixel as u32 / camera.size.x) as f32);
@@ -217,7 +215,7 @@ impl<'a> ShownTwice<'a> {
         let weights = parallel::collect(seen.depth.len(), parallel::GRAIN, weight);
         let is_any = weights.iter().any(|weight| *weight > 0);
         let psnr = || metric::psnr(&photo.rgb, &picture.rgb, Some(&weights));
-        Ok(is_any.then(|| (view.name.clone(), psnr())))
+        Ok(is_any.then(|| (name.clone(), psnr())))
     }
 }
 
@@ -248,6 +246,7 @@ impl Scores {
 mod tests {
     use super::*;
     use glam::{UVec2, Vec3};
+    use trisplat_dataset::DatasetOptions;
     use trisplat_synthetic::SyntheticOptions;
 
     #[test]
@@ -265,7 +264,8 @@ mod tests {
         let mut twice = ShownTwice {
             mesh: Mesh::from_triangles(&wall, &[[0.5; 3]]).unwrap(),
             cameras: vec![left, left, camera],
-            views: vec![(view, camera)],
+            options: SolidRasterOptions::default(),
+            views: vec![view],
             photos: Photos::new(vec![view.photo.clone()], 0),
             solid: SolidRasterizer::new(),
         };
