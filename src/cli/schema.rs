@@ -91,37 +91,11 @@ fn report_schema() -> schemars::Schema {
     let mut generator = schemars::generate::SchemaSettings::draft2020_12().into_generator();
     macro_rules! schemas { ($($details:ty),*) => { [$(stage_schema::<$details>(&mut generator)),*] } }
     let stages = schemas!(
-        PhotosDetails,
-        FeaturesDetails,
-        MatchesDetails,
-        ModelDetails,
-        VerdictDetails,
-        BackgroundDetails,
-        CropDetails,
-        ArrangeDetails,
-        TrialRun,
-        TeacherDetails,
-        CollisionDetails,
-        SurfaceDetails,
-        TilesDetails,
-        PruneDetails,
-        SolidDetails,
-        ColorDetails,
-        UnseenDetails,
-        ExposureDetails,
-        BackdropDetails,
-        ReshapeDetails,
-        RefitDetails,
-        TextureDetails,
-        LitDetails,
-        WeldDetails,
-        PlaceDetails,
-        ViewpointDetails,
-        ChunkDetails,
-        OrderDetails,
-        LodDetails,
-        WriteDetails,
-        TrainDetails
+        PhotosDetails, FeaturesDetails, MatchesDetails, ModelDetails, VerdictDetails, BackgroundDetails,
+        CropDetails, ArrangeDetails, TrialRun, TeacherDetails, CollisionDetails, SurfaceDetails,
+        TilesDetails, PruneDetails, SolidDetails, ColorDetails, UnseenDetails, ExposureDetails,
+        BackdropDetails, ReshapeDetails, RefitDetails, TextureDetails, LitDetails, WeldDetails, PlaceDetails,
+        ViewpointDetails, ChunkDetails, OrderDetails, LodDetails, WriteDetails, TrainDetails
     );
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {

@@ -12,21 +12,8 @@ use trisplat_train::{BackendOptions, TrainOptions};
 
 /// Options that a plan sets for all its blocks.
 const BLOCK_FIXES: [&str; 15] = [
-    "output",
-    "config",
-    "sets",
-    "from",
-    "teacher",
-    "resume",
-    "checkpoint",
-    "keep",
-    "eval_every",
-    "budget",
-    "budget_wall",
-    "preset",
-    "steps",
-    "max_triangles",
-    "seed",
+    "output", "config", "sets", "from", "teacher", "resume", "checkpoint", "keep", "eval_every", "budget",
+    "budget_wall", "preset", "steps", "max_triangles", "seed",
 ];
 
 /// A block of a plan.
@@ -267,13 +254,7 @@ mod tests {
     fn the_command_repeats_what_the_checkpoint_does_not_hold() {
         assert_eq!(after(&[]), "trisplat train photos --output x.ply --force --resume x.checkpoint");
         let typed = [
-            "--steps",
-            "70",
-            "--set",
-            "densify.every=5",
-            "--max-size",
-            "300",
-            "--test-every=4",
+            "--steps", "70", "--set", "densify.every=5", "--max-size", "300", "--test-every=4",
             "--skip-broken",
         ];
         let more =

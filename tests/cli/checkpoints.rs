@@ -19,15 +19,7 @@ fn stopped() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     crate::samples::photos(folder.path().join("photos"), [6, 24, 40], 0);
     let options = [
-        "--steps",
-        "20",
-        "--max-triangles",
-        "200",
-        "--background",
-        "#203040",
-        "--max-size",
-        "20",
-        "--preset",
+        "--steps", "20", "--max-triangles", "200", "--background", "#203040", "--max-size", "20", "--preset",
         "outdoor",
     ];
     let every = ["-o", "a.ply", "--checkpoint-every", "15"];
@@ -92,15 +84,7 @@ fn a_run_goes_on_with_what_it_was_made_of_or_not_at_all() {
 fn the_last_checkpoints_are_kept_and_the_newest_whole_one_is_found() {
     let folder = stopped();
     let options = [
-        "--steps",
-        "20",
-        "--max-triangles",
-        "200",
-        "--checkpoint-every",
-        "5",
-        "--keep",
-        "2",
-        "--preset",
+        "--steps", "20", "--max-triangles", "200", "--checkpoint-every", "5", "--keep", "2", "--preset",
         "outdoor",
     ];
     let train = ["train", "photos", "-o", "b.ply", "--checkpoint", "kept/b.checkpoint"];

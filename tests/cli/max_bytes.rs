@@ -18,16 +18,7 @@ fn files_take_no_more_bytes_than_they_may() {
     let size = format!("{limit}B");
     let (out, report) = (path("half.glb"), path("report.json"));
     let output = trisplat(&[
-        &"bake",
-        &studio,
-        &"-o",
-        &out,
-        &"--preset",
-        &"fast",
-        &"--max-bytes",
-        &size,
-        &"--report",
-        &report,
+        &"bake", &studio, &"-o", &out, &"--preset", &"fast", &"--max-bytes", &size, &"--report", &report,
     ]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(bytes("half.glb") <= limit && bytes("half.glb") as f64 > 0.95 * limit as f64);

@@ -52,12 +52,11 @@ fn a_run_that_goes_on_has_the_teacher_it_began_with() {
     let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
     let resume = |flags: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        command.current_dir(folder).arg("train").arg(dataset()).args([
-            "--max-size",
-            "80",
-            "--background",
-            "#203040",
-        ]);
+        command
+            .current_dir(folder)
+            .arg("train")
+            .arg(dataset())
+            .args(["--max-size", "80", "--background", "#203040"]);
         let checkpoint = ["--resume", "a.step-00000020.checkpoint", "-o", "a.ply", "--force"];
         command.args(checkpoint).args(flags).output().unwrap()
     };

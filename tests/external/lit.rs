@@ -20,14 +20,7 @@ fn lit_scenes_are_valid_gltf() {
         (
             "backdrop.glb",
             &[
-                "--lit",
-                "--target",
-                "unity",
-                "--set",
-                "compress=true",
-                "--backdrop",
-                "sphere",
-                "--dataset",
+                "--lit", "--target", "unity", "--set", "compress=true", "--backdrop", "sphere", "--dataset",
                 &photos,
             ],
         ),

@@ -49,19 +49,8 @@ pub(crate) fn capture_replaces() -> Case {
 
 pub(crate) fn make() -> Case {
     const MAKE: &[&str] = &[
-        "make",
-        "in/photos/images",
-        "-o",
-        "out/a.glb",
-        "--work",
-        "out/work",
-        "--poses",
-        "in/colmap",
-        "--steps",
-        "100",
-        "--max-triangles",
-        "200",
-        "--force",
+        "make", "in/photos/images", "-o", "out/a.glb", "--work", "out/work", "--poses", "in/colmap",
+        "--steps", "100", "--max-triangles", "200", "--force",
     ];
     case("make", 8, MAKE, &[], |_| {})
 }

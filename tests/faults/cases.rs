@@ -51,19 +51,8 @@ fn before(arguments: &[&str]) -> Tree {
 }
 
 const BAKE: &[&str] = &[
-    "bake",
-    "in/a.ply",
-    "-o",
-    "out/a.gltf",
-    "--lod",
-    "0.5",
-    "--target",
-    "godot",
-    "--report",
-    "out/report.json",
-    "--force",
-    "--teacher",
-    "off",
+    "bake", "in/a.ply", "-o", "out/a.gltf", "--lod", "0.5", "--target", "godot", "--report",
+    "out/report.json", "--force", "--teacher", "off",
 ];
 
 pub(crate) fn bake_replaces() -> Case {
@@ -92,31 +81,9 @@ pub(crate) fn bake_new() -> Case {
 
 pub(crate) fn train() -> Case {
     const TRAIN: &[&str] = &[
-        "train",
-        "in/photos",
-        "-o",
-        "out/a.ply",
-        "--log",
-        "out/log.jsonl",
-        "--report",
-        "out/report.json",
-        "--preview",
-        "out/preview",
-        "--preview-every",
-        "0",
-        "--checkpoint-every",
-        "2",
-        "--keep",
-        "2",
-        "--steps",
-        "6",
-        "--log-every",
-        "3",
-        "--max-triangles",
-        "200",
-        "--force",
-        "--preset",
-        "outdoor",
+        "train", "in/photos", "-o", "out/a.ply", "--log", "out/log.jsonl", "--report", "out/report.json",
+        "--preview", "out/preview", "--preview-every", "0", "--checkpoint-every", "2", "--keep", "2",
+        "--steps", "6", "--log-every", "3", "--max-triangles", "200", "--force", "--preset", "outdoor",
     ];
     let mut old = TRAIN.to_vec();
     old.extend(["--seed", "7"]);
@@ -132,20 +99,8 @@ pub(crate) fn train() -> Case {
 
 pub(crate) fn train_with_teacher() -> Case {
     const TRAIN: &[&str] = &[
-        "train",
-        "in/photos",
-        "-o",
-        "out/a.ply",
-        "--teacher",
-        "auto",
-        "--checkpoint-every",
-        "4",
-        "--keep",
-        "2",
-        "--steps",
-        "8",
-        "--max-triangles",
-        "200",
+        "train", "in/photos", "-o", "out/a.ply", "--teacher", "auto", "--checkpoint-every", "4", "--keep",
+        "2", "--steps", "8", "--max-triangles", "200",
         // A killed run leaves its teacher, which is whole.
         "--force",
     ];
@@ -161,18 +116,8 @@ pub(crate) fn train_with_teacher() -> Case {
 
 pub(crate) fn eval() -> Case {
     const EVAL: &[&str] = &[
-        "eval",
-        "in/mesh.obj",
-        "in/photos",
-        "--report",
-        "out/report.json",
-        "--save-renders",
-        "out/renders",
-        "--split",
-        "all",
-        "--ssaa",
-        "1",
-        "--force",
+        "eval", "in/mesh.obj", "in/photos", "--report", "out/report.json", "--save-renders", "out/renders",
+        "--split", "all", "--ssaa", "1", "--force",
     ];
     let mut old = EVAL.to_vec();
     old.extend(["--background", "white"]);
@@ -202,19 +147,8 @@ pub(crate) fn render() -> Case {
 }
 
 const PLAN: &[&str] = &[
-    "plan",
-    "in/photos",
-    "-o",
-    "out/city",
-    "--blocks",
-    "2",
-    "--steps",
-    "80",
-    "--max-triangles",
-    "600",
-    "--min-cover",
-    "0",
-    "--force",
+    "plan", "in/photos", "-o", "out/city", "--blocks", "2", "--steps", "80", "--max-triangles", "600",
+    "--min-cover", "0", "--force",
 ];
 
 /// A case whose outputs are all there or none, after the runs of `earlier`.

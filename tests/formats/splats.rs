@@ -340,12 +340,7 @@ fn glb(node: &str, edit: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
         vec![7.0, 8.0, 9.0],
     ];
     let names = [
-        "ROTATION",
-        "SCALE",
-        "OPACITY",
-        "SH_DEGREE_0_COEF_0",
-        "SH_DEGREE_1_COEF_0",
-        "SH_DEGREE_1_COEF_1",
+        "ROTATION", "SCALE", "OPACITY", "SH_DEGREE_0_COEF_0", "SH_DEGREE_1_COEF_0", "SH_DEGREE_1_COEF_1",
         "SH_DEGREE_1_COEF_2",
     ];
     let mut attributes = serde_json::json!({"POSITION": 0});

@@ -167,17 +167,8 @@ fn mesh_writes_a_surface_and_refuses_what_bake_refuses() {
     let (done, said) = trisplat(
         folder.path(),
         &[
-            "mesh",
-            "a.ply",
-            "-o",
-            "s.ply",
-            "--resolution",
-            "96",
-            "--max-triangles",
-            "5000",
-            "--report",
-            "r.json",
-            "-v",
+            "mesh", "a.ply", "-o", "s.ply", "--resolution", "96", "--max-triangles", "5000", "--report",
+            "r.json", "-v",
         ],
     );
     assert!(done.status.success(), "{said}");

@@ -16,17 +16,8 @@ fn folder_of_photos() -> tempfile::TempDir {
 
 fn train(folder: &Path, more: &[&str]) -> (Output, String) {
     let start = [
-        "train",
-        "photos",
-        "-o",
-        "scene.ply",
-        "--force",
-        "--steps",
-        "3",
-        "--max-triangles",
-        "200",
-        "--teacher",
-        "off",
+        "train", "photos", "-o", "scene.ply", "--force", "--steps", "3", "--max-triangles", "200",
+        "--teacher", "off",
     ];
     let program = env!("CARGO_BIN_EXE_trisplat");
     let output = Command::new(program).current_dir(folder).args(start).args(more).output().unwrap();

@@ -200,16 +200,7 @@ fn a_window_shows_what_the_cpu_draws_and_follows_mouse_and_keys() {
     write_photos(&desk.at("photos"));
     desk.run(&["render", "studio.glb", "-o", "cpu", "--ssaa", "1", "--dataset", "photos", "--split", "all"]);
     let view = [
-        "view",
-        "studio.glb",
-        "--dataset",
-        "photos",
-        "--size",
-        PHOTO,
-        "--msaa",
-        "1",
-        "--screenshots",
-        "shots",
+        "view", "studio.glb", "--dataset", "photos", "--size", PHOTO, "--msaa", "1", "--screenshots", "shots",
     ];
     desk.open(&view);
 
@@ -374,15 +365,7 @@ fn a_training_is_shown_while_it_runs_and_its_file_is_that_of_one_nobody_watches(
     samples::photos(desk.at("photos"), [12, 64, 300], 0);
     let train = |output: &'static str, more: &[&'static str]| {
         let plain = [
-            "train",
-            "photos",
-            "--preset",
-            "solid",
-            "--steps",
-            "400",
-            "--max-triangles",
-            "600",
-            "--teacher",
+            "train", "photos", "--preset", "solid", "--steps", "400", "--max-triangles", "600", "--teacher",
             "off",
         ];
         [&plain[..], &["--backend", "cpu", "--output", output], more].concat()

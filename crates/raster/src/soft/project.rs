@@ -241,23 +241,8 @@ impl PieceGroup {
         let (shift, [x0, y0, x1, y1]) = (shift * scale, bounds);
         let radius = radius(&splat);
         let all = [
-            origin.x,
-            origin.y,
-            a.x,
-            a.y,
-            b.x,
-            b.y,
-            c.x,
-            c.y,
-            shift,
-            floor,
-            log2_opacity,
-            x0,
-            y0,
-            x1,
-            y1,
-            radius,
-            depth,
+            origin.x, origin.y, a.x, a.y, b.x, b.y, c.x, c.y, shift, floor, log2_opacity, x0, y0, x1, y1,
+            radius, depth,
         ];
         (columns(all), L::bits(drawn))
     }

@@ -67,38 +67,18 @@ impl TilePasses {
         let forward = match plan.by_pixel() {
             false => pass!("forward", "tile_table", "tile_batch", "shade", "layer_sums"),
             true => pass!(
-                "forward_by_pixel",
-                "tile_table",
-                "tile_batch",
-                "shade",
-                "layer_sums",
-                "pixel_grad",
-                "behind",
-                "layer_share"
+                "forward_by_pixel", "tile_table", "tile_batch", "shade", "layer_sums", "pixel_grad",
+                "behind", "layer_share"
             ),
         };
         let backward = match plan.by_pixel() {
             false => pass!(
-                "backward",
-                "tile_table",
-                "shade",
-                "pixel_grad",
-                "behind",
-                "layer_share",
-                "slot_part",
-                "put_slot",
-                "splat_sums",
-                "pair_sums"
+                "backward", "tile_table", "shade", "pixel_grad", "behind", "layer_share", "slot_part",
+                "put_slot", "splat_sums", "pair_sums"
             ),
             true => pass!(
-                "backward_by_pixel",
-                "tile_table",
-                "shade",
-                "pixel_grad",
-                "slot_part",
-                "put_slot",
-                "splat_sums",
-                "pair_sums"
+                "backward_by_pixel", "tile_table", "shade", "pixel_grad", "slot_part", "put_slot",
+                "splat_sums", "pair_sums"
             ),
         };
         let kernel = |pass: Pass| Kernel::new(gpu, pass.name, pass.source(&plan.constants()));
