@@ -72,6 +72,16 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
         "{said}"
     );
 
+    // The page begins where the subject's file does.
+    let [page, subject] = ["scene.html", "scene.subject.glb"].map(|name| {
+        let provenance = trisplat::read(at(name)).unwrap().provenance;
+        (provenance.placement, provenance.viewpoint.unwrap())
+    });
+    let first = page.0.inverse().then(&subject.0).viewpoint_to_file(&page.1);
+    let apart = (0..3)
+        .map(|i| (first.eye[i] - subject.1.eye[i]).abs() + (first.target[i] - subject.1.target[i]).abs());
+    assert!(apart.sum::<f64>() < 1e-3 && (first.fov - subject.1.fov).abs() < 1e-9, "{first:?} {subject:?}");
+
     // Nothing is replaced without --force.
     let refused = make(folder.path(), &[]);
     assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));

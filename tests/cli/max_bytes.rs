@@ -138,5 +138,5 @@ fn limits_count_surroundings_which_take_an_eighth_at_most() {
     let from_glb = bake(&whole, "glb.glb", &limit);
     assert!(std::fs::metadata(&from_glb).unwrap().len() <= 90_000);
     let [soup, glb] = [from_soup, from_glb].map(|file| psnr(&file, &path("eval.json")));
-    assert!(glb > soup - 1.3, "{glb:.2} dB of the GLB, {soup:.2} dB of the soup and photos");
+    assert!(glb > soup - 1.0, "{glb:.2} dB of the GLB, {soup:.2} dB of the soup and photos");
 }

@@ -380,3 +380,63 @@ fn a_mesh_that_says_nothing_hears_what_was_taken_for_up_and_what_its_alpha_remov
     assert!(text.contains("taken as −y: --up y if it lies on its head"), "{text}");
     assert!(!said(&["--up", "y"]).contains("taken as"));
 }
+
+/// What a terminal shows after `text`, by lines.
+fn screen(text: &str) -> Vec<String> {
+    let (mut rows, mut row, mut column) = (vec![Vec::new()], 0usize, 0usize);
+    let mut letters = text.chars();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\r' => column = 0,
+            '\n' => row += 1,
+            '\u{1b}' => {
+                let mut word = String::new();
+                while !word.ends_with(|c: char| c.is_ascii_alphabetic()) {
+                    word.extend(letters.next().or(Some('m')));
+                }
+                let count = word.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap_or(0);
+                match word.chars().last() {
+                    Some('A') => row = row.saturating_sub(count.max(1)),
+                    Some('B') => row += count.max(1),
+                    Some('G') => column = count.max(1) - 1,
+                    Some('K') if count == 2 => rows[row].clear(),
+                    Some('K') => rows[row].truncate(column),
+                    Some('J') => rows.truncate(row + 1),
+                    _ => {}
+                }
+            }
+            letter => {
+                let line: &mut Vec<char> = &mut rows[row];
+                line.resize(line.len().max(column + 1), ' ');
+                line[column] = letter;
+                column += 1;
+            }
+        }
+        rows.resize(rows.len().max(row + 1), Vec::new());
+    }
+    rows.into_iter().map(String::from_iter).collect()
+}
+
+/// A terminal shows a spinner while a bake runs, and nothing of it afterwards.
+#[test]
+fn no_spinner_stays_in_the_terminal() {
+    if Command::new("script").arg("--version").output().is_err() {
+        return crate::skip::skipped("no `script`, which gives a program a terminal");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (program, soup, photos) = (env!("CARGO_BIN_EXE_trisplat"), sample("trained.ply"), dataset());
+    let bake = format!("'{program}' bake '{}' -o out.glb --dataset '{}'", soup.display(), photos.display());
+    let mut command = Command::new("script");
+    let done = command
+        .current_dir(&folder)
+        .args(["-qec", &bake, "/dev/null"])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&done.stdout);
+    let spins = |text: &str| text.contains(|c: char| ('\u{2800}'..'\u{2900}').contains(&c));
+    assert!(done.status.success() && spins(&said), "{said}");
+    let left = screen(&said);
+    assert!(left.iter().any(|line| line.contains("wrote out.glb")), "{left:?}");
+    assert!(!left.iter().any(|line| spins(line)), "{left:?}");
+}

@@ -161,6 +161,9 @@ pub fn place(
     provenance.placement = provenance.placement.then(&placement);
     let viewpoint = provenance.viewpoint.map(|viewpoint| placement.viewpoint_to_file(&viewpoint));
     provenance.viewpoint = viewpoint.filter(Viewpoint::is_possible);
+    let cameras = placed::named_cameras(provenance);
+    let cameras = cameras.iter().map(|camera| placed::to_file(camera, &placement, DVec3::ZERO));
+    provenance.cameras = placed::named(&cameras.collect::<Vec<Camera>>());
     (details.scale, details.center) = (Some(placement.scale), Some(placement.center));
     details.rotate = (placement.rotate != 0.0).then_some(placement.rotate);
     let transform = placement.transform();

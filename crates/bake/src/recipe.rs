@@ -31,6 +31,7 @@ use pictures::{Cameras, Pictures, Seen, Shared};
 use std::ops::ControlFlow::Continue;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::placed::{named, named_cameras};
 use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObserver, counted};
 use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
@@ -74,7 +75,7 @@ impl<'a> Recipe<'a> {
         let traits = self.traits(&loaded, &pictures);
         let collision = self.collision(&loaded, &pictures)?;
         let facing = self.surface(&loaded, &pictures)?;
-        let ImportedScene { mut scene, provenance, warnings, cameras } = loaded;
+        let ImportedScene { mut scene, mut provenance, warnings, cameras } = loaded;
         self.report.warnings.extend(warnings);
         let cameras = Cameras::new(cameras, &pictures, own);
         if let Scene::Soup(soup) = &mut scene {
@@ -83,7 +84,7 @@ impl<'a> Recipe<'a> {
         }
         let mesh = self.solidify(scene, apart, &cameras.watching)?;
         let mesh = self.few_shell(mesh, apart, &cameras.watching)?;
-        let mesh = self.unseen(mesh, apart, pictures.any(), &cameras, traits.is_soft)?;
+        let mesh = self.unseen(mesh, given.as_ref(), pictures.any(), &cameras, traits.is_soft)?;
         self.misfit(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
@@ -113,7 +114,11 @@ impl<'a> Recipe<'a> {
         self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
 
         let seen = Seen { watching: &cameras.watching, facing: facing.as_ref() };
-        let from = Provenance { backdrop: count_behind, ..provenance.clone() };
+        let mut from = Provenance { backdrop: count_behind, ..provenance.clone() };
+        if !cameras.of_photos.is_empty() {
+            from.cameras = named(&cameras.of_photos);
+        }
+        provenance.cameras.clear();
         let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
         let (asset, frame) = self.package(mesh, from, evidence, seen, None)?;
         if silent && self.options.place.up == PlaceOptions::DEFAULT.up && cameras.of_photos.is_empty() {
@@ -208,7 +213,9 @@ impl<'a> Recipe<'a> {
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
-        let seen_by = pictures.photos.as_deref().map_or(&cameras[..], Views::cameras);
+        let of_file = named_cameras(&provenance);
+        let stored = if cameras.is_empty() { &of_file } else { &cameras };
+        let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
         let mut scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
             crop(scene, seen_by, provenance.up, options, details)
         })?;
@@ -358,16 +365,26 @@ impl<'a> Recipe<'a> {
     /// As soon as triangles are opaque and hide each other, before later stages work on hidden ones.
     fn unseen(
         &mut self,
-        mesh: Mesh,
-        apart: usize,
+        mut mesh: Mesh,
+        given: Option<&Mesh>,
         mut views: Option<&mut Views>,
         cameras: &Cameras,
         is_soft: bool,
     ) -> Result<Mesh> {
-        let options = self.options;
+        let (options, apart) = (self.options, self.counted(given));
         // Chosen cameras have not seen everything: they rank triangles, but drop none as unseen.
         let chosen = cameras.of_photos.is_empty();
-        let left = options.prune.max_triangles.map(|most| most.saturating_sub(apart as u64).max(1));
+        let mut left = options.prune.max_triangles.map(|most| most.saturating_sub(apart as u64).max(1));
+        // Gaps show what is behind them.
+        let is_limited = apart > 0 && left.is_some_and(|left| left < mesh.face_count() as u64);
+        let is_plain =
+            |mesh: &Mesh| mesh.indices.is_empty() && mesh.texture.is_none() && mesh.shell.is_empty();
+        let behind = given.filter(|given| is_limited && is_plain(given) && is_plain(&mesh)).cloned();
+        let is_behind = behind.is_some();
+        if let Some(behind) = behind {
+            mesh.append(Mesh { shell: vec![true; apart], ..behind })?;
+            left = options.prune.max_triangles;
+        }
         let budget = match &views {
             Some(_) if apart == 0 => options.backdrop.scene_budget(left),
             _ => left,
@@ -375,7 +392,7 @@ impl<'a> Recipe<'a> {
         let unseen_options =
             UnseenOptions { keep_unseen: options.unseen.keep_unseen || chosen, ..options.unseen.clone() };
         let cameras = if chosen && budget.is_none() { &[] } else { &cameras.watching[..] };
-        self.report.long_stage(
+        let mut kept = self.report.long_stage(
             self.observer,
             mesh,
             Mesh::counts,
@@ -396,7 +413,11 @@ impl<'a> Recipe<'a> {
                     outcome
                 })
             },
-        )
+        )?;
+        if is_behind {
+            kept.take_shell();
+        }
+        Ok(kept)
     }
 
     /// On the first opaque triangles, so that photos of another scene cost no more than this. Drawn pictures always show their scene.

@@ -8,15 +8,16 @@ use super::prune::{PruneDetails, PruneOptions, prune};
 use super::solid::{SolidOptions, area_factor, solid};
 use super::views::{SAMPLES, Views, drawing};
 use crate::solid::color;
-use glam::{DVec3, UVec2};
+use glam::UVec2;
 use trisplat_formats::info::Softness;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
-use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::placed::named_cameras;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
 use trisplat_scene::{ImportedScene, Result, Scene, Soup};
@@ -158,44 +159,15 @@ pub(super) fn viewpoints(scene: &ImportedScene) -> Option<Viewpoints> {
     Some(viewpoints)
 }
 
-/// Width and height of the pictures that a file's own viewpoint is drawn in, px.
-const OWN_SIZE: UVec2 = UVec2::new(520, 440);
-/// Elevations of those cameras, and turns at each.
-const OWN_RINGS: [u32; 2] = [4, 16];
-/// Their distances, in turn, as shares of that of the viewpoint: photos are taken from near and far.
-const NEARER: [f64; 2] = [1.0, 0.7];
-/// How far its orbit goes beyond the photos, rad, as framing has it.
-const BEYOND: f64 = 0.26;
-
-/// Where the file of a mesh says that one looks from: around its first viewpoint as far as photos were taken or, where that is unknown, from
-/// chosen places. None without a viewpoint.
+/// Where a mesh is seen from: the cameras of photos that its file names or, without any, places chosen by its first viewpoint. None
+/// without that.
 pub(super) fn own_cameras(scene: &ImportedScene) -> Vec<Camera> {
-    let Some(first) = scene.provenance.viewpoint.filter(Viewpoint::is_possible) else { return Vec::new() };
-    let Some(orbit) = first.orbit else {
-        return viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras);
-    };
-    let (up, target) = (DVec3::from(first.up), DVec3::from(first.target));
-    let ahead = (DVec3::from(first.eye) - target).reject_from(up).normalize_or(up.any_orthonormal_vector());
-    let within = |[low, high]: [f64; 2], share: f64| {
-        let beyond = BEYOND.min((high - low) / 2.0);
-        low + beyond + share * (high - low - 2.0 * beyond)
-    };
-    let [rings, turns] = OWN_RINGS;
-    let camera = |i: u32| {
-        let (ring, place) = (f64::from(i / turns), f64::from(i % turns) / f64::from(turns));
-        let elevation = within(orbit.elevation.map(f64::to_radians), (ring + 0.5) / f64::from(rings));
-        let turn = match orbit.turn {
-            Some(turn) => within(turn.map(f64::to_radians), place + 0.5 / f64::from(turns)),
-            // Every ring is turned against the one below.
-            None => std::f64::consts::TAU * (place + ring / f64::from(turns * rings)),
-        };
-        let ((sin, cos), (high, wide)) = (libm::sincos(turn), libm::sincos(elevation));
-        let way = (ahead * cos + up.cross(ahead) * sin) * wide + up * high;
-        let near = NEARER[(i % 2) as usize];
-        let eye = (target + way * (near * f64::from(first.distance()))).to_array();
-        Viewpoint { eye, ..first }.camera(OWN_SIZE)
-    };
-    std::iter::once(first.camera(OWN_SIZE)).chain((0..rings * turns).map(camera)).collect()
+    let named = named_cameras(&scene.provenance);
+    let is_seen = scene.provenance.viewpoint.is_some_and(|first| first.is_possible());
+    if !named.is_empty() || !is_seen {
+        return named;
+    }
+    viewpoints(scene).map_or(Vec::new(), |viewpoints| viewpoints.cameras)
 }
 
 /// The pictures of a solid `scene` and of what is `behind` it, from `cameras`: what fewer triangles are to look like. `None` without cameras, and of

@@ -283,6 +283,7 @@ mod provenance_tests {
                     orbit: Some(OrbitRange { turn: Some([-scale.min(360.0), 0.1]), elevation: [-0.3, 1.0 / 3.0] }),
                 }),
                 backdrop: seed as u32,
+                cameras: vec![[0.5; 8]],
             };
             let comment = to_comment(&provenance);
             prop_assert!(!comment.contains(['\n', '\r']));

@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use trisplat_bake::{BackdropWhen, BakeOptions, CropDetails};
+use trisplat_bake::{BackdropWhen, BakeOptions, CropDetails, ViewpointDetails};
 use trisplat_dataset::capture::{Capture, CaptureOptions, VerdictDetails, check_apart};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::output::{self, OutputFormat};
 use trisplat_scene::atomic::{AtomicFile, MadeFolders, Manifest};
 use trisplat_scene::report::{Report, StageReport};
-use trisplat_scene::{Asset, Error, Limits, Region, Result, Seconds, input};
+use trisplat_scene::{Asset, Error, Limits, Provenance, Region, Result, Seconds, input};
 use trisplat_train::{BackendOptions, RunOptions, TrainOptions, checkpoint};
 
 /// Share of the budget for training; the bake needs less than the rest.
@@ -416,11 +416,18 @@ impl MakeJob {
         job.photos = Some(photos.clone());
         job.dataset_options = self.dataset_options.clone();
         let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
-        let done = job.save(&self.output, observer)?;
+        let mut done = job.save(&self.output, observer)?;
         report.options = done.report.options.clone();
         report.stages.extend(done.report.stages);
         report.outputs.extend(done.report.outputs);
         warn(report, done.report.warnings);
+        let subject = match self.subject_file() {
+            Some(file) if observer(Event::Part(MakePart::Subject)).is_continue() => {
+                let written = write_subject(of_subject, &file, &mut done.asset, report, observer)?;
+                written.then_some(file)
+            }
+            _ => None,
+        };
         if let Some(page) = &self.page {
             let mut options = BakeOptions::default();
             let planned = options.plan_output(page, None)?;
@@ -429,22 +436,16 @@ impl MakeJob {
                 ControlFlow::Continue(())
             })?;
         }
-        let subject = match self.subject_file() {
-            Some(file) if observer(Event::Part(MakePart::Subject)).is_continue() => {
-                let written = write_subject(of_subject, &file, &done.asset, report, observer)?;
-                written.then_some(file)
-            }
-            _ => None,
-        };
         self.note(Vec::new()).map(|()| subject)
     }
 }
 
-/// Bakes the subject and writes its file. Returns false where nothing stands out, as in a room, and where it is all of `whole`.
+/// Bakes the subject, writes its file, and lets `whole` begin at the photo that shows it best. Returns false where nothing stands out, as in a
+/// room, and where it is all of `whole`.
 fn write_subject(
     mut job: BakeJob,
     file: &Path,
-    whole: &Asset,
+    whole: &mut Asset,
     report: &mut Report,
     observer: Observer<'_>,
 ) -> Result<bool> {
@@ -460,6 +461,11 @@ fn write_subject(
         return Ok(false);
     }
     output::write(&done.asset, &planned, planned.start()?, &options, report, &mut stages(observer))?;
+    if done.report.details::<ViewpointDetails>().is_some_and(|first| first.photo.is_some()) {
+        let Provenance { placement, viewpoint, .. } = done.asset.provenance;
+        let moved = placement.inverse().then(&whole.provenance.placement);
+        whole.provenance.viewpoint = viewpoint.map(|first| moved.viewpoint_to_file(&first));
+    }
     warn(report, done.report.warnings);
     Ok(true)
 }

@@ -110,7 +110,8 @@ impl Blocks {
         }
         shell.truncate_sh(degree);
         let cameras = self.cameras(&cameras);
-        let provenance = Provenance { viewpoint: None, ..provenance.unwrap_or_default() };
+        let provenance =
+            Provenance { viewpoint: None, cameras: Vec::new(), ..provenance.unwrap_or_default() };
         let path = file.path().to_owned();
         let io = |e| Error::io(&path, e);
         let mut out =

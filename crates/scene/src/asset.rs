@@ -121,7 +121,8 @@ impl Asset {
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
         let collision = self.collision.clone();
         let scene = Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
-        let provenance = Provenance { viewpoint: None, ..provenance(self.provenance.backdrop) };
+        let provenance =
+            Provenance { viewpoint: None, cameras: Vec::new(), ..provenance(self.provenance.backdrop) };
         let backdrop = Asset { provenance, ..Asset::from(behind) };
         Some((scene, backdrop))
     }
@@ -393,6 +394,10 @@ pub struct Provenance {
     /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
+    /// Some of its photos' cameras in the frame of this file: position, x, y and z of the unit quaternion from camera to world with w >= 0,
+    /// tangents of half the angles of view across and down.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<[f64; 8]>,
 }
 
 impl Provenance {

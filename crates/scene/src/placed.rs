@@ -1,11 +1,12 @@
 //! Frames of a scene: cameras in that of a file, training space, and a region of the world.
 
-use crate::asset::Placement;
+use crate::asset::{Placement, Provenance};
 use crate::camera::Camera;
-use crate::math::lists::median;
+use crate::limits::Limits;
+use crate::math::lists::{evenly_spaced, median};
 use crate::rng::Rng;
 use crate::soup::Soup;
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec2, DVec3, Vec3};
 use std::fmt;
 use std::str::FromStr;
 
@@ -34,6 +35,48 @@ pub fn to_world(camera: &Camera, placement: &Placement, origin: DVec3) -> Camera
         translation: (moved - rotation * (DVec3::from(placement.center) - origin)).as_vec3(),
         ..*camera
     }
+}
+
+// ---- The cameras of photos that a file names ----------------------------------------------------------
+
+/// Most of them: 60 bytes each.
+const MOST_CAMERAS: usize = 32;
+/// Pixels of a picture by one of them.
+const PIXELS: f64 = 230_000.0;
+/// Digits of their numbers: thousandths of what they are apart, or of a turn.
+const DIGITS: f64 = 1e4;
+
+/// Some of `cameras` as [`Provenance::cameras`] has them.
+pub fn named(cameras: &[Camera]) -> Vec<[f64; 8]> {
+    let chosen: Vec<Camera> = evenly_spaced(cameras.len(), MOST_CAMERAS).map(|i| cameras[i]).collect();
+    let apart = chosen.iter().map(|c| c.position().distance(chosen[0].position())).fold(0.0, f32::max);
+    let unit = libm::pow(10.0, libm::floor(libm::log10(f64::from(apart).max(1e-9))));
+    let rounded = |number: f64, digits: f64| (number * digits).round() / digits;
+    let numbers = |camera: &Camera| {
+        let turn = DQuat::from_mat3(&camera.rotation.as_dmat3().transpose());
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        let half = (camera.size.as_vec2() / camera.focal / 2.0).as_dvec2();
+        let at = camera.position().as_dvec3().to_array().map(|x| rounded(x, DIGITS / unit));
+        let rest = [turn.x, turn.y, turn.z, half.x, half.y].map(|x| rounded(x, DIGITS));
+        std::array::from_fn(|i| if i < 3 { at[i] } else { rest[i - 3] })
+    };
+    chosen.iter().map(numbers).collect()
+}
+
+/// The cameras that a file names, as far as they are possible.
+pub fn named_cameras(provenance: &Provenance) -> Vec<Camera> {
+    let camera = |&[px, py, pz, x, y, z, wide, high]: &[f64; 8]| {
+        let eye = DVec3::new(px, py, pz).as_vec3();
+        let turn = DQuat::from_xyzw(x, y, z, (1.0 - x * x - y * y - z * z).max(0.0).sqrt()).normalize();
+        let half = DVec2::new(wide, high);
+        let size = (half * (PIXELS / (wide * high)).sqrt()).round();
+        let rotation = glam::DMat3::from_quat(turn).transpose().as_mat3();
+        let (center, focal) = ((size / 2.0).as_vec2(), (size / half / 2.0).as_vec2());
+        let camera =
+            Camera { rotation, translation: -(rotation * eye), focal, center, size: size.as_uvec2() };
+        camera.validate(&Limits::DEFAULT).ok().map(|()| camera)
+    };
+    provenance.cameras.iter().take(MOST_CAMERAS).filter_map(camera).collect()
 }
 
 // ---- Training space, in which rates and epsilons mean the same for every scene ----
@@ -183,6 +226,33 @@ mod tests {
     use super::*;
     use crate::asset::UpAxis;
     use glam::{Mat3, UVec2, Vec2, Vec3};
+
+    #[test]
+    fn named_cameras_see_what_the_photos_see() {
+        let size = UVec2::new(640, 480);
+        let (focal, center) = (Vec2::new(400.0, 410.0), size.as_vec2() / 2.0);
+        let lens = Camera { rotation: Mat3::IDENTITY, translation: Vec3::ZERO, focal, center, size };
+        let eye = |i: usize| Vec3::new(3.0 * (i as f32).cos(), 0.2 * i as f32, 3.0 * (i as f32).sin());
+        for scale in [1.0, 3e4, 2e-3] {
+            let camera = |i| lens.looking(scale * eye(i), Vec3::ZERO, Vec3::new(0.1 * i as f32, 1.0, 0.0));
+            let cameras: Vec<Camera> = (0..40).map(camera).collect();
+            let mut provenance = Provenance { cameras: named(&cameras), ..Provenance::default() };
+            let back = named_cameras(&provenance);
+            assert_eq!(back.len(), MOST_CAMERAS);
+            for (i, back) in back.iter().enumerate() {
+                let camera = cameras[i * 40 / MOST_CAMERAS];
+                let point = scale * Vec3::new(0.3, -0.4, 0.2);
+                let seen = |camera: &Camera| camera.shows(point).expect("in view").0 / camera.size.as_vec2();
+                assert!(seen(&camera).distance(seen(back)) < 2e-3, "{scale} {i}");
+            }
+            // Numbers of a damaged file.
+            provenance.cameras[0][3] = 7.0;
+            provenance.cameras[1][7] = 0.0;
+            provenance.cameras[2][0] = 1e300;
+            assert_eq!(named_cameras(&provenance).len(), MOST_CAMERAS - 2);
+        }
+        assert!(named(&[]).is_empty());
+    }
 
     #[test]
     fn a_placed_camera_sees_placed_points_where_it_saw_them() {

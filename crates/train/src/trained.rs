@@ -180,5 +180,6 @@ pub(super) fn provenance(dataset: &Dataset) -> Provenance {
         // The soup stores its cameras, so viewers can choose among them.
         viewpoint: None,
         backdrop: 0,
+        cameras: Vec::new(),
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! In the smallest ball around the point that cameras look at in which something is whole: the lowest layer with much area that they see is
 //! its support, such as a table, or a wall. What is connected above it around the middle is the object; what is beside, behind and below is
-//! left out, except the support within a hand's breadth, cut along an ellipse.
+//! left out, except the support within a hand's breadth, cut along a polygon.
 
 use super::volume::{Frame, Outline, Piece, REACH, SubjectVolume, Support};
 use crate::place::ground::Foreground;
@@ -31,8 +31,10 @@ const GROWTH: f32 = 1.189_207_1;
 const WIDTH: usize = 4;
 /// A share of the area in view that is all of it.
 const ALL: f32 = 0.9;
-/// What ends within this share of the reach is whole.
+/// What ends within this share of the reach upwards, ...
 const ENDS: f32 = 0.9;
+/// ... and within this one on the ground, is whole.
+const ENDS_ACROSS: f32 = 0.75;
 /// What is smaller, in radii, is a part of the subject.
 const LEAST_SIZE: f32 = 0.25;
 /// The lowest layer with at least this share of the largest is the support.
@@ -98,19 +100,24 @@ fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standin
     let areas = seen(&mesh, cameras, ball);
     let ways = ways(&mesh, cameras, up);
     let looked_at = looked_at(cameras);
-    let tries = looked_at.iter().flat_map(|ball| ways.iter().map(move |way| (*ball, *way)));
     let standing = |(ball, way)| Standing::new(scene, &areas, Frame::new(ball, way));
     // Only what hangs from something is on a wall.
-    let is_whole =
-        |found: &Standing, way: DVec3| found.is_whole() && (found.support.is_some() || way == ways[0]);
-    let mut whole =
-        tries.filter_map(|(ball, way)| standing((ball, way)).filter(|found| is_whole(found, way)));
+    let is_whole = |found: &Standing, way: usize| found.is_whole() && (found.support.is_some() || way == 0);
+    let mut middle = None;
+    for (size, ball) in looked_at.iter().enumerate() {
+        for (number, way) in ways.iter().enumerate() {
+            let found = standing((*ball, *way));
+            if found.as_ref().is_some_and(|found| is_whole(found, number)) {
+                return found;
+            }
+            middle = if (size, number) == (WIDTH, 0) { found } else { middle };
+        }
+    }
     // What ends nowhere is cut out as photos show it, unless it is all that they show.
     let all: f32 = areas.iter().sum();
-    let reached =
-        || standing((ball, *ways.first()?)).filter(|found| looked_at.is_empty() || found.sees() > ALL * all);
-    let middle = || Some(standing((*looked_at.get(WIDTH)?, *ways.first()?))?.cut());
-    whole.next().or_else(reached).or_else(middle)
+    let reached = standing((ball, *ways.first()?));
+    let reached = reached.filter(|found| looked_at.is_empty() || found.sees() > ALL * all);
+    reached.or_else(|| middle.map(Standing::cut))
 }
 
 /// Balls around the point that `cameras` look at: from a quarter of the width of most pictures there to half of their height.
@@ -189,16 +196,16 @@ impl Standing {
     /// All that is in the ball.
     fn cut(mut self) -> Self {
         self.object = self.pieces.iter().filter(|piece| piece.middle.length() < 1.0).copied().collect();
-        self.outline = Outline { center: Vec2::ZERO, axes: [Vec2::X, Vec2::Y], half: Vec2::ONE, top: 1.0 };
+        self.outline = Outline::disc(1.0);
         self.support = Some(Support { height: -1.0, low: -1.0 - LAYER, high: LAYER - 1.0 });
         self
     }
 
     /// Whether it ends within the ball, and is no mere part of what is in the middle.
     fn is_whole(&self) -> bool {
-        let Outline { center, half, top, .. } = self.outline;
-        let far = center.length() + half.max_element();
-        far.max(top) < ENDS * REACH && half.max_element() > LEAST_SIZE && center.length() < half.max_element()
+        let outline = &self.outline;
+        let ends = outline.far() < ENDS_ACROSS * REACH && outline.top < ENDS * REACH;
+        ends && outline.radius() > LEAST_SIZE && outline.is_central()
     }
 }
 

@@ -9,10 +9,10 @@ use trisplat_scene::math::lists::median;
 pub(super) const REACH: f32 = 1.6;
 /// Longest side of a triangle that is in the cells of its corners too, in radii: longer ones reach from one thing to another.
 const JOINED: f32 = 0.5;
-/// A hand's breadth, in half axes of the object.
-const HAND: f32 = 0.15;
-/// Share of the object within its half axes: some triangles lie astray.
-const WITHIN: f32 = 0.98;
+/// A hand's breadth, in radii of the object.
+const HAND: f32 = 0.12;
+/// Share of the object that is within each of its sides: some triangles lie astray.
+const WITHIN: f32 = 0.99;
 
 /// A triangle, in heights and places on the ground around the middle of the subject's ball, whose radius is 1.
 #[derive(Clone, Copy)]
@@ -39,8 +39,8 @@ impl Piece {
     }
 }
 
-/// Sides of the polygon that stands for the outline where triangles are cut.
-const SIDES: usize = 64;
+/// Sides of an outline.
+const SIDES: usize = 32;
 
 /// What a subject stands on, or hangs from.
 #[derive(Debug, Clone, Copy)]
@@ -83,7 +83,7 @@ impl SubjectVolume {
         let (ball, outline) = (self.frame.ball, &self.outline);
         let center = ball.center + ball.radius * self.frame.out(outline.center.extend(0.0));
         let away = median(cameras.iter().map(|c| c.position().distance(center)).collect(), f32::total_cmp)?;
-        Some(f64::from(ball.radius * outline.half.max_element() / away))
+        Some(f64::from(ball.radius * outline.radius() / away))
     }
 
     /// Which faces of a surface are within it, `corners` of the i-th; the support ends at its last whole ring. `[F]`
@@ -117,11 +117,8 @@ impl SubjectVolume {
         let mut inside = heights.into_iter().fold(corners.to_vec(), |polygon, inside| {
             beyond(&polygon, |corner| inside(self.frame.within(corner)))
         });
-        let apothem = edge * libm::cosf(std::f32::consts::PI / SIDES as f32);
-        for side in 0..SIDES {
-            let turn = std::f32::consts::TAU * side as f32 / SIDES as f32;
-            let out = Vec2::new(libm::cosf(turn), libm::sinf(turn));
-            let within = |corner| apothem - self.outline.place(self.frame.within(corner)).dot(out);
+        for side in &self.outline.sides {
+            let within = |corner| self.outline.inside(self.frame.within(corner), *side, edge);
             inside = beyond(&inside, within);
         }
         (2..inside.len()).map(|i| [inside[0], inside[i - 1], inside[i]]).collect()
@@ -230,11 +227,12 @@ impl Frame {
     }
 }
 
-/// An ellipse on the ground around an object and a hand's breadth, up to its top.
+/// A polygon on the ground around an object and a hand's breadth, up to its top: a hull, as a circle would leave viewers that frame the file
+/// less of the object.
 pub(super) struct Outline {
-    pub(super) center: Vec2,
-    pub(super) axes: [Vec2; 2],
-    pub(super) half: Vec2,
+    center: Vec2,
+    /// The directions of its sides, and how far from the center they are.
+    sides: [(Vec2, f32); SIDES],
     pub(super) top: f32,
 }
 
@@ -247,43 +245,65 @@ impl Outline {
         if !center.is_finite() {
             return None;
         }
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for piece in object {
-            let d = ground(piece) - center;
-            (xx, xy, yy) =
-                (xx + piece.area * d.x * d.x, xy + piece.area * d.x * d.y, yy + piece.area * d.y * d.y);
-        }
-        let turn = 0.5 * libm::atan2f(2.0 * xy, xx - yy);
-        let along = Vec2::new(libm::cosf(turn), libm::sinf(turn));
-        let axes = [along, along.perp()];
-        let quantile = |value: &dyn Fn(&Piece) -> f32| {
-            let mut values: Vec<f32> = object.iter().map(value).collect();
+        let mut values = vec![0.0; object.len()];
+        let mut quantile = |value: &dyn Fn(&Piece) -> f32| {
+            values.iter_mut().zip(object).for_each(|(slot, piece)| *slot = value(piece));
             let at = ((values.len() as f32 * WITHIN) as usize).min(values.len() - 1);
             *values.select_nth_unstable_by(at, f32::total_cmp).1
         };
-        let half = axes.map(|axis| quantile(&|piece| (ground(piece) - center).dot(axis).abs()).max(1e-3));
-        let half = Vec2::from(half);
-        let away =
-            |piece: &Piece| (Vec2::from(axes.map(|axis| (ground(piece) - center).dot(axis))) / half).length();
-        let half = half * quantile(&away);
-        let hand = HAND * half.max_element();
-        Some(Self { center, axes, half: half + hand, top: quantile(&|piece| piece.middle.z) + hand })
+        let mut outline = Self::disc(1e-3);
+        for (out, reach) in &mut outline.sides {
+            *reach = reach.max(quantile(&|piece| (ground(piece) - center).dot(*out)));
+        }
+        let (hand, top) = (HAND * outline.radius(), quantile(&|piece| piece.middle.z));
+        outline.sides.iter_mut().for_each(|side| side.1 += hand);
+        Some(Self { center, top: top + hand, ..outline })
     }
 
-    /// A place on the ground, in half axes.
+    /// One around the middle, as high as it is wide.
+    pub(super) fn disc(radius: f32) -> Self {
+        let side = |i: usize| {
+            let turn = std::f32::consts::TAU * i as f32 / SIDES as f32;
+            (Vec2::new(libm::cosf(turn), libm::sinf(turn)), radius)
+        };
+        Self { center: Vec2::ZERO, sides: std::array::from_fn(side), top: radius }
+    }
+
+    /// How far it reaches from its center.
+    pub(super) fn radius(&self) -> f32 {
+        self.sides.iter().map(|side| side.1).fold(0.0, f32::max)
+    }
+
+    /// How far it reaches from the middle.
+    pub(super) fn far(&self) -> f32 {
+        self.center.length() + self.radius()
+    }
+
+    /// Whether the middle is within its reach.
+    pub(super) fn is_central(&self) -> bool {
+        self.center.length() < self.radius()
+    }
+
+    /// How far beyond a side something is, at a share of the outline.
+    fn inside(&self, corner: Vec3, (out, reach): (Vec2, f32), share: f32) -> f32 {
+        share * reach - (corner.truncate() - self.center).dot(out)
+    }
+
+    /// A place on the ground, 1 from the middle at the outline.
     fn place(&self, corner: Vec3) -> Vec2 {
         let at = corner.truncate() - self.center;
-        Vec2::from(self.axes.map(|axis| at.dot(axis))) / self.half
+        let share = self.sides.iter().map(|(out, reach)| at.dot(*out) / reach).fold(0.0, f32::max);
+        at.normalize_or_zero() * share
     }
 
-    /// How far out a triangle reaches, in half axes.
+    /// How far out a triangle reaches, as a share of it.
     fn farthest(&self, piece: &Piece) -> f32 {
         piece.corners.iter().map(|corner| self.place(*corner).length()).fold(0.0, f32::max)
     }
 
-    /// Whether a corner is below its top and within a share of its half axes.
+    /// Whether a corner is below its top and within a share of it.
     fn has(&self, corner: Vec3, share: f32) -> bool {
-        self.place(corner).length_squared() <= share * share && corner.z <= self.top
+        corner.z <= self.top && self.sides.iter().all(|side| self.inside(corner, *side, share) >= 0.0)
     }
 
     /// Whether a triangle is within it.

@@ -109,7 +109,8 @@ impl SetWriter<'_> {
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
-            let provenance = Provenance { backdrop: 0, viewpoint: None, ..asset.provenance.clone() };
+            let provenance =
+                Provenance { backdrop: 0, viewpoint: None, cameras: Vec::new(), ..asset.provenance.clone() };
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
             warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }
