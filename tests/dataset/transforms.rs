@@ -69,7 +69,7 @@ fn nerfstudio_with_shared_intrinsics_and_points() {
     assert_eq!(dataset.test().count(), 1, "every 8th of six");
     std::fs::remove_file(folder.path().join("sparse_pc.ply")).unwrap();
     let error = error_of(folder.path());
-    assert!(error.contains("transforms.json: ply_file_path") && error.contains("random points"), "{error}");
+    assert!(error.contains("transforms.json: ply_file_path") && error.contains("points found"), "{error}");
 }
 
 #[test]

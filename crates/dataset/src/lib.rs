@@ -41,5 +41,5 @@ pub use lens::{Distortion, Lens, Projection};
 pub use options::{Background, DatasetOptions, Masks};
 pub use photo::{Photo, PictureFile, StoredPicture};
 pub use photos::Photos;
-pub use points::random_points;
+pub use points::{looking_distance, random_points};
 pub use posed::{Dataset, DatasetKind, Point, Reprojection, ShrunkSize, Split, View};

@@ -442,7 +442,7 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
         warnings.push(format!("dropped {} points that are not finite", count - kept));
     }
     if kept == 0 {
-        warnings.push("no points: training starts from a random cloud in front of the cameras".into());
+        warnings.push("no points: training searches where three photos agree".into());
     }
 }
 

@@ -70,7 +70,7 @@ fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
 
 /// The viewing distance: the median distance of the cameras to their common focus; without one, twice the
 /// spread of the cameras; 1 for a single place.
-fn looking_distance(views: &[&View]) -> f32 {
+pub fn looking_distance(views: &[&View]) -> f32 {
     let count = views.len() as f32;
     let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();
     let middle = centers.iter().sum::<Vec3>() / count;

@@ -107,10 +107,8 @@ fn plain(name: &str) -> String {
 /// The cloud that `file` names.
 fn points(file: &Path, ply: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> {
     if !ply.exists() {
-        let reason = format!(
-            "{} does not exist; restore it, or remove the key to start from random points",
-            ply.display()
-        );
+        let reason =
+            format!("{} does not exist; restore it, or remove the key to have points found", ply.display());
         return Err(Error::malformed(file, "ply_file_path", reason));
     }
     read_ply(ply, limits)

@@ -12,7 +12,9 @@ use trisplat_scene::process::cpu_secs;
 use trisplat_scene::report::{Report, StageDetails, StageReport};
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
 use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit, WholeBudget};
-use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained};
+use trisplat_train::{
+    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained, find_points,
+};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
@@ -153,6 +155,7 @@ impl TrainJob {
             }
         };
         let paced = self.keep_to_budget(enough, began)?;
+        self.find_points()?;
         warnings.extend(self.dataset.warnings.iter().cloned());
         let share = teacher.is_some().then(|| self.picture_share());
         let taught = match (&teacher, share) {
@@ -296,6 +299,7 @@ impl TrainJob {
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
         let paced = job.keep_to_budget(enough, began)?;
+        job.find_points()?;
         let run =
             TrainRun::new(&job.dataset, &job.options.options).with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
@@ -312,6 +316,14 @@ impl TrainJob {
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
         TeacherDetails::STAGE.clone_into(&mut stage.name);
         Ok((trained.into(), stage))
+    }
+
+    /// Finds points if the data set has none and the run starts from them.
+    fn find_points(&mut self) -> Result<()> {
+        if self.from.is_some() {
+            return Ok(());
+        }
+        find_points(&mut self.dataset, self.dataset_options.photo_bytes())
     }
 
     /// The clock of the budget.

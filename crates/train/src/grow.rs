@@ -1,4 +1,5 @@
-//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree.
+//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree. Without any, all depths
+//! are tried.
 //!
 //! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al. 2007, Furukawa and Ponce 2010). Depth
 //! and tilt of each follow the normalised correlation with other photos. A point stays where three photos found it.
@@ -27,6 +28,16 @@ const BEST_ANGLE: f32 = 0.17;
 const MOST_TRIALS: u8 = 3;
 /// Depths of one surface in two photos differ by less, as a share.
 const SAME_DEPTH: f32 = 0.007;
+/// The same in the small photos of a search.
+const SAME_FOUND: f32 = 0.02;
+/// Depths of a search, even in their inverse.
+const DEPTHS: u32 = 48;
+/// The nearest of them, as a share of the distance at which a photo looks.
+const NEAREST: f32 = 0.25;
+/// Least correlation of a depth that is adjusted.
+const FIRST_MATCH: f32 = 0.7;
+/// Cells of all photos in a search.
+const SEARCHED_CELLS: u64 = 60_000;
 /// Photos that agree on a point.
 const LEAST_PHOTOS: usize = 3;
 /// Cosine of the flattest angle at which a plane is seen.
@@ -265,8 +276,8 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Grows from tracked points; returns the plane of each cell.
-    fn run(mut self, seeds: &[Seed]) -> Vec<Option<Plane>> {
+    /// Begins at tracked points.
+    fn plant(&mut self, seeds: &[Seed]) {
         let camera = &self.own.camera;
         for seed in seeds {
             let Some((at, depth)) = camera.shows(seed.position) else { continue };
@@ -274,6 +285,31 @@ impl<'a> Growth<'a> {
             let normal = -ray(camera, at).normalize();
             self.offer(cell, Plane { depth, normal, score: 0.0 });
         }
+    }
+
+    /// Begins at the best depth of each cell, for a photo that looks at this distance.
+    fn search(&mut self, usual: f32) {
+        for cell in 0..self.planes.len() as u32 {
+            let at = self.cells.middle(cell);
+            let Some(patch) = self.patch(at).filter(|_| self.own.counts(at)) else { continue };
+            let from = ray(&self.own.camera, at);
+            // Other cells try other depths, by the golden ratio; the best goes to its neighbours.
+            let shift = (cell as f32 * 0.618_034).fract();
+            let plane = |k: u32| {
+                let depth = NEAREST * usual * DEPTHS as f32 / (k as f32 + shift + 0.01);
+                let plane = Plane { depth, normal: -from.normalize(), score: 0.0 };
+                Plane { score: self.score(from, plane, &patch), ..plane }
+            };
+            let best = (0..DEPTHS).map(plane).max_by(|a, b| a.score.total_cmp(&b.score));
+            if let Some(plane) = best.filter(|plane| plane.score > FIRST_MATCH) {
+                self.offer(cell, plane);
+            }
+        }
+    }
+
+    /// Goes from cell to cell; returns the plane of each.
+    fn run(mut self) -> Vec<Option<Plane>> {
+        let camera = &self.own.camera;
         let mut trials = vec![0u8; self.planes.len()];
         while let Some(Entry { score, cell }) = self.queue.pop() {
             let Some(plane) = self.planes[cell as usize].filter(|plane| plane.score == score) else {
@@ -390,18 +426,63 @@ impl<'a> Growth<'a> {
 
 /// The points on which three photos agree, for a scene of this many triangles.
 pub(crate) fn grow(photos: &[Grey], seeds: &[Seed], triangles: u64) -> Vec<GrownPoint> {
-    let mut of_photo: Vec<Vec<Seed>> = vec![Vec::new(); photos.len()];
+    let of_photo = by_photo(photos.len(), seeds);
+    let begin = |growth: &mut Growth<'_>, own: usize| growth.plant(&of_photo[own]);
+    let same = |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_DEPTH;
+    spread(photos, &others(photos, &of_photo), CELLS.saturating_mul(triangles), begin, same)
+}
+
+/// The points on which three photos agree, where nothing is known but the distance at which they look.
+pub(crate) fn search(photos: &[Grey], usual: f32) -> Vec<GrownPoint> {
+    let of_photo = by_photo(photos.len(), &looked_at(photos, usual));
+    let begin = |growth: &mut Growth<'_>, _: usize| growth.search(usual);
+    // Far away a pixel is a larger share of the depth.
+    let same =
+        |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_FOUND * (0.5 * depth / usual).max(1.0);
+    spread(photos, &others(photos, &of_photo), SEARCHED_CELLS, begin, same)
+}
+
+/// Places that photos may show, in place of tracked points: on nine rays of each, at three depths.
+fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
+    let mut seeds = Vec::new();
+    for (own, Grey { camera, .. }) in photos.iter().enumerate() {
+        for i in 0..27u32 {
+            let at = Vec2::new((i % 3) as f32 + 0.5, (i / 3 % 3) as f32 + 0.5) / 3.0;
+            let seen = ray(camera, at * camera.size.as_vec2()) * usual * 0.5 * 2f32.powf((i / 9) as f32);
+            let position = camera.rotation.transpose() * (seen - camera.translation);
+            let point = 27 * own as u32 + i;
+            let shows = |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
+            let shown = (0..photos.len()).filter(shows);
+            seeds.extend(shown.map(|photo| Seed { photo: photo as u32, point, position }));
+        }
+    }
+    seeds
+}
+
+fn by_photo(count: usize, seeds: &[Seed]) -> Vec<Vec<Seed>> {
+    let mut of_photo: Vec<Vec<Seed>> = vec![Vec::new(); count];
     seeds.iter().for_each(|seed| of_photo[seed.photo as usize].push(*seed));
-    let others = others(photos, &of_photo);
+    of_photo
+}
+
+/// The planes that go from where each photo's growth begins over at most this many cells, where three photos agree.
+fn spread(
+    photos: &[Grey],
+    others: &[Vec<usize>],
+    most: u64,
+    begin: impl Fn(&mut Growth<'_>, usize) + Sync,
+    same: impl Fn(f32, f32) -> bool,
+) -> Vec<GrownPoint> {
     let count =
         |side: u32| photos.iter().map(|photo| Cells::new(&photo.camera, side).len() as u64).sum::<u64>();
-    let most = CELLS.saturating_mul(triangles);
     let side = (LEAST_CELL..).find(|side| count(*side) <= most).unwrap_or(u32::MAX);
-    let maps: Vec<Vec<Option<Plane>>> = (0..photos.len())
-        .into_par_iter()
-        .map(|own| Growth::new(photos, own, &others[own], side).run(&of_photo[own]))
-        .collect();
-    agreed(photos, &maps, side)
+    let of_photo = |own: usize| {
+        let mut growth = Growth::new(photos, own, &others[own], side);
+        begin(&mut growth, own);
+        growth.run()
+    };
+    let maps: Vec<Vec<Option<Plane>>> = (0..photos.len()).into_par_iter().map(of_photo).collect();
+    agreed(photos, &maps, side, same)
 }
 
 /// The photos to compare each with: those that show most of its points from an angle near the best.
@@ -426,8 +507,13 @@ fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
     (0..photos.len()).map(best).collect()
 }
 
-/// The surfaces that three photos found, each once.
-fn agreed(photos: &[Grey], maps: &[Vec<Option<Plane>>], side: u32) -> Vec<GrownPoint> {
+/// The surfaces that three photos found, each once; `is_same` of two depths in a photo.
+fn agreed(
+    photos: &[Grey],
+    maps: &[Vec<Option<Plane>>],
+    side: u32,
+    is_same: impl Fn(f32, f32) -> bool,
+) -> Vec<GrownPoint> {
     let cells: Vec<Cells> = photos.iter().map(|photo| Cells::new(&photo.camera, side)).collect();
     let mut used: Vec<Vec<bool>> = maps.iter().map(|map| vec![false; map.len()]).collect();
     let mut grown = Vec::new();
@@ -447,7 +533,7 @@ fn agreed(photos: &[Grey], maps: &[Vec<Option<Plane>>], side: u32) -> Vec<GrownP
                 let cell = cells[other].at(at)?;
                 let there = maps[other][cell as usize]?;
                 let found = there.depth_on(ray(camera, cells[other].middle(cell)), ray(camera, at));
-                ((found / depth - 1.0).abs() < SAME_DEPTH).then_some((other, cell))
+                is_same(found, depth).then_some((other, cell))
             };
             let shown: Vec<(usize, u32)> =
                 (0..photos.len()).filter(|other| *other != own).filter_map(same).collect();

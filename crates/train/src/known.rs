@@ -84,7 +84,7 @@ impl KnownDepth {
         if seeds.is_empty() {
             return Ok(known);
         }
-        let greys = greys(photos, level, cameras)?;
+        let greys = greys(photos, level, cameras, GROWN_SIZE)?;
         for grown in grow(&greys, &seeds, triangles) {
             let number = known.points.len() as u32;
             known.rays.extend(grown.photos.iter().map(|&photo| (photo, number)));
@@ -313,10 +313,10 @@ struct Blocked {
     right: u32,
 }
 
-/// The photos in grey, at the size that points grow in; decoded at `level`.
-fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera]) -> Result<Vec<Grey>> {
+/// The photos in grey, with sides of at most `longest` px; decoded at `level`.
+pub(crate) fn greys(photos: &mut Pyramid, level: u32, cameras: &[Camera], longest: f64) -> Result<Vec<Grey>> {
     let sizes = (0..cameras.len()).map(|i| photos.size(i, level).as_dvec2());
-    let sizes: Vec<_> = sizes.map(|size| size * (GROWN_SIZE / size.max_element()).min(1.0)).collect();
+    let sizes: Vec<_> = sizes.map(|size| size * (longest / size.max_element()).min(1.0)).collect();
     let pixels: f64 = sizes.iter().map(|size| size.element_product()).sum();
     let share = (GROWN_PIXELS / pixels).sqrt().min(1.0);
     let mut greys = Vec::with_capacity(cameras.len());

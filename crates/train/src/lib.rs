@@ -24,6 +24,7 @@ mod densify;
 mod device;
 mod eval;
 mod exposure;
+mod find;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod grow;
@@ -52,6 +53,7 @@ pub use densify::Densified;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
 pub use exposure::ExposureDetails;
+pub use find::find_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
 pub use identity::{PhotoIdentity, RunIdentity};

@@ -231,8 +231,7 @@ fn from_points(
             rgb: p.rgb.map(|c| f32::from(c) / 255.0),
         })
         .collect();
-    // Random points do not show the extent of the scene.
-    let mut soup = match shell::subdivisions(options).filter(|_| !points.is_empty()) {
+    let mut soup = match shell::subdivisions(options) {
         Some(subdivisions) => {
             let cameras: Vec<Camera> = cameras.iter().map(|c| space.camera_to_training(c)).collect();
             let positions: Vec<Vec3> = init_points.iter().map(|p| p.position).collect();
