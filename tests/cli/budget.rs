@@ -14,9 +14,9 @@ fn budget(report: &Path) -> Value {
 #[test]
 fn a_run_with_a_budget_is_repeated_without_it_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["-o", "budget.ply", "--budget", "9s", "--report", "report.json"];
+    let flags = ["-o", "budget.ply", "--budget", "5s", "--report", "report.json"];
     let text = stderr(&succeed(&mut train(folder.path(), &flags)));
-    assert!(text.lines().any(|line| line.starts_with("budget 9s of CPU time: ")), "{text}");
+    assert!(text.lines().any(|line| line.starts_with("budget 5s of CPU time: ")), "{text}");
     let details = budget(&folder.path().join("report.json"));
     assert_eq!(details["corrections"].as_array().unwrap().len(), 4, "{details}");
     assert!(details["spent_secs"].as_f64().unwrap() > 0.0);
@@ -33,7 +33,7 @@ fn a_run_with_a_budget_is_repeated_without_it_to_the_bit() {
 #[test]
 fn a_run_with_a_budget_goes_on_with_what_is_left_of_it() {
     let folder = tempfile::tempdir().unwrap();
-    let flags = ["-o", "a.ply", "--budget", "9s", "--max-cpu-secs", "0.000001", "--report", "report.json"];
+    let flags = ["-o", "a.ply", "--budget", "5s", "--max-cpu-secs", "0.000001", "--report", "report.json"];
     let stopped = succeed(&mut train(folder.path(), &flags));
     let before = budget(&folder.path().join("report.json"));
     resume(folder.path(), &stderr(&stopped));
@@ -54,7 +54,7 @@ fn budgets_that_cannot_be_kept_are_refused() {
     };
     fails(folder.path(), &with(&["--budget", "0.000001s"]), &["--budget is ", "expected ", "or more"]);
     fails(folder.path(), &with(&["--budget-wall", "0.000001s"]), &["--budget-wall is ", "or more"]);
-    fails(folder.path(), &with(&["--budget", "9s", "--set", "steps=7"]), &["--set", "--budget"]);
+    fails(folder.path(), &with(&["--budget", "5s", "--set", "steps=7"]), &["--set", "--budget"]);
     // Of a make, most is for the training: the message is about what was typed.
     let make: [&dyn AsRef<std::ffi::OsStr>; 6] = [&"make", &photos, &"-o", &"a.glb", &"--budget", &"0.02s"];
     fails(folder.path(), &make, &["--budget is 0.02s: expected ", "or more"]);
@@ -64,7 +64,7 @@ fn budgets_that_cannot_be_kept_are_refused() {
         let text = stderr(&output);
         assert!(output.status.code() == Some(2) && text.contains("30s, 2m or 1.5h"), "{bad}: {text}");
     }
-    let both = super::trisplat(&with(&["--budget", "9s", "--steps", "7"]));
+    let both = super::trisplat(&with(&["--budget", "5s", "--steps", "7"]));
     assert!(both.status.code() == Some(2) && stderr(&both).contains("--steps"), "{}", stderr(&both));
 }
 
@@ -81,11 +81,11 @@ fn a_budget_does_not_override_what_a_config_gives() {
     {
         let config = path(config);
         let train: [&dyn AsRef<std::ffi::OsStr>; 8] =
-            [&"train", &photos, &"-o", &out, &"--budget", &"9s", &"--config", &config];
+            [&"train", &photos, &"-o", &out, &"--budget", &"5s", &"--config", &config];
         fails(folder.path(), &train, &[key, "left out of --config", "--budget"]);
     }
     std::fs::write(path("triangles.json"), r#"{ "max_triangles": 1500 }"#).unwrap();
-    let flags = ["-o", "a.ply", "--budget", "9s", "--config", "triangles.json", "--report", "report.json"];
+    let flags = ["-o", "a.ply", "--budget", "5s", "--config", "triangles.json", "--report", "report.json"];
     succeed(&mut train(folder.path(), &flags));
     assert_eq!(budget(&path("report.json"))["plan"]["max_triangles"], 1500);
 }

@@ -156,7 +156,8 @@ fn a_tileset_names_the_tiles_there_are_and_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("scene.tileset.json");
     let bake = |args: &[&dyn AsRef<std::ffi::OsStr>]| {
-        let all: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"bake", &sample("studio.ply"), &"-o", &out];
+        let all: [&dyn AsRef<std::ffi::OsStr>; 6] =
+            [&"bake", &sample("studio.ply"), &"-o", &out, &"--preset", &"fast"];
         let output = trisplat(&[&all[..], args].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let set: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();

@@ -35,8 +35,9 @@ fn a_page_holds_the_scene_of_the_glb_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let [page, glb] = ["a <b>.html", "a.glb"].map(|name| folder.path().join(name));
     for flags in [&[][..], &["--set", "chunk_triangles=700"], &["--set", "weld=on"]] {
-        bake(&page, &[flags, &["--force"]].concat());
-        bake(&glb, &[flags, &["--force"]].concat());
+        let fast = [flags, &["--preset", "fast", "--force"]].concat();
+        bake(&page, &fast);
+        bake(&glb, &fast);
         assert_eq!(scene(&page), scene(&glb), "{flags:?}");
     }
     let text = std::fs::read_to_string(&page).unwrap();
@@ -51,7 +52,7 @@ fn pages_are_the_same_bytes_on_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let bytes = ["1", "3"].map(|threads| {
         let path = folder.path().join("scene.html");
-        bake(&path, &["--threads", threads, "--set", "chunk_triangles=500", "--force"]);
+        bake(&path, &["--threads", threads, "--preset", "fast", "--set", "chunk_triangles=500", "--force"]);
         std::fs::read(path).unwrap()
     });
     assert!(bytes[0] == bytes[1]);
