@@ -68,8 +68,8 @@ fn on_ray(view: &View, distance: f32, rng: Rng, index: u64) -> Vec3 {
     camera.rotation.transpose() * (seen - camera.translation)
 }
 
-/// The viewing distance: the median distance of the cameras to their common focus; without one, twice the
-/// spread of the cameras; 1 for a single place.
+/// The viewing distance: the median distance of the cameras to their common focus; without one or far beyond the cameras, twice
+/// their spread; 1 for a single place.
 pub fn looking_distance(views: &[&View]) -> f32 {
     let count = views.len() as f32;
     let centers: Vec<Vec3> = views.iter().map(|v| v.camera.position()).collect();
@@ -79,7 +79,9 @@ pub fn looking_distance(views: &[&View]) -> f32 {
     let Some(focus) = camera::focus(views.iter().map(|v| &v.camera)) else { return fallback };
     let distances = centers.iter().map(|c| c.distance(focus)).collect();
     let usual = median(distances, f32::total_cmp).unwrap_or(0.0);
-    if usual > 1e-3 * spread && usual > 0.0 { usual } else { fallback }
+    // Axes that are nearly parallel, as those of a drone that looks down, meet anywhere.
+    let is_sure = usual > 1e-3 * spread && usual < 10.0 * spread;
+    if is_sure && usual > 0.0 { usual } else { fallback }
 }
 
 #[cfg(test)]
