@@ -119,7 +119,7 @@ fn photos_are_watched_where_a_budget_has_time() {
     // Without the time, and without a teacher, nothing is watched.
     let (mut without, mut hurried) = (asked.clone(), asked);
     without.teacher = Some(TeacherSource::Off);
-    hurried.budget = Some(Budget::cpu(Seconds(40.0)));
+    hurried.budget = Some(Budget::cpu(Seconds(39.0)));
     for mut job in [without, hurried] {
         job.watch(&mut |_| Continue(())).unwrap();
         assert!(job.watched.is_none());

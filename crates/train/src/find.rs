@@ -2,10 +2,11 @@
 //!
 //! They take the place of the sparse cloud in all that it is used for: first triangles, shell, extents, known depth.
 
-use super::grow::{GrownPoint, search};
+use super::grow::{Grey, GrownPoint, Growth, Plane, Seed, by_photo, others, ray, spread};
 use super::known::greys;
 use super::pyramid::{MIN_PX, Pyramid};
 use super::start::thinned;
+use glam::Vec2;
 use trisplat_dataset::{Dataset, DatasetKind, Point, View, looking_distance};
 use trisplat_scene::Result;
 use trisplat_scene::camera::Camera;
@@ -14,6 +15,16 @@ use trisplat_scene::camera::Camera;
 const SIZE: f64 = 200.0;
 /// Photos searched at most, evenly over all.
 const PHOTOS: usize = 100;
+/// Depths of one surface in two of these photos differ by less, as a share.
+const SAME_FOUND: f32 = 0.02;
+/// Depths of a search, even in their inverse.
+const DEPTHS: u32 = 48;
+/// The nearest of them, as a share of the distance at which a photo looks.
+const NEAREST: f32 = 0.25;
+/// Least correlation of a depth that is adjusted.
+const FIRST_MATCH: f32 = 0.7;
+/// Cells of all photos in a search.
+const SEARCHED_CELLS: u64 = 60_000;
 /// Fewer points per photo say nothing about the scene.
 const LEAST_PER_PHOTO: usize = 10;
 
@@ -43,6 +54,55 @@ pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
         photos.iter().for_each(|photo| dataset.views[chosen[*photo as usize]].tracked.push(number as u32));
     }
     Ok(())
+}
+
+impl Growth<'_> {
+    /// Begins at the best depth of each cell, for a photo that looks at this distance.
+    fn search(&mut self, usual: f32) {
+        for cell in 0..self.planes.len() as u32 {
+            let at = self.cells.middle(cell);
+            let Some(patch) = self.patch(at).filter(|_| self.own.counts(at)) else { continue };
+            let from = ray(&self.own.camera, at);
+            // Other cells try other depths, by the golden ratio; the best goes to its neighbours.
+            let shift = (cell as f32 * 0.618_034).fract();
+            let plane = |k: u32| {
+                let depth = NEAREST * usual * DEPTHS as f32 / (k as f32 + shift + 0.01);
+                let plane = Plane { depth, normal: -from.normalize(), score: 0.0 };
+                Plane { score: self.score(from, plane, &patch), ..plane }
+            };
+            let best = (0..DEPTHS).map(plane).max_by(|a, b| a.score.total_cmp(&b.score));
+            if let Some(plane) = best.filter(|plane| plane.score > FIRST_MATCH) {
+                self.offer(cell, plane);
+            }
+        }
+    }
+}
+
+/// The points on which three photos agree, where nothing is known but the distance at which they look.
+fn search(photos: &[Grey], usual: f32) -> Vec<GrownPoint> {
+    let of_photo = by_photo(photos.len(), &looked_at(photos, usual));
+    let begin = |growth: &mut Growth<'_>, _: usize| growth.search(usual);
+    // Far away a pixel is a larger share of the depth.
+    let same =
+        |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_FOUND * (0.5 * depth / usual).max(1.0);
+    spread(photos, &others(photos, &of_photo), SEARCHED_CELLS, begin, same)
+}
+
+/// Places that photos may show, in place of tracked points: on nine rays of each, at three depths.
+fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
+    let mut seeds = Vec::new();
+    for (own, Grey { camera, .. }) in photos.iter().enumerate() {
+        for i in 0..27u32 {
+            let at = Vec2::new((i % 3) as f32 + 0.5, (i / 3 % 3) as f32 + 0.5) / 3.0;
+            let seen = ray(camera, at * camera.size.as_vec2()) * usual * 0.5 * 2f32.powf((i / 9) as f32);
+            let position = camera.rotation.transpose() * (seen - camera.translation);
+            let point = 27 * own as u32 + i;
+            let shows = |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
+            let shown = (0..photos.len()).filter(shows);
+            seeds.extend(shown.map(|photo| Seed { photo: photo as u32, point, position }));
+        }
+    }
+    seeds
 }
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
-//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree. Without any, all depths
-//! are tried.
+//! More points whose place is known: tracked points spread over the surfaces around them, where photos agree.
 //!
 //! In each photo planes go from cell to neighbouring cell, the best match first (Goesele et al. 2007, Furukawa and Ponce 2010). Depth
 //! and tilt of each follow the normalised correlation with other photos. A point stays where three photos found it.
@@ -28,16 +27,6 @@ const BEST_ANGLE: f32 = 0.17;
 const MOST_TRIALS: u8 = 3;
 /// Depths of one surface in two photos differ by less, as a share.
 const SAME_DEPTH: f32 = 0.007;
-/// The same in the small photos of a search.
-const SAME_FOUND: f32 = 0.02;
-/// Depths of a search, even in their inverse.
-const DEPTHS: u32 = 48;
-/// The nearest of them, as a share of the distance at which a photo looks.
-const NEAREST: f32 = 0.25;
-/// Least correlation of a depth that is adjusted.
-const FIRST_MATCH: f32 = 0.7;
-/// Cells of all photos in a search.
-const SEARCHED_CELLS: u64 = 60_000;
 /// Photos that agree on a point.
 const LEAST_PHOTOS: usize = 3;
 /// Cosine of the flattest angle at which a plane is seen.
@@ -84,7 +73,7 @@ pub(crate) struct GrownPoint {
 /// A photo in grey.
 #[derive(Debug)]
 pub(crate) struct Grey {
-    camera: Camera,
+    pub(super) camera: Camera,
     /// Greys in [0, 1]. `[H * W]`
     value: Vec<f32>,
     photo: Arc<RgbImage>,
@@ -113,7 +102,7 @@ impl Grey {
     }
 
     /// Whether a pixel is not masked.
-    fn counts(&self, at: Vec2) -> bool {
+    pub(super) fn counts(&self, at: Vec2) -> bool {
         self.photo.alpha.as_ref().is_none_or(|alpha| alpha[self.index(at)] > 127)
     }
 
@@ -147,12 +136,12 @@ fn offsets() -> [Vec2; SAMPLES] {
 }
 
 /// The ray of a pixel, with z = 1.
-fn ray(camera: &Camera, at: Vec2) -> Vec3 {
+pub(super) fn ray(camera: &Camera, at: Vec2) -> Vec3 {
     ((at - camera.center) / camera.focal).extend(1.0)
 }
 
 /// The greys around a place.
-struct Patch {
+pub(super) struct Patch {
     /// Weights of the samples; they sum to 1.
     weights: [f32; SAMPLES],
     /// Weights times differences from the mean, as shares of the deviation.
@@ -165,12 +154,12 @@ fn weighted(weights: &[f32; SAMPLES], values: &[f32; SAMPLES]) -> f32 {
 
 /// A plane through a surface, seen from a photo.
 #[derive(Debug, Clone, Copy)]
-struct Plane {
-    depth: f32,
+pub(super) struct Plane {
+    pub(super) depth: f32,
     /// Unit normal towards the photo, in its axes.
-    normal: Vec3,
+    pub(super) normal: Vec3,
     /// Correlation with other photos.
-    score: f32,
+    pub(super) score: f32,
 }
 
 impl Plane {
@@ -182,7 +171,7 @@ impl Plane {
 
 /// The cells of a photo.
 #[derive(Debug, Clone, Copy)]
-struct Cells {
+pub(super) struct Cells {
     size: UVec2,
     side: u32,
 }
@@ -196,7 +185,7 @@ impl Cells {
         self.size.element_product() as usize
     }
 
-    fn middle(&self, cell: u32) -> Vec2 {
+    pub(super) fn middle(&self, cell: u32) -> Vec2 {
         let at = UVec2::new(cell % self.size.x, cell / self.size.x);
         (at.as_vec2() + 0.5) * self.side as f32
     }
@@ -248,12 +237,12 @@ struct Other<'a> {
 }
 
 /// Growth within one photo.
-struct Growth<'a> {
-    own: &'a Grey,
+pub(super) struct Growth<'a> {
+    pub(super) own: &'a Grey,
     others: Vec<Other<'a>>,
-    cells: Cells,
+    pub(super) cells: Cells,
     offsets: [Vec2; SAMPLES],
-    planes: Vec<Option<Plane>>,
+    pub(super) planes: Vec<Option<Plane>>,
     queue: BinaryHeap<Entry>,
 }
 
@@ -287,26 +276,6 @@ impl<'a> Growth<'a> {
         }
     }
 
-    /// Begins at the best depth of each cell, for a photo that looks at this distance.
-    fn search(&mut self, usual: f32) {
-        for cell in 0..self.planes.len() as u32 {
-            let at = self.cells.middle(cell);
-            let Some(patch) = self.patch(at).filter(|_| self.own.counts(at)) else { continue };
-            let from = ray(&self.own.camera, at);
-            // Other cells try other depths, by the golden ratio; the best goes to its neighbours.
-            let shift = (cell as f32 * 0.618_034).fract();
-            let plane = |k: u32| {
-                let depth = NEAREST * usual * DEPTHS as f32 / (k as f32 + shift + 0.01);
-                let plane = Plane { depth, normal: -from.normalize(), score: 0.0 };
-                Plane { score: self.score(from, plane, &patch), ..plane }
-            };
-            let best = (0..DEPTHS).map(plane).max_by(|a, b| a.score.total_cmp(&b.score));
-            if let Some(plane) = best.filter(|plane| plane.score > FIRST_MATCH) {
-                self.offer(cell, plane);
-            }
-        }
-    }
-
     /// Goes from cell to cell; returns the plane of each.
     fn run(mut self) -> Vec<Option<Plane>> {
         let camera = &self.own.camera;
@@ -331,7 +300,7 @@ impl<'a> Growth<'a> {
     }
 
     /// Adjusts a plane to the photos, and keeps it if it is the best of its cell.
-    fn offer(&mut self, cell: u32, plane: Plane) {
+    pub(super) fn offer(&mut self, cell: u32, plane: Plane) {
         let at = self.cells.middle(cell);
         if !(plane.depth > 0.0 && self.own.counts(at)) {
             return;
@@ -346,7 +315,7 @@ impl<'a> Growth<'a> {
     }
 
     /// The greys around a place; `None` at the border and without texture.
-    fn patch(&self, at: Vec2) -> Option<Patch> {
+    pub(super) fn patch(&self, at: Vec2) -> Option<Patch> {
         let mut greys = self.own.sample(&self.offsets.map(|offset| at + offset))?;
         // Of the middle's own surface: beside an outline the rest is of another, at another depth (Yoon and Kweon 2006).
         let middle = greys[SAMPLES / 2];
@@ -384,7 +353,7 @@ impl<'a> Growth<'a> {
     }
 
     /// Mean of the two best correlations of a patch with other photos: one of them may be hidden.
-    fn score(&self, from: Vec3, plane: Plane, patch: &Patch) -> f32 {
+    pub(super) fn score(&self, from: Vec3, plane: Plane, patch: &Patch) -> f32 {
         let normal = plane.normal / (plane.depth * plane.normal.dot(from));
         let mut best = [-1.0f32; 2];
         for other in &self.others {
@@ -432,41 +401,14 @@ pub(crate) fn grow(photos: &[Grey], seeds: &[Seed], triangles: u64) -> Vec<Grown
     spread(photos, &others(photos, &of_photo), CELLS.saturating_mul(triangles), begin, same)
 }
 
-/// The points on which three photos agree, where nothing is known but the distance at which they look.
-pub(crate) fn search(photos: &[Grey], usual: f32) -> Vec<GrownPoint> {
-    let of_photo = by_photo(photos.len(), &looked_at(photos, usual));
-    let begin = |growth: &mut Growth<'_>, _: usize| growth.search(usual);
-    // Far away a pixel is a larger share of the depth.
-    let same =
-        |found: f32, depth: f32| (found / depth - 1.0).abs() < SAME_FOUND * (0.5 * depth / usual).max(1.0);
-    spread(photos, &others(photos, &of_photo), SEARCHED_CELLS, begin, same)
-}
-
-/// Places that photos may show, in place of tracked points: on nine rays of each, at three depths.
-fn looked_at(photos: &[Grey], usual: f32) -> Vec<Seed> {
-    let mut seeds = Vec::new();
-    for (own, Grey { camera, .. }) in photos.iter().enumerate() {
-        for i in 0..27u32 {
-            let at = Vec2::new((i % 3) as f32 + 0.5, (i / 3 % 3) as f32 + 0.5) / 3.0;
-            let seen = ray(camera, at * camera.size.as_vec2()) * usual * 0.5 * 2f32.powf((i / 9) as f32);
-            let position = camera.rotation.transpose() * (seen - camera.translation);
-            let point = 27 * own as u32 + i;
-            let shows = |photo: &usize| *photo == own || photos[*photo].camera.shows(position).is_some();
-            let shown = (0..photos.len()).filter(shows);
-            seeds.extend(shown.map(|photo| Seed { photo: photo as u32, point, position }));
-        }
-    }
-    seeds
-}
-
-fn by_photo(count: usize, seeds: &[Seed]) -> Vec<Vec<Seed>> {
+pub(super) fn by_photo(count: usize, seeds: &[Seed]) -> Vec<Vec<Seed>> {
     let mut of_photo: Vec<Vec<Seed>> = vec![Vec::new(); count];
     seeds.iter().for_each(|seed| of_photo[seed.photo as usize].push(*seed));
     of_photo
 }
 
 /// The planes that go from where each photo's growth begins over at most this many cells, where three photos agree.
-fn spread(
+pub(super) fn spread(
     photos: &[Grey],
     others: &[Vec<usize>],
     most: u64,
@@ -486,7 +428,7 @@ fn spread(
 }
 
 /// The photos to compare each with: those that show most of its points from an angle near the best.
-fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
+pub(super) fn others(photos: &[Grey], of_photo: &[Vec<Seed>]) -> Vec<Vec<usize>> {
     let points = of_photo.iter().flatten().map(|seed| seed.point as usize + 1).max().unwrap_or(0);
     let mut shown_by: Vec<Vec<usize>> = vec![Vec::new(); points];
     of_photo.iter().flatten().for_each(|seed| shown_by[seed.point as usize].push(seed.photo as usize));
