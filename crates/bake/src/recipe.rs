@@ -114,11 +114,10 @@ impl<'a> Recipe<'a> {
         self.report.warnings.extend(closer.filter(|_| mesh.texture.is_some()));
 
         let seen = Seen { watching: &cameras.watching, facing: facing.as_ref() };
-        let mut from = Provenance { backdrop: count_behind, ..provenance.clone() };
         if !cameras.of_photos.is_empty() {
-            from.cameras = named(&cameras.of_photos);
+            provenance.cameras = named(&cameras.of_photos);
         }
-        provenance.cameras.clear();
+        let from = Provenance { backdrop: count_behind, ..provenance.clone() };
         let evidence = Evidence { cameras: &cameras.of_photos, points: pictures.points() };
         let (asset, frame) = self.package(mesh, from, evidence, seen, None)?;
         if silent && self.options.place.up == PlaceOptions::DEFAULT.up && cameras.of_photos.is_empty() {
