@@ -394,7 +394,7 @@ pub struct Provenance {
     /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
-    /// Some of its photos' cameras in the frame of this file: position, x, y and z of the unit quaternion from camera to world with w >= 0,
+    /// Some of its photos' cameras in the frame of this file: position, x, y and z of the quaternion from camera to world over 1 + w,
     /// tangents of half the angles of view across and down.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cameras: Vec<[f64; 8]>,
