@@ -186,16 +186,10 @@ fn photo(
         let reason = format!("its camera {} is not in the cameras file", image.camera);
         Error::malformed(files.list, &place, reason)
     })?;
-    Ok(FoundPhoto {
-        name: image.name.replace('\\', "/"),
-        path: files.find(&place, &image.name)?,
-        mask: None,
-        rotation: image.rotation,
-        translation: image.translation,
-        lens: LensClaim::of(lens),
-        held_out: false,
-        tracked: image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect(),
-    })
+    let (name, path) = (image.name.replace('\\', "/"), files.find(&place, &image.name)?);
+    let tracked = image.observations.iter().filter_map(|(id, _)| points.get(id).copied()).collect();
+    let pose = (image.rotation, image.translation);
+    Ok(FoundPhoto { tracked, ..FoundPhoto::posed(name, path, pose, LensClaim::of(lens)) })
 }
 
 impl ModelFiles {

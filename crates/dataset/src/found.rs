@@ -38,6 +38,12 @@ pub(super) struct FoundPhoto {
 }
 
 impl FoundPhoto {
+    /// A photo with this pose (rotation and translation), to train on, without mask and tracks.
+    pub(super) fn posed(name: String, path: PathBuf, pose: (DMat3, DVec3), lens: LensClaim) -> Self {
+        let (rotation, translation) = pose;
+        Self { name, path, mask: None, rotation, translation, lens, held_out: false, tracked: Vec::new() }
+    }
+
     /// The place of its camera.
     pub(super) fn center(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)

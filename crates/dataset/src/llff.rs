@@ -69,16 +69,7 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, St
         ..LensClaim::default()
     };
     let translation = -(rotation * column(3));
-    Ok(FoundPhoto {
-        name,
-        path,
-        mask: None,
-        rotation,
-        translation,
-        lens,
-        held_out: false,
-        tracked: Vec::new(),
-    })
+    Ok(FoundPhoto::posed(name, path, (rotation, translation), lens))
 }
 
 /// The rows of a NumPy file: its magic bytes, the length of its header, the header as a Python dict, numbers.

@@ -140,16 +140,7 @@ pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset
         let path = files.find(&at, &camera.label)?;
         let rotation = (rotation * (1.0 / scale)).transpose();
         let (name, translation) = (files.name_of(&path), -(rotation * center));
-        photos.push(FoundPhoto {
-            name,
-            path,
-            mask: None,
-            rotation,
-            translation,
-            lens,
-            held_out: false,
-            tracked: Vec::new(),
-        });
+        photos.push(FoundPhoto::posed(name, path, (rotation, translation), lens));
     }
     if photos.is_empty() {
         return Err(Error::malformed(file, "cameras", "none has a pose; align the photos before the export"));

@@ -10,6 +10,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::input::guarded;
+use trisplat_scene::process::release_freed;
 use trisplat_scene::{Error, Result};
 
 /// Number of decoding threads, and of the next photos that stay in memory even beyond the budget, so that training does not
@@ -181,6 +182,10 @@ impl Loader {
         let photo = &self.photos[i];
         // A panic must not leave others waiting for the photo.
         let pixels = cached.map_or_else(|| guarded(&photo.path, || photo.decode()), Ok);
+        if decodes {
+            // What this thread's decoder took would add to what the other's takes.
+            release_freed();
+        }
         // Once, and outside the lock: it reads every byte.
         let digest = digest.or_else(|| pixels.as_ref().ok().map(RgbImage::digest));
         let mut state = self.lock();

@@ -118,7 +118,7 @@ fn photo(name: String, path: PathBuf, numbers: &[f64; 15], options: &DatasetOpti
     };
     let rotation = to_world.transpose();
     let translation = -(rotation * DVec3::new(x, y, z));
-    FoundPhoto { name, path, mask: None, rotation, translation, lens, held_out: false, tracked: Vec::new() }
+    FoundPhoto::posed(name, path, (rotation, translation), lens)
 }
 
 /// Refuses places in degrees of longitude and latitude with heights in metres.

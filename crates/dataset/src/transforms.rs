@@ -185,10 +185,10 @@ fn frame(
     let (name, keys) = (files.name_of(&path), Keys { own: &row.own, shared });
     let matrix: Vec<Vec<f64>> =
         keys.value("transform_matrix").map_err(bad)?.ok_or_else(|| bad("has no transform_matrix".into()))?;
-    let (rotation, translation) = pose(&matrix).map_err(bad)?;
+    let pose = pose(&matrix).map_err(bad)?;
     let lens =
         keys.lens(keys.projection().map_err(|reason| Error::unsupported(file, reason))?).map_err(bad)?;
-    Ok(FoundPhoto { name, path, mask, rotation, translation, lens, held_out: false, tracked: Vec::new() })
+    Ok(FoundPhoto { mask, ..FoundPhoto::posed(name, path, pose, lens) })
 }
 
 /// World to camera from camera to world.

@@ -92,7 +92,7 @@ impl TilesetWriter {
         let not_cut = || Error::invalid("output", self.file.path().display(), wants);
         let root = asset.tiles.as_ref().ok_or_else(not_cut)?;
         // A tile alone needs no viewpoint.
-        self.tile(name, root, &Provenance { viewpoint: None, cameras: Vec::new(), ..provenance.clone() })
+        self.tile(name, root, &provenance.clone().without_views())
     }
 
     /// Writes a tile that is drawn instead of `children`, or beside them if it is not `replaced`.

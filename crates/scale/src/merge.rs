@@ -110,8 +110,7 @@ impl Blocks {
         }
         shell.truncate_sh(degree);
         let cameras = self.cameras(&cameras);
-        let provenance =
-            Provenance { viewpoint: None, cameras: Vec::new(), ..provenance.unwrap_or_default() };
+        let provenance = provenance.unwrap_or_default().without_views();
         let path = file.path().to_owned();
         let io = |e| Error::io(&path, e);
         let mut out =

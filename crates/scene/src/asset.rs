@@ -121,8 +121,7 @@ impl Asset {
         let chunks = self.chunks.iter().filter(|chunk| (chunk.first as usize) < faces).copied().collect();
         let collision = self.collision.clone();
         let scene = Asset { mesh, chunks, provenance: provenance(0), collision, ..Asset::default() };
-        let provenance =
-            Provenance { viewpoint: None, cameras: Vec::new(), ..provenance(self.provenance.backdrop) };
+        let provenance = provenance(self.provenance.backdrop).without_views();
         let backdrop = Asset { provenance, ..Asset::from(behind) };
         Some((scene, backdrop))
     }
@@ -401,6 +400,11 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// The same for what nobody looks at alone: without viewpoint and cameras.
+    pub fn without_views(self) -> Self {
+        Self { viewpoint: None, cameras: Vec::new(), ..self }
+    }
+
     /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements.
     pub fn possible(mut self) -> Self {
         self.viewpoint = self.viewpoint.filter(Viewpoint::is_possible);

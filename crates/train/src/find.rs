@@ -1,4 +1,4 @@
-//! Points of a data set without any: places on which three photos agree, whatever their depth.
+//! Points of a data set without any: places on which three photos agree, searched over all depths.
 //!
 //! They take the place of the sparse cloud in all that it is used for: first triangles, shell, extents, known depth.
 

@@ -109,8 +109,7 @@ impl SetWriter<'_> {
         }
         if let (Some(beside), Some(mesh)) = (&output.collision, &asset.collision) {
             // Nobody looks at it.
-            let provenance =
-                Provenance { backdrop: 0, viewpoint: None, cameras: Vec::new(), ..asset.provenance.clone() };
+            let provenance = Provenance { backdrop: 0, ..asset.provenance.clone().without_views() };
             let collision = Asset { provenance, ..Asset::from(mesh.clone()) };
             warnings.extend(self.one(&collision, beside, &mut quiet)?);
         }

@@ -24,6 +24,12 @@ pub fn peak_bytes() -> u64 {
     system::this_process().peak_bytes
 }
 
+/// Returns memory to the system that was freed but that its allocator keeps, where it does: glibc keeps what each thread of a decoder took.
+pub fn release_freed() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    system::release_freed();
+}
+
 /// True when this process was started to ignore the signal of this number, as `nohup` does for SIGHUP.
 #[cfg(unix)]
 pub fn ignores(signal: i32) -> bool {
@@ -63,6 +69,15 @@ mod system {
         unsafe {
             libc::sigaction(signal, std::ptr::null(), action.as_mut_ptr()) == 0
                 && action.assume_init().sa_sigaction == libc::SIG_IGN
+        }
+    }
+
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    pub(super) fn release_freed() {
+        // SAFETY: it takes no pointer, and leaves what is in use as it is.
+        #[allow(unsafe_code, reason = "the system's interface")]
+        unsafe {
+            libc::malloc_trim(0);
         }
     }
 
