@@ -42,15 +42,17 @@ fn a_training_by_default() {
 }
 
 #[test]
-fn a_training_of_few_photos() {
+fn a_training_with_and_without_a_teacher() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);
-    succeed(&mut train_few(folder, "a.ply", &SHORT));
+    succeed(&mut train_few(folder, "a.ply", &[&SHORT as &[&str], &["--teacher", "auto"]].concat()));
+    succeed(&mut train_few(folder, "b.ply", &SHORT));
     let photos = Dataset::load(folder.join("photos"), &DatasetOptions::default()).unwrap();
     let options = TrainOptions { steps: 30, max_triangles: 100, ..TrainOptions::default() };
     let scene = read(folder, "a.ply");
-    assert!(bytes(folder, &trisplat::train(&photos, &options, &mut |_| Continue(())).unwrap()) == scene);
+    let by_default = trisplat::train(&photos, &options, &mut |_| Continue(())).unwrap();
+    assert!(scene != read(folder, "b.ply") && bytes(folder, &by_default) == read(folder, "b.ply"));
     let mut teacher = None;
     let mut observer = |event: Event<'_>| {
         if let Event::Teacher(trained) = event {
@@ -58,14 +60,12 @@ fn a_training_of_few_photos() {
         }
         Continue(())
     };
-    let TrainDone { trained, report, .. } =
-        TrainJob::new(photos.clone(), options.clone()).run(&mut observer).unwrap();
+    let mut job = TrainJob::new(photos, options);
+    job.teacher = Some(TeacherSource::Auto);
+    let TrainDone { trained, report, .. } = job.run(&mut observer).unwrap();
     assert!(bytes(folder, &trained) == scene);
     assert!(bytes(folder, &teacher.unwrap()) == read(folder, "a.teacher.ply"));
     assert_eq!(report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(), ["teacher", "train"]);
-    let mut without = TrainJob::new(photos, options);
-    without.teacher = Some(TeacherSource::Off);
-    assert!(bytes(folder, &without.run(&mut |_| Continue(())).unwrap().trained) != scene);
 }
 
 /// Counts the short trainings, and stops one of them.

@@ -132,6 +132,14 @@ fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_conti
     succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
     let log = folder.join("a.log");
     let words = format!("train photos -o a.ply --log a.log --log-every 1 {options}");
+    // A teacher replaces nothing, though only watched photos say that there is one.
+    std::fs::write(folder.join("a.teacher.ply"), b"precious").unwrap();
+    let refused = typed(folder, &words).output().unwrap();
+    let said = stderr(&refused);
+    assert!(refused.status.code() == Some(1) && said.contains("(--teacher off skips it)"), "{said}");
+    assert!(said.contains("a.teacher.ply") && said.contains("--force"), "{said}");
+    assert!(read(folder, "a.teacher.ply") == b"precious" && !folder.join("a.ply").exists());
+    std::fs::remove_file(folder.join("a.teacher.ply")).unwrap();
     for (line, signal, code, what) in [
         (WATCHING, "-HUP", 129, "stopped in a short training that leaves some photos out, after "),
         (WATCHING, "-INT", 130, "stopped in a short training that leaves some photos out, after "),
@@ -171,7 +179,7 @@ fn a_run_with_a_requested_teacher_that_is_stopped_goes_on() {
 
 #[cfg(unix)]
 fn make(folder: &Path, more: &str) -> Command {
-    typed(folder, &format!("make photos -o scene.glb --max-triangles 500 {more}"))
+    typed(folder, &format!("make photos -o scene.glb {more}"))
 }
 
 #[cfg(unix)]
@@ -181,7 +189,7 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     let (straight, folder) = (straight.path(), folder.path());
     photos(straight, 10);
     photos(folder, 10);
-    let steps = "--steps 1100";
+    let steps = "--steps 1100 --max-triangles 40000";
     succeed(&mut make(straight, steps));
     let at = |name: &str| folder.join("scene.make").join(name);
 

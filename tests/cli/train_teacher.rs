@@ -114,7 +114,7 @@ pub(super) fn few_photos(folder: &Path) {
 }
 
 #[test]
-fn few_photos_have_a_teacher_by_default_and_none_when_it_is_off() {
+fn a_run_that_watches_no_photos_has_the_teacher_that_is_asked_for_alone() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);
@@ -124,53 +124,33 @@ fn few_photos_have_a_teacher_by_default_and_none_when_it_is_off() {
         succeed(&mut train_few(folder, out, &flags));
         (read(folder, out), report(folder)["stages"][0].clone())
     };
-    let (by_default, stage) = trains("a.ply", &[]);
+    let (taught, stage) = trains("a.ply", &["--teacher", "auto"]);
     assert!(stage["name"] == "teacher" && stage["details"]["steps"] == 16, "{stage}");
     assert!(folder.join("a.teacher.ply").exists());
-    let said = stderr(&succeed(&mut train_few(folder, "a.ply", &[&SHORT as &[&str], &["--force"]].concat())));
-    assert!(said.contains("trained first: 16 steps (--teacher off skips it)"), "{said}");
-    assert!(trains("b.ply", &["--teacher", "auto"]).0 == by_default);
-    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == by_default);
-    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != by_default);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.66"]).0 == taught);
+    assert!(trains("b.ply", &["--teacher", "auto", "--teacher-share", "0.2"]).0 != taught);
     for (flags, why) in [
-        (&["--teacher", "off"] as &[&str], "`teacher` off"),
-        (&["--max-cpu-secs", "1000"], "max_cpu_secs"),
+        (&[] as &[&str], "only runs that watch photos"),
+        (&["--teacher", "off"], "`teacher` off"),
+        (&["--max-cpu-secs", "1000"], "only runs that watch photos"),
         (&["--preset", "outdoor"], "only solid scenes"),
     ] {
         let (scene, stage) = trains("c.ply", flags);
-        assert!(scene != by_default && !folder.join("c.teacher.ply").exists(), "{flags:?}");
+        assert!(scene != taught && !folder.join("c.teacher.ply").exists(), "{flags:?}");
         let skipped = stage["skipped"].as_str().unwrap();
         assert!(stage["name"] == "teacher" && skipped.contains(why), "{stage}");
     }
 }
 
 #[test]
-fn a_teacher_by_default_replaces_nothing_and_is_found_again() {
+fn a_teacher_that_did_not_teach_the_run_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     few_photos(folder);
-    std::fs::write(folder.join("a.teacher.ply"), b"precious").unwrap();
-    let refused = train_few(folder, "a.ply", &SHORT).output().unwrap();
-    let said = stderr(&refused);
-    assert!(
-        refused.status.code() == Some(1) && said.contains("a.teacher.ply") && said.contains("--force"),
-        "{said}"
-    );
-    assert_eq!(read(folder, "a.teacher.ply"), b"precious");
-    assert!(!folder.join("a.ply").exists());
-
-    let flags = [&SHORT as &[&str], &["--force", "--checkpoint-every", "20", "--keep", "3"]].concat();
-    succeed(&mut train_few(folder, "a.ply", &flags));
-    let (scene, teacher) = (read(folder, "a.ply"), read(folder, "a.teacher.ply"));
-    let checkpoint = folder.join("a.step-00000020.checkpoint").display().to_string();
-    succeed(&mut train_few(folder, "a.ply", &["--resume", &checkpoint, "--force"]));
-    assert!(read(folder, "a.ply") == scene && read(folder, "a.teacher.ply") == teacher);
-
-    // One that is there without having taught the run is left alone.
-    let flags = [&flags[..], &["--teacher", "off"]].concat();
+    let flags = [&SHORT as &[&str], &["--checkpoint-every", "20", "--keep", "3"]].concat();
     succeed(&mut train_few(folder, "b.ply", &flags));
     let scene = read(folder, "b.ply");
-    std::fs::write(folder.join("b.teacher.ply"), teacher).unwrap();
+    std::fs::write(folder.join("b.teacher.ply"), b"no scene").unwrap();
     let checkpoint = folder.join("b.step-00000020.checkpoint").display().to_string();
     succeed(&mut train_few(folder, "b.ply", &["--resume", &checkpoint, "--force"]));
     assert!(read(folder, "b.ply") == scene);

@@ -1,7 +1,7 @@
 //! The teacher: a soft scene that is trained first and drawn from between the photos. Decides whether a run has one, and how it is trained.
 
 use super::event::{Observer, on_drawn};
-use super::{harden, watched};
+use super::harden;
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -20,10 +20,7 @@ const TRIANGLES_SHARE: f64 = 0.67;
 const BUDGET_SHARE: f64 = 0.4;
 /// Default share of the steps on the teacher's pictures.
 pub(super) const PICTURE_SHARE: f64 = 2.0 / 3.0;
-/// Most training photos with which a run has a teacher by default. With more, watched photos may ask for one: see `watched.rs` and
-/// docs/benchmarks/few-photos.md.
-const FEW_PHOTOS: usize = 16;
-/// Gain on watched photos, dB, below which a run has a teacher: more steps without one would memorise photos.
+/// Gain on watched photos (`watched.rs`), dB, below which a run has a teacher: more steps without one would memorise photos.
 const LITTLE_GAIN: f64 = 0.2;
 /// Steps per training photo after which a teacher, and its run, only memorise these photos.
 const TEACHER_STEPS_PER_PHOTO: u64 = 85;
@@ -65,30 +62,13 @@ pub enum TeacherPlan {
 }
 
 /// The reason for having no teacher; `None`: a teacher is trained first. A plain run is solid and starts from photos and their points.
-pub(super) fn needless(
-    is_plain: bool,
-    is_limited: bool,
-    photos: usize,
-    watched_gain: Option<f64>,
-) -> Option<String> {
-    if !is_plain {
-        return Some("by default only solid scenes that start from photos have one".into());
+pub(super) fn needless(is_plain: bool, watched_gain: Option<f64>) -> Option<String> {
+    match watched_gain {
+        _ if !is_plain => Some("by default only solid scenes that start from photos have one".into()),
+        None => Some("by default only runs that watch photos can have one".into()),
+        Some(gain) if gain < LITTLE_GAIN => None,
+        Some(gain) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
     }
-    if is_limited {
-        return Some("by default a run that `max_cpu_secs` may end early has none".into());
-    }
-    match (photos, watched_gain) {
-        (0 | 1, _) => Some("there is nothing between so few photos".into()),
-        (..=FEW_PHOTOS, _) => None,
-        (_, Some(gain)) if gain < LITTLE_GAIN => None,
-        (_, Some(gain)) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
-        (photos, None) => Some(format!("{photos} photos are enough without one")),
-    }
-}
-
-/// Whether this number of photos does not decide about a teacher: some are watched.
-pub(super) fn decides_little(photos: usize) -> bool {
-    (FEW_PHOTOS + 1..=watched::MOST_PHOTOS).contains(&photos)
 }
 
 /// Limits of a run on `photos` with a teacher.
@@ -204,29 +184,16 @@ mod tests {
     use trisplat_scene::layered::Layers;
 
     #[test]
-    fn solid_scenes_of_few_photos_have_a_teacher() {
-        assert_eq!(needless(true, false, 8, None), None);
-        for ((is_plain, is_limited, photos), why) in [
-            ((true, false, 1), "nothing between"),
-            ((true, false, 100), "100 photos are enough"),
-            ((false, false, 8), "only solid scenes"),
-            ((true, true, 8), "max_cpu_secs"),
+    fn solid_scenes_have_a_teacher_where_more_steps_gain_nothing_on_watched_photos() {
+        assert_eq!([-0.5, 0.1].map(|gain| needless(true, Some(gain))), [None, None]);
+        for (is_plain, gain, why) in [
+            (true, None, "that watch photos"),
+            (true, Some(1.5), "gain 1.5 dB"),
+            (false, Some(-0.5), "only solid scenes"),
         ] {
-            let reason = needless(is_plain, is_limited, photos, None);
+            let reason = needless(is_plain, gain);
             assert!(reason.as_ref().is_some_and(|reason| reason.contains(why)), "{reason:?}");
         }
-    }
-
-    #[test]
-    fn watched_photos_may_ask_for_a_teacher_that_the_number_of_photos_does_not() {
-        let [few, many] =
-            [FEW_PHOTOS, FEW_PHOTOS + 1].map(|photos| move |gain| needless(true, false, photos, gain));
-        assert!(few(None).is_none() && many(None).is_some());
-        assert_eq!([-0.5, 0.1].map(|gain| many(Some(gain))), [None, None]);
-        assert!(many(Some(1.5)).is_some_and(|why| why.contains("gain 1.5 dB")));
-        // Watched photos never remove a teacher.
-        assert_eq!(few(Some(1.5)), None);
-        assert_eq!([FEW_PHOTOS, FEW_PHOTOS + 1, 100, 101].map(decides_little), [false, true, true, false]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::watched::{self, TrialRun};
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
-use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions};
+use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, View};
 use trisplat_scene::layered::{Layered, Origin};
 use trisplat_scene::process::cpu_secs;
 use trisplat_scene::report::{Report, StageDetails, StageReport};
@@ -49,9 +49,9 @@ pub struct TrainJob {
     pub options: Layered<TrainOptions>,
     /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
-    /// The requested teacher; `None`: the number of photos and short trainings decide.
+    /// The requested teacher; `None`: short trainings decide.
     pub teacher: Option<TeacherSource>,
-    /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: depends on the number of photos.
+    /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: two thirds.
     pub teacher_share: Option<f64>,
     /// The file in which a resumed run finds its teacher; without it, the teacher is trained again.
     pub teacher_file: Option<PathBuf>,
@@ -59,7 +59,7 @@ pub struct TrainJob {
     pub budget: Option<Budget>,
     /// What it is a part of.
     pub(super) whole: Option<WholeBudget>,
-    /// Result of the short trainings; `None` before [`TrainJob::watch`], and if they have nothing to decide.
+    /// Result of the short trainings; `None` before [`TrainJob::watch`], and without them.
     pub watched: Option<TrialRun>,
     /// Wall-clock time of the short trainings.
     pub watch_secs: f64,
@@ -133,6 +133,9 @@ impl TrainJob {
     /// stopped before its own first step: nothing is written, and the run begins again.
     pub fn run(mut self, observer: Observer<'_>) -> Result<TrainDone> {
         let began = self.began.unwrap_or_else(Instant::now);
+        if self.from.is_none() {
+            find_points(&mut self.dataset, self.dataset_options.photo_bytes())?;
+        }
         self.watch(observer)?;
         let plan = self.teacher_plan();
         let mut stages: Vec<StageReport> =
@@ -155,7 +158,6 @@ impl TrainJob {
             }
         };
         let paced = self.keep_to_budget(enough, began)?;
-        self.find_points()?;
         warnings.extend(self.dataset.warnings.iter().cloned());
         let share = teacher.is_some().then(|| self.picture_share());
         let taught = match (&teacher, share) {
@@ -211,23 +213,19 @@ impl TrainJob {
 
     /// Description of the budget's plan for people.
     fn summary(&self, pace: &Pace) -> String {
-        let why = if self.watched.is_some() { "watched photos" } else { "photos are few" };
-        let end =
-            if pace.is_enough() { format!("; more time gains nothing here ({why})") } else { String::new() };
-        pace.summary() + &end
+        let end = if pace.is_enough() { "; more time gains nothing here" } else { "" };
+        pace.summary() + end
     }
 
-    /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher, if the number of
-    /// photos does not. [`TrainJob::run`] calls this unless it was called before.
+    /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher.
+    /// [`TrainJob::run`] calls this unless it was called before.
     ///
     /// Errors: options that the budget chooses, undecodable photos, a stopped training.
     pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
         if self.resume.is_none() {
             check(self.budget, &self.options)?;
         }
-        let photos = self.dataset.train().count();
-        let unsure =
-            self.teacher.is_none() && teacher::decides_little(photos) && self.needs_no_teacher(2).is_none();
+        let unsure = self.teacher.is_none() && self.is_plain();
         // Small photos kept in memory lose the crop of the full ones.
         let cut = self.dataset.train().any(|view| view.photo.is_cut());
         let is_over = self.resume.is_some() || self.watched.is_some();
@@ -257,9 +255,9 @@ impl TrainJob {
     /// Whether there are photos to watch, and time for short trainings.
     fn has_time_to_watch(&self) -> bool {
         match self.budget {
-            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count()),
             // Short trainings do not obey the run's limit.
-            None if self.outputs.max_cpu_secs > 0.0 => false,
+            _ if self.outputs.max_cpu_secs > 0.0 => false,
+            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count()),
             None => watched::fits_beside(&self.options.options, &self.dataset),
         }
     }
@@ -270,16 +268,17 @@ impl TrainJob {
         match (&self.teacher, &self.resume) {
             (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
             (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
-            (None, None) => self.needs_no_teacher(photos).map_or(TeacherPlan::Train, TeacherPlan::Without),
+            (None, None) => {
+                let gain = self.watched.as_ref().and_then(TrialRun::gain);
+                teacher::needless(self.is_plain(), gain).map_or(TeacherPlan::Train, TeacherPlan::Without)
+            }
         }
     }
 
-    /// The reason for having no teacher with this number of photos; `None`: one is trained first.
-    fn needs_no_teacher(&self, photos: usize) -> Option<String> {
+    /// Whether the run is solid and starts from photos and their points.
+    fn is_plain(&self) -> bool {
         let from_photos = self.from.is_none() && self.dataset.kind != DatasetKind::Drawn;
-        let is_plain = from_photos && self.options.options.preset == TrainPreset::Solid;
-        let gain = self.watched.as_ref().and_then(TrialRun::gain);
-        teacher::needless(is_plain, self.outputs.max_cpu_secs > 0.0, photos, gain)
+        from_photos && self.options.options.preset == TrainPreset::Solid
     }
 
     /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own steps.
@@ -299,7 +298,6 @@ impl TrainJob {
             ..Self::new(self.dataset.clone(), TrainOptions::default())
         };
         let paced = job.keep_to_budget(enough, began)?;
-        job.find_points()?;
         let run =
             TrainRun::new(&job.dataset, &job.options.options).with_dataset_options(&job.dataset_options);
         // The run reports the card, so the teacher does not.
@@ -316,14 +314,6 @@ impl TrainJob {
         let mut stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
         TeacherDetails::STAGE.clone_into(&mut stage.name);
         Ok((trained.into(), stage))
-    }
-
-    /// Finds points if the data set has none and the run starts from them.
-    fn find_points(&mut self) -> Result<()> {
-        if self.from.is_some() {
-            return Ok(());
-        }
-        find_points(&mut self.dataset, self.dataset_options.photo_bytes())
     }
 
     /// The clock of the budget.
@@ -360,7 +350,15 @@ impl TrainJob {
         self.options.options = pace.apply(options);
         if pace.plan.max_size.is_some() {
             how.max_size = pace.plan.max_size;
-            self.dataset = Dataset::load(&self.dataset.path, how)?;
+            let small = Dataset::load(&self.dataset.path, how)?;
+            if small.points.is_empty() {
+                // Points that were found stay.
+                for (view, small) in self.dataset.views.iter_mut().zip(small.views) {
+                    *view = View { tracked: std::mem::take(&mut view.tracked), ..small };
+                }
+            } else {
+                self.dataset = small;
+            }
         }
         Ok(Some(Paced { pace, spending }))
     }

@@ -24,7 +24,7 @@ const FEWEST_WATCHED: usize = 3;
 /// With fewer photos, none can be spared.
 const FEWEST_PHOTOS: usize = 8;
 /// Most photos for which photos are watched: with more, memorising starts much later.
-pub(super) const MOST_PHOTOS: usize = 100;
+const MOST_PHOTOS: usize = 100;
 /// Least budget per photo, seconds, and least steps per photo without a budget. In shorter runs the teacher's own training takes time
 /// that is worth more without one; the trainings here take an eighth of a second per photo.
 const LEAST_SECS_PER_PHOTO: f64 = 2.0;
