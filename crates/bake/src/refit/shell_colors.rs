@@ -42,26 +42,15 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
     }
 }
 
-/// Smooths a shell of one colour per triangle when there are no photos.
+/// Smooths a shell of one colour per triangle when there are no photos. A shell whose triangles share no vertex stays as it is.
 pub(crate) fn smooth_shell(shell: &mut Mesh) {
+    let system = System::of(shell, 0);
+    if system.counts.len() == system.vertices.len() {
+        return;
+    }
     let encoded = |face| shell.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
-    let smoothed = smooth(shell, &(0..shell.face_count()).map(encoded).collect::<Vec<_>>());
-    let mut corners: Vec<Vec3> = smoothed.into_iter().flatten().map(Vec3::from).collect();
-    join(shell, &mut corners);
-    shell.colors = Colors::Vertex(corners.iter().map(|c| c.to_array().map(linear_from_srgb)).collect());
-}
-
-/// Gives the corners at one vertex their mean: no photo shows an edge there.
-fn join(shell: &Mesh, corners: &mut [Vec3]) {
-    let mut sums: HashMap<[u32; 3], (Vec3, f32)> = HashMap::new();
-    for (place, color) in shell.positions.iter().zip(corners.iter()) {
-        let (sum, count) = sums.entry(place_bits(*place)).or_default();
-        (*sum, *count) = (*sum + *color, *count + 1.0);
-    }
-    for (place, color) in shell.positions.iter().zip(corners) {
-        let (sum, count) = sums[&place_bits(*place)];
-        *color = sum / count;
-    }
+    let encoded: Vec<_> = (0..shell.face_count()).map(encoded).collect();
+    shell.colors = Colors::Vertex(system.joined(&system.smoothed(&encoded)));
 }
 
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
@@ -73,14 +62,6 @@ fn solve(mesh: &Mesh, first: usize, sums: &[Equations], encoded: &[[[f32; 3]; 3]
     let matrices = sums.iter().map(|sums| sums.matrix().map(f64::from)).collect();
     let system = System { matrices, ..System::of(mesh, first) };
     system.improved(encoded, |face, corner, channel| f64::from(sums[face].right()[corner][channel]))
-}
-
-/// The seamless colours of a backdrop without photos.
-fn smooth(mesh: &Mesh, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
-    // The mean over a triangle of the products of its barycentric weights.
-    let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
-    let matrices = vec![[own, other, other, own, other, own]; mesh.face_count()];
-    System { matrices, ..System::of(mesh, 0) }.improved(encoded, |_, _, _| 0.0)
 }
 
 /// The pulls on the colours of corners.
@@ -96,7 +77,7 @@ struct System {
 impl System {
     /// Corners are at one vertex if their positions are bitwise equal.
     fn of(mesh: &Mesh, first: usize) -> Self {
-        let mut known: HashMap<[u32; 3], u32> = HashMap::new();
+        let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(3 * (mesh.face_count() - first));
         let mut counts: Vec<f64> = Vec::new();
         let corners = (first..mesh.face_count()).flat_map(|face| mesh.corners(face));
         let vertices = corners.map(|position| {
@@ -109,6 +90,25 @@ impl System {
         });
         let vertices = vertices.collect();
         Self { matrices: Vec::new(), vertices, counts }
+    }
+
+    /// The seamless colours of a backdrop without photos.
+    fn smoothed(&self, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
+        // The mean over a triangle of the products of its barycentric weights.
+        let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
+        let matrices = vec![[own, other, other, own, other, own]; encoded.len()];
+        let system = Self { matrices, vertices: self.vertices.clone(), counts: self.counts.clone() };
+        system.improved(encoded, |_, _, _| 0.0)
+    }
+
+    /// The colours of corners, linear; those at one vertex get their mean: no photo shows an edge there.
+    fn joined(&self, encoded: &CornerColors) -> Vec<[f32; 3]> {
+        let mut sums = vec![Vec3::ZERO; self.counts.len()];
+        for (vertex, color) in self.vertices.iter().zip(encoded.iter().flatten()) {
+            sums[*vertex as usize] += Vec3::from(*color);
+        }
+        let mean = |vertex: &u32| sums[*vertex as usize] / self.counts[*vertex as usize] as f32;
+        self.vertices.iter().map(|vertex| mean(vertex).to_array().map(linear_from_srgb)).collect()
     }
 
     /// The colours at which all pulls balance; `right` is the residual of the photos with the present
@@ -287,9 +287,9 @@ mod tests {
         let mesh = sphere();
         let level = |face: usize| if face.is_multiple_of(2) { 0.4 } else { 0.6 };
         let colors: CornerColors = (0..mesh.face_count()).map(|face| [[level(face); 3]; 3]).collect();
-        let smoothed = smooth(&mesh, &colors);
+        let smoothed = System::of(&mesh, 0).smoothed(&colors);
         assert!(worst_seam(&mesh, &colors) > 0.19 && worst_seam(&mesh, &smoothed) < 0.12);
         let single = mesh.part(&[0, 9, 77]);
-        assert_eq!(smooth(&single, &colors[..3]), colors[..3]);
+        assert_eq!(System::of(&single, 0).smoothed(&colors[..3]), colors[..3]);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
+use std::ops::Range;
 use trisplat_scene::camera::{Camera, Viewpoint};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::parallel::{self, GRAIN};
@@ -144,9 +145,15 @@ fn faces_middle(far: &[[Vec3; 3]]) -> bool {
 /// Whether the triangles cover most directions from the origin.
 fn covers(far: &[[Vec3; 3]]) -> bool {
     let directions = directions();
-    let cones: Vec<Cone> = far.iter().map(Cone::of).collect();
-    let is_covered = |i: usize| cones.iter().any(|cone| cone.contains(directions[i]));
-    let covered = parallel::collect(directions.len(), 1, is_covered);
+    let mut covered = vec![false; directions.len()];
+    for triangle in far {
+        let (cone, [faces, down, across]) = (Cone::of(triangle), near_directions(triangle));
+        for i in faces.flat_map(|face| down.clone().map(move |y| (face * GRID + y) * GRID)) {
+            for i in across.clone().map(|x| i + x) {
+                covered[i] = covered[i] || cone.contains(directions[i]);
+            }
+        }
+    }
     covered.iter().filter(|covered| **covered).count() as f32 >= LEAST_COVERED * directions.len() as f32
 }
 
@@ -182,6 +189,21 @@ fn directions() -> Vec<Vec3> {
         })
     };
     (0..6).flat_map(of_face).collect()
+}
+
+/// The faces of the cube, rows and columns of the directions in which a triangle may lie: few where its corners are on one face.
+fn near_directions(corners: &[Vec3; 3]) -> [Range<usize>; 3] {
+    let face_of = |v: &Vec3| 2 * v.abs().max_position() + usize::from(v[v.abs().max_position()] < 0.0);
+    let face = face_of(&corners[0]);
+    if corners.iter().any(|corner| face_of(corner) != face) {
+        return [0..6, 0..GRID, 0..GRID];
+    }
+    let lines = |axis: usize| {
+        let at = corners.map(|v| (v[axis % 3] / v[face / 2].abs() + 1.0) / 2.0 * GRID as f32 - 0.5);
+        let (low, high) = (at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2]));
+        low.floor() as usize..(high.ceil() as usize + 1).min(GRID)
+    };
+    [face..face + 1, lines(face / 2 + 2), lines(face / 2 + 1)]
 }
 
 #[cfg(test)]
