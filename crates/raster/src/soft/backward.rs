@@ -239,12 +239,13 @@ impl TileBackward<'_> {
         self.slots.fill(GradSlot::default());
         self.geometry_slots.fill(GeometryGradSlot::default());
         let mut layers = BlockLayers::default();
+        layers.begin(self.entries, self.splats);
         for b in 0..BLOCKS {
             layers.find::<L>(self.entries, self.splats, self.corner, b, self.options);
             for i in 0..layers.len() {
                 let (layer, shade) = layers.shade::<L>(i, self.entries, self.splats);
-                let splat = self.splat::<L>(layer.entry, geometry);
-                splat.value(b, &shade, &state).store(layers.value(i));
+                let value = self.splat::<L>(layer.entry, geometry).value(b, &shade, &state);
+                value.store(layers.value(i));
             }
             let (before, behind) = (&mut state.transmittance[b], &mut state.behind[b]);
             layers.replay::<L>(before, behind, self.options.min_transmittance);

@@ -175,9 +175,10 @@ impl DrawTile<'_> {
     fn by_pixel<L: Lanes, const GEOMETRY: bool, const WEIGHTS: bool>(&mut self) {
         let alive = self.pixels.alive;
         let mut layers = BlockLayers::default();
+        layers.begin(self.entries, self.splats);
+        self.entries.iter_mut().for_each(|e| e.blocks &= !alive);
         for b in (0..BLOCKS).filter(|b| alive >> b & 1 == 1) {
             layers.find::<L>(self.entries, self.splats, self.corner, b, self.options);
-            self.entries.iter_mut().for_each(|e| e.blocks &= !(1 << b));
             layers.replay::<L>(
                 &mut self.pixels.transmittance[b],
                 &mut [0.0; LANES],

@@ -6,11 +6,11 @@
 
 use super::frame::{SoftOptions, Window};
 use super::splats::{SplatRecord, Splats};
-use super::tiles::{LANE_X, LANE_Y, TileEntry, block_corner};
+use super::tiles::{BLOCKS, LANE_X, LANE_Y, TileEntry, block_corner};
 use crate::kernel::splat::DepthPlane;
 use crate::kernel::window;
 use glam::UVec2;
-use trisplat_scene::math::lanes::{LANES, Lanes};
+use trisplat_scene::math::lanes::{LANES, Lanes, prefetch};
 use trisplat_scene::math::real::{Mask, V2, V3};
 
 /// A splat's record in every lane.
@@ -239,12 +239,24 @@ struct FrontLayer<L> {
     value: L,
 }
 
+/// Calls `of` with the number of each bit of `bits`.
+#[inline(always)]
+fn each_bit(mut bits: u32, mut of: impl FnMut(usize)) {
+    while bits != 0 {
+        of(bits.trailing_zeros() as usize & (BLOCKS - 1));
+        bits &= bits - 1;
+    }
+}
+
 /// The layers of one block.
 #[derive(Debug, Default)]
 pub(super) struct BlockLayers {
     layers: Vec<BlockLayer>,
     /// Pixels where each layer is not blended yet.
     left: Vec<u16>,
+    /// The tile's entries in each block, block by block, and where each block's begin.
+    entries: Vec<u32>,
+    starts: [usize; BLOCKS + 1],
     corner: [f32; 2],
     cap: f32,
     window: Window,
@@ -259,7 +271,32 @@ impl BlockLayers {
         &mut self.layers[i].value
     }
 
-    /// Finds the layers of block `b` of the tile at `corner`.
+    /// Begins a tile: sorts its entries by block, as most are in few of them.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, entries: &[TileEntry], splats: &Splats) {
+        let mut next = [0; BLOCKS];
+        for e in entries {
+            prefetch(&splats.records[e.splat as usize]);
+            prefetch(&splats.planes[e.splat as usize]);
+            each_bit(e.blocks, |b| next[b] += 1);
+        }
+        let mut sum = 0;
+        for (b, count) in next.iter_mut().enumerate() {
+            self.starts[b] = sum;
+            sum += std::mem::replace(count, sum);
+        }
+        self.starts[BLOCKS] = sum;
+        self.entries.clear();
+        self.entries.resize(sum, 0);
+        for (entry, e) in (0..).zip(entries) {
+            each_bit(e.blocks, |b| {
+                self.entries[next[b]] = entry;
+                next[b] += 1;
+            });
+        }
+    }
+
+    /// Finds the layers of block `b` of the tile at `corner`, which has begun.
     #[inline(always)]
     pub(super) fn find<L: Lanes>(
         &mut self,
@@ -275,9 +312,10 @@ impl BlockLayers {
         self.window = options.window;
         let limits = self.limits();
         let mut occluder = OccluderDepth::<L>::new(options.min_transmittance);
-        for (entry, e) in entries.iter().enumerate().filter(|(_, e)| e.blocks >> b & 1 == 1) {
-            let splat = BroadcastSplat::<L>::new(&splats.records[e.splat as usize]);
-            let plane = BroadcastPlane::<L>::new(&splats.planes[e.splat as usize]);
+        for &entry in &self.entries[self.starts[b]..self.starts[b + 1]] {
+            let (entry, number) = (entry as usize, entries[entry as usize].splat as usize);
+            let splat = BroadcastSplat::<L>::new(&splats.records[number]);
+            let plane = BroadcastPlane::<L>::new(&splats.planes[number]);
             let inv_depth = plane.inv_depth(splat.offset(self.corner));
             let in_front = occluder.inv_depth.le(inv_depth);
             if L::bits(in_front) == 0 {
@@ -372,8 +410,8 @@ impl BlockLayers {
         i: usize,
         entries: &[TileEntry],
         splats: &Splats,
-    ) -> (BlockLayer, BlockShade<L>) {
-        let layer = self.layers[i];
+    ) -> (&BlockLayer, BlockShade<L>) {
+        let layer = &self.layers[i];
         let splat = BroadcastSplat::<L>::new(&splats.records[entries[layer.entry].splat as usize]);
         let mut shade = splat.shade_all(self.corner, &self.limits());
         shade.drawn = shade.drawn.and(L::from_bits(layer.drawn));
