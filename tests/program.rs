@@ -4,6 +4,9 @@ mod cli;
 mod faults;
 #[path = "common/folders.rs"]
 mod folders;
+#[allow(dead_code)]
+#[path = "common/phone.rs"]
+mod phone;
 #[path = "common/samples.rs"]
 mod samples;
 #[path = "common/skip.rs"]

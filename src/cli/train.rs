@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use trisplat_bake::{BackgroundDetails, BackgroundOptions, background, is_solid};
-use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize};
+use trisplat_dataset::{Dataset, DatasetOptions, Masks, ShrunkSize, exposure::differ};
 use trisplat_formats as formats;
 use trisplat_job::{Event, TeacherPlan, TrainBegins, TrainDone, TrainJob, TrainPart, reading};
 use trisplat_scene::layered::Layered;
@@ -420,10 +420,10 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
     if let Some(ExposureDetails { verdict, photos }) =
         trained.exposure.as_ref().filter(|e| !e.photos.is_empty())
     {
-        let [exposure, balance] = [verdict.exposure, verdict.balance].map(|x| 100.0 * x);
-        let photos = counted(photos.len() as u64, "photo");
+        let (count, balance) = (counted(photos.len() as u64, "photo"), 100.0 * verdict.balance);
         bar.line(&format!(
-            "exposure differs by {exposure:.0}% and white balance by {balance:.0}% over {photos}: corrected (--set exposure=off leaves them unchanged)"
+            "{} and by {balance:.0}% in white balance: {count} corrected (--set exposure=off leaves them unchanged)",
+            differ(verdict.exposure)
         ));
     }
     let (all, shell) = (trained.soup.len(), trained.soup.shell_count());

@@ -1,6 +1,6 @@
 //! The stage `exposure` on photos that a phone took, against what the phone did.
 
-use crate::common::phone::{error_of_gains, phone_sample};
+use crate::common::phone::{TENTH_OF_A_STOP, error_of_gains, phone_sample, true_spread};
 use std::path::Path;
 use trisplat_bake::{Bake, BakeOptions, ExposureDetails, Views, refit::RefitDetails};
 use trisplat_dataset::{Dataset, DatasetOptions, exposure::ExposureUse};
@@ -28,6 +28,8 @@ fn what_a_phone_did_is_found_again() {
     let details = report.details::<ExposureDetails>().unwrap();
     let dataset = Dataset::load(folder.path(), &DatasetOptions::default()).unwrap();
     let names: Vec<&str> = dataset.train().map(|view| view.name.as_str()).collect();
+    let spread = f64::from(details.verdict.unwrap().exposure);
+    assert!((spread - true_spread(&truth, &names)).abs() < TENTH_OF_A_STOP, "{spread}");
     let error = error_of_gains(&truth, &names, &details.exposures.gains);
     assert!(error < 0.02, "gains are off by {error}");
     let falloff = details.exposures.falloff[0];

@@ -2,6 +2,8 @@
 
 use super::train::dataset;
 use super::{sample, stderr, trisplat};
+#[cfg(unix)]
+use crate::phone;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -235,4 +237,27 @@ fn names_that_cannot_be_written_are_refused_before_any_work() {
         assert!(output.status.code() == Some(1) && stderr(&output).contains(wants), "{}", stderr(&output));
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn capture_training_and_bake_agree_on_how_photos_differ_in_exposure() {
+    let fake = super::capture::Fake::new();
+    std::fs::remove_dir_all(fake.at("photos")).unwrap();
+    let truth = phone::phone_sample(&fake.at("taken"));
+    std::fs::rename(fake.at("taken/images"), fake.at("photos")).unwrap();
+    let said =
+        fake.succeed(&["make", "photos", "-o", "scene.glb", "--steps", "60", "--report", "report.json"]);
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(fake.at("report.json")).unwrap()).unwrap();
+    let names: Vec<&str> = truth.iter().map(|photo| photo.name.as_str()).collect();
+    let wanted = phone::true_spread(&truth, &names);
+    for [stage, place] in [["verdict", ""], ["train", "/exposure"], ["exposure", ""]] {
+        let stages = report["stages"].as_array().unwrap();
+        let stage = stages.iter().find(|other| other["name"] == stage).unwrap_or_else(|| panic!("{stage}"));
+        let found =
+            stage["details"].pointer(&format!("{place}/exposure")).and_then(serde_json::Value::as_f64);
+        assert!((found.unwrap() - wanted).abs() < phone::TENTH_OF_A_STOP, "{wanted} {stage}");
+    }
+    assert!(said.contains("% in exposure: lock the exposure"), "{said}");
 }

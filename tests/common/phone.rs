@@ -48,3 +48,15 @@ pub(crate) fn error_of_gains(truth: &[PhotoTruth], names: &[&str], found: &[[f32
     };
     (0..3).map(of_channel).sum::<f64>() / 3.0
 }
+
+/// The standard deviation of what was done to the exposure of these photos, as a logarithm.
+pub(crate) fn true_spread(truth: &[PhotoTruth], names: &[&str]) -> f64 {
+    let of =
+        |name: &&str| truth.iter().find(|photo| photo.name == *name).unwrap().gains.iter().sum::<f64>() / 3.0;
+    let gains: Vec<f64> = names.iter().map(of).collect();
+    let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+    (gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() - 1) as f64).sqrt()
+}
+
+/// A tenth of a stop, as a logarithm.
+pub(crate) const TENTH_OF_A_STOP: f64 = 0.069;

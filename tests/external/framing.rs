@@ -8,13 +8,24 @@ use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
 
-fn assert_seen(viewer: &str, chromium: &Path, scene: &Path) {
+/// The shares of the picture when a viewer frames a file: "scene", "kept" and "ball" of tests/framing.mjs.
+fn framed(viewer: &str, chromium: &Path, scene: &Path) -> Value {
     let mut command = Command::new("node");
     command.arg(here("tests/framing.mjs")).arg(here("target/judges")).arg(chromium).arg(viewer).arg(scene);
     let done = runs(&mut command);
     let said: Value = serde_json::from_slice(&done.stdout)
         .unwrap_or_else(|_| panic!("{viewer}: {}", String::from_utf8_lossy(&done.stderr)));
     assert_eq!(said["errors"], json!([]), "{viewer}");
+    said
+}
+
+fn assert_seen(viewer: &str, chromium: &Path, [scene, subject]: [&Path; 2], least: f64) {
+    let alone = framed(viewer, chromium, subject);
+    assert!(
+        alone["scene"].as_f64().unwrap() > least && alone["ball"] == 0,
+        "{viewer}, the subject alone: {alone}"
+    );
+    let said = framed(viewer, chromium, scene);
     let share = |key: &str| said[key].as_f64().unwrap();
     assert!(share("ball") > 0.005, "{viewer}: there is a backdrop around the scene: {said}");
     assert!(share("scene") > 0.02, "{viewer}: the scene is in the picture: {said}");
@@ -29,11 +40,14 @@ fn three_and_babylon_show_the_scene_when_they_frame_the_file() {
     let scene = folder.path().join("scene.glb");
     let photos = here("samples/dataset").display().to_string();
     bake(&here("samples/soups/trained.ply"), &scene, &["--dataset", &photos, "--backdrop", "sphere"]);
+    let subject = folder.path().join("subject.glb");
+    bake(&here("samples/soups/trained.ply"), &subject, &["--dataset", &photos, "--crop", "subject"]);
+    // The crate on its piece of floor fills 20% and 8%, a cube 16% in Babylon.js.
     if have("3d-tiles-renderer", judges.join("three").exists()) {
-        assert_seen("three", &chromium, &scene);
+        assert_seen("three", &chromium, [&scene, &subject], 0.15);
     }
     if have("babylon", judges.join("babylonjs").exists()) {
-        assert_seen("babylon", &chromium, &scene);
+        assert_seen("babylon", &chromium, [&scene, &subject], 0.06);
     }
 }
 

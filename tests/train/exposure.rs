@@ -1,7 +1,7 @@
 //! The exposures of photos, found while a scene is trained, against what was done to them.
 
 use super::train;
-use crate::common::phone::{error_of_gains, phone_sample};
+use crate::common::phone::{TENTH_OF_A_STOP, error_of_gains, phone_sample, true_spread};
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
 use trisplat_dataset::{Dataset, DatasetOptions};
@@ -34,8 +34,9 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
     let names: Vec<&str> = details.photos.iter().map(|photo| photo.name.as_str()).collect();
     let gains: Vec<[f32; 3]> = details.photos.iter().map(|photo| photo.gains).collect();
     let error = error_of_gains(&truth, &names, &gains);
-    // 3.5% after so short a training of photos 96 px wide; a bake finds 0.3% (docs/benchmarks/exposure.md).
-    assert!(error < 0.05, "gains are off by {error}");
+    assert!(error < 0.02, "gains are off by {error}");
+    let spread = f64::from(details.verdict.exposure);
+    assert!((spread - true_spread(&truth, &names)).abs() < TENTH_OF_A_STOP, "{spread}");
     let whole = train(&dataset, &all).unwrap();
     assert!(whole.soup == trained.soup && whole.exposure == trained.exposure);
 }

@@ -1,9 +1,9 @@
-//! Finds how photos differ in exposure, white balance and falloff towards the corners, by comparing them with
+//! Finds how photos differ in exposure, white balance and falloff towards the corners, at the points that they track or beside
 //! drawings of the scene. Later stages get corrected photos, so colours and texels do not mix exposures.
 
 use super::views::{SAMPLES, Views};
 use std::sync::Arc;
-use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Verdict, compared_size, judge, solve};
+use trisplat_dataset::exposure::{ExposureUse, Exposures, Light, Verdict, compared_size, judge, solve};
 use trisplat_raster::solid::SolidRasterizer;
 use trisplat_scene::Result;
 use trisplat_scene::mesh::Mesh;
@@ -42,7 +42,7 @@ pub struct ExposureDetails {
 
 trisplat_scene::stage!(ExposureDetails, "exposure");
 
-/// Corrects `views` by comparing them with drawings of `mesh`.
+/// Corrects `views` by the points that they track or, without, by drawings of `mesh`.
 ///
 /// Errors: a photo that cannot be decoded.
 pub(crate) fn exposure(
@@ -65,19 +65,25 @@ pub(crate) fn exposure(
     let mut solid = SolidRasterizer::new();
     let all: Vec<usize> = (0..views.len()).collect();
     views.prefetch(&all);
-    let mut photos = Vec::with_capacity(all.len());
+    let (mut lights, mut sizes) = (Vec::with_capacity(all.len()), Vec::with_capacity(all.len()));
     for view in all {
         let photo = views.photo(view)?;
         let size = compared_size(photo.size);
         let small = Arc::clone(&photo).shared_at(size);
-        let drawn = solid.render(mesh, &views.camera(view).resized(size), &drawing);
-        photos.push(Cells::new(&small, &drawn, photo.size));
+        lights.push(match views.tracked() {
+            Some(tracked) => Light::at_points(&small, &tracked[view]),
+            None => {
+                let drawn = solid.render(mesh, &views.camera(view).resized(size), &drawing);
+                Light::beside_drawing(&small, &drawn)
+            }
+        });
+        sizes.push(photo.size);
     }
-    let (exposures, verdict) = judge(solve(&photos), options.exposure);
+    let (exposures, verdict) = judge(solve(&lights, &sizes), options.exposure);
     details.verdict = Some(verdict);
     let Some(exposures) = exposures else {
         return Ok(Outcome::Skipped(
-            "photos differ from the scene by less than 15% in exposure: they are taken as they are",
+            "photos differ by less than 15% in exposure: they are taken as they are",
         ));
     };
     details.exposures = exposures.clone();

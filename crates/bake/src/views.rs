@@ -1,9 +1,9 @@
 //! The photos of a bake, or pictures that replace them: they decide the importance and the colour of a
 //! triangle.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
-use trisplat_dataset::exposure::Exposures;
+use trisplat_dataset::exposure::{Exposures, compared_points};
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, Photos};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer, Visibility};
 use trisplat_scene::camera::Camera;
@@ -49,6 +49,8 @@ pub struct Views {
     masked: bool,
     /// Photos of an object without background. `[views]`
     cut: Vec<bool>,
+    /// The points that photos track, to compare their light: see [`compared_points`]. `[views]`
+    tracked: Option<Vec<Vec<(u32, Vec2)>>>,
     /// The photos' corrections; empty for none.
     exposures: Exposures,
     /// The scene is a part of what they show.
@@ -70,6 +72,7 @@ impl Views {
             drawn: None,
             masked: dataset.train().any(|v| v.photo.mask.is_some() || v.photo.is_cut()),
             cut: dataset.train().map(|v| v.photo.is_cut()).collect(),
+            tracked: compared_points(dataset),
             exposures: Exposures::default(),
             part: false,
         }
@@ -106,6 +109,7 @@ impl Views {
             drawn: Some(covered as f64 / (all as f64).max(1.0)),
             masked: false,
             cut: Vec::new(),
+            tracked: None,
             exposures: Exposures::default(),
             part: false,
         }
@@ -222,6 +226,11 @@ impl Views {
     fn taken(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.photos.take(view)?;
         Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
+    }
+
+    /// Where photos show the points that they track; `None` where too few photos track any.
+    pub fn tracked(&self) -> Option<&[Vec<(u32, Vec2)>]> {
+        self.tracked.as_deref()
     }
 
     /// Corrects photos from now on.

@@ -1,4 +1,4 @@
-//! EXIF: orientation, focal length and exposure.
+//! EXIF: orientation and focal length.
 
 use exif::{Exif, In, Reader, Tag, Value};
 use glam::UVec2;
@@ -18,8 +18,6 @@ pub(crate) struct PhotoNotes {
     pub(crate) orientation: u8,
     /// Focal length equivalent on 35 mm film, mm.
     pub(crate) focal_35: Option<f64>,
-    /// Exposure in stops: twice the light is 1 more.
-    pub(crate) exposure_stops: Option<f64>,
     /// Width and height before it is turned, px.
     pub(crate) sensor: Option<UVec2>,
     /// The raw EXIF block, from its byte order mark on.
@@ -40,7 +38,6 @@ impl PhotoNotes {
         Self {
             orientation: orientation as u8,
             focal_35: above_zero(exif, Tag::FocalLengthIn35mmFilm),
-            exposure_stops: exposure_stops(exif),
             sensor: side(Tag::PixelXDimension).zip(side(Tag::PixelYDimension)).map(UVec2::from),
             raw: exif.buf().to_vec(),
         }
@@ -117,37 +114,17 @@ fn above_zero(exif: &Exif, tag: Tag) -> Option<f64> {
     first_number(exif, tag).filter(|n| *n > 0.0 && n.is_finite())
 }
 
-/// Stops of light that the sensor got, and the amplification: seconds · ISO / 100 / f². Twice the light is 1 more. `None`
-/// without exposure time or ISO; a camera that does not tell its aperture counts as one of a fixed aperture.
-fn exposure_stops(exif: &Exif) -> Option<f64> {
-    let seconds = above_zero(exif, Tag::ExposureTime)?;
-    let iso = above_zero(exif, Tag::PhotographicSensitivity)?;
-    let aperture = above_zero(exif, Tag::FNumber).unwrap_or(1.0);
-    Some((seconds * iso / (100.0 * aperture * aperture)).log2())
-}
-
-/// [`exposure_stops`] of a picture file; only its first part is read. `None` of a file that cannot be read, too: an
-/// error belongs to the reader of its pixels.
-pub(crate) fn stops_of(path: &Path) -> Option<f64> {
-    exposure_stops(&read(&mut BufReader::new(File::open(path).ok()?))?)
-}
-
 /// The orientation of a picture file, 1 to 8; `None` of a file without one.
 pub(crate) fn orientation_of(path: &Path) -> Option<u8> {
     let exif = read(&mut BufReader::new(File::open(path).ok()?))?;
     Some(PhotoNotes::in_block(&exif).orientation)
 }
 
-/// An EXIF block as a camera writes it: orientation, 1/`inverse_time` s at ISO 100 and f/2, focal length.
+/// An EXIF block as a camera writes it: orientation, focal length.
 #[cfg(test)]
-pub(crate) fn sample_notes(orientation: u16, inverse_time: u32, focal_35: u16) -> Vec<u8> {
-    use exif::Rational;
-    let rational = |num, denom| Value::Rational(vec![Rational { num, denom }]);
+pub(crate) fn sample_notes(orientation: u16, focal_35: u16) -> Vec<u8> {
     let fields = [
         (Tag::Orientation, Value::Short(vec![orientation])),
-        (Tag::ExposureTime, rational(1, inverse_time)),
-        (Tag::FNumber, rational(2, 1)),
-        (Tag::PhotographicSensitivity, Value::Short(vec![100])),
         (Tag::FocalLengthIn35mmFilm, Value::Short(vec![focal_35])),
     ]
     .map(|(tag, value)| exif::Field { tag, ifd_num: In::PRIMARY, value });
@@ -168,10 +145,9 @@ mod tests {
         let picture = RgbImage { size: UVec2::new(40, 30), rgb: vec![[90, 120, 30]; 1200], alpha: None };
         let plain = picture.to_jpeg(90).unwrap();
         assert_eq!(PhotoNotes::of(&plain), PhotoNotes { orientation: 1, ..PhotoNotes::default() });
-        let noted = with_notes(&plain, &sample_notes(6, 50, 26));
+        let noted = with_notes(&plain, &sample_notes(6, 26));
         let notes = PhotoNotes::of(&noted);
         assert_eq!((notes.orientation, notes.focal_35), (6, Some(26.0)));
-        assert!((notes.exposure_stops.unwrap() - (1.0f64 / 200.0).log2()).abs() < 1e-9);
         let focal = notes.focal_px(UVec2::new(4000, 3000)).unwrap();
         assert!((focal - 26.0 / FILM_DIAGONAL * 5000.0).abs() < 1e-9);
         let turned = PhotoNotes::of(&with_notes(&plain, &notes.upright()));

@@ -17,9 +17,8 @@ pub mod exposure {
     mod solve;
 
     pub(crate) use correction::SPREAD;
-    pub use correction::{ExposureUse, Exposures, Solved, Verdict, compared_size, judge};
-    pub use solve::{Cells, solve};
-    pub(crate) use solve::{Observation, spread_of_points};
+    pub use correction::{ExposureUse, Exposures, Solved, Verdict, compared_size, differ, judge};
+    pub use solve::{Light, compared_points, solve};
 }
 mod found;
 mod lens;

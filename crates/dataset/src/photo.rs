@@ -1,6 +1,5 @@
 //! One photo: on disk with its processing steps, or drawn, in memory or in a temporary file.
 
-use super::exif;
 use super::lens::Undistort;
 use super::options::Background;
 use glam::UVec2;
@@ -106,11 +105,6 @@ impl Photo {
     /// True for a photo of an object without background: it has transparent pixels, or a mask that cuts.
     pub fn is_cut(&self) -> bool {
         self.cut
-    }
-
-    /// The light that the photo caught, in stops, by its EXIF data; `None` without them, and of drawn pictures.
-    pub fn exposure_stops(&self) -> Option<f64> {
-        if self.is_drawn() { None } else { exif::stops_of(&self.path) }
     }
 
     /// True for a picture in memory or in a temporary file, false for a photo.

@@ -252,7 +252,9 @@ impl<'a> PlanInput<'a> {
         let needed = self.spent_secs + self.beside_secs(photo)[1] + self.run(FEWEST_STEPS, photo).1;
         let itself = WholeBudget { seconds: self.budget.seconds, factor: 1.0, beside: 0.0 };
         let WholeBudget { seconds, factor, beside } = self.whole.unwrap_or(itself);
-        let needed = (1.2 * (factor * needed + beside)).ceil().max(1.0);
+        let needed = 1.2 * (factor * needed + beside);
+        let parts = if needed < 1.0 { 10.0 } else { 1.0 };
+        let needed = (parts * needed).ceil() / parts;
         Error::invalid(self.budget.option(), seconds, format!("{needed}s or more for this data set"))
     }
 }

@@ -1,13 +1,16 @@
-//! The photos' exposures, estimated during training. At some milestones all photos are compared with drawings
-//! of the scene; from then on, corrected photos are trained on.
+//! The photos' exposures: from the points that photos track, before training; without tracks, at some milestones all photos are compared
+//! with drawings of the scene. From then on, corrected photos are trained on.
 
 use super::options::TrainOptions;
+use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use trisplat_dataset::View;
-use trisplat_dataset::exposure::{Cells, ExposureUse, Exposures, Solved, Verdict, judge, solve};
-use trisplat_scene::image::RgbImage;
+use trisplat_dataset::exposure::{
+    ExposureUse, Exposures, Light, Solved, Verdict, compared_points, compared_size, judge, solve,
+};
+use trisplat_dataset::{Dataset, View};
+use trisplat_scene::{Result, image::RgbImage};
 
 /// Shares of a run after which exposures are estimated. They are early, before triangles have absorbed the
 /// light of single photos.
@@ -29,36 +32,31 @@ pub struct ExposureEstimates {
 }
 
 impl ExposureEstimates {
-    /// A first guess by the EXIF data of the photos, if all of them say how much light they caught. Drawn pictures
-    /// need none.
-    pub(super) fn first(views: &[&View], wanted: ExposureUse) -> Self {
+    /// What the points say that photos track, before the first step; nothing where too few photos track any. `photo` reads one.
+    ///
+    /// Errors: those of `photo`.
+    pub(super) fn first(
+        dataset: &Dataset,
+        wanted: ExposureUse,
+        mut photo: impl FnMut(usize) -> Result<Arc<RgbImage>>,
+    ) -> Result<Self> {
+        let views: Vec<&View> = dataset.train().collect();
         let is_cut = |view: &&View| view.photo.is_cut();
+        let mut estimates = Self::default();
         if wanted == ExposureUse::Off || views.len() < LEAST_PHOTOS || views.iter().any(is_cut) {
-            return Self::default();
+            return Ok(estimates);
         }
-        let stops = views.iter().map(|view| match view.photo.is_drawn() {
-            true => Some(None),
-            false => view.photo.exposure_stops().map(Some),
-        });
-        // The first photo without such data ends the reading.
-        stops.collect::<Option<Vec<_>>>().map_or_else(Self::default, |stops| Self::guessed(&stops, wanted))
-    }
-
-    /// A first guess by the stops of each photo; `None` for a drawn picture.
-    fn guessed(stops: &[Option<f64>], wanted: ExposureUse) -> Self {
-        let count = stops.iter().flatten().count();
-        let mean = stops.iter().flatten().sum::<f64>() / count.max(1) as f64;
-        let gain =
-            |stops: &Option<f64>| [stops.map_or(0.0, |s| ((s - mean) * std::f64::consts::LN_2) as f32); 3];
-        let error = |stops: &Option<f64>| [if stops.is_some() { 0.0 } else { f32::INFINITY }; 3];
-        let exposures =
-            Exposures { gains: stops.iter().map(gain).collect(), falloff: vec![0.0; stops.len()] };
-        match judge(Solved { exposures, errors: stops.iter().map(error).collect() }, wanted) {
-            (Some(exposures), verdict) if count >= LEAST_PHOTOS => {
-                Self { exposures, verdict: Some(verdict), passed: 0 }
-            }
-            _ => Self::default(),
-        }
+        let Some(points) = compared_points(dataset) else { return Ok(estimates) };
+        let mut read = |(i, points): (usize, &Vec<(u32, Vec2)>)| {
+            let photo = photo(i)?;
+            let size = compared_size(photo.size);
+            Ok(Light::at_points(&photo.shared_at(size), points))
+        };
+        let lights = points.iter().enumerate().map(&mut read).collect::<Result<Vec<_>>>()?;
+        let sizes: Vec<UVec2> = views.iter().map(|view| view.camera.size).collect();
+        estimates.update(solve(&lights, &sizes), wanted);
+        estimates.passed = MILESTONES.len();
+        Ok(estimates)
     }
 
     /// True when exposures must be estimated after `step` of a run of `photos`.
@@ -74,9 +72,9 @@ impl ExposureEstimates {
         due
     }
 
-    /// Takes over what `photos` say.
-    pub(super) fn update(&mut self, photos: &[Cells], wanted: ExposureUse) {
-        let (exposures, verdict) = judge(solve(photos), wanted);
+    /// Takes over what was solved.
+    pub(super) fn update(&mut self, solved: Solved, wanted: ExposureUse) {
+        let (exposures, verdict) = judge(solved, wanted);
         self.exposures = exposures.unwrap_or_default();
         self.verdict = Some(verdict);
     }
@@ -126,31 +124,5 @@ impl ExposureDetails {
         };
         let photos = names.zip(gains).zip(falloff).map(photo).collect();
         estimates.verdict.map(|verdict| Self { verdict, photos })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exif_data_are_the_first_guess_where_they_differ() {
-        let stops = [-7.0, -7.0, -6.0, -6.0].map(Some);
-        let estimates = ExposureEstimates::guessed(&[&stops[..], &[None]].concat(), ExposureUse::Auto);
-        let half = 0.5 * std::f32::consts::LN_2;
-        for (gains, wanted) in estimates.exposures.gains.iter().zip([-half, -half, half, half, 0.0]) {
-            assert!(gains.iter().all(|gain| (gain - wanted).abs() < 1e-6), "{gains:?}");
-        }
-        assert_eq!((estimates.passed, estimates.exposures.falloff), (0, vec![0.0; 5]));
-        assert_eq!(
-            ExposureEstimates::guessed(&[Some(-7.0); 5], ExposureUse::Auto),
-            ExposureEstimates::default()
-        );
-        assert_eq!(ExposureEstimates::guessed(&stops, ExposureUse::Off), ExposureEstimates::default());
-        assert_eq!(
-            ExposureEstimates::guessed(&stops[1..], ExposureUse::Auto),
-            ExposureEstimates::default(),
-            "too few"
-        );
     }
 }

@@ -28,7 +28,7 @@ const SEARCHED_CELLS: u64 = 60_000;
 /// Fewer points per photo say nothing about the scene.
 const LEAST_PER_PHOTO: usize = 10;
 
-/// Fills in the points and tracks of a data set of photos without points, and says so in its warnings. `photo_bytes` is the memory for photos.
+/// Fills in the points and tracks of a data set of photos without points; a warning says where too few are found. `photo_bytes` is the memory for photos.
 ///
 /// Errors: photos that cannot be decoded.
 pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
@@ -48,7 +48,6 @@ pub fn find_points(dataset: &mut Dataset, photo_bytes: u64) -> Result<()> {
         return Ok(());
     }
     dataset.views.iter_mut().for_each(|view| view.tracked.clear());
-    dataset.warnings.push(format!("found {some} points where three photos agree"));
     for (number, GrownPoint { point, photos }) in found.into_iter().enumerate() {
         dataset.points.push(Point { position: point.position, rgb: point.rgb, error: None });
         photos.iter().for_each(|photo| dataset.views[chosen[*photo as usize]].tracked.push(number as u32));

@@ -173,6 +173,8 @@ pub(super) fn first(
         Some(scene) => from_scene(views, scene, run)?,
         None => from_points(views, &not_judging(run.dataset), photos, options)?,
     };
+    let level = Schedule::new(options).level(0);
+    let exposure = ExposureEstimates::first(run.dataset, options.exposure, |i| photos.take(i, level))?;
     let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
     let meta = CheckpointMeta {
         generator: generator(),
@@ -182,7 +184,7 @@ pub(super) fn first(
         pinned: state.pinned,
         frozen: state.frozen,
         core: run.part.filter(|_| run.from.is_some()).and_then(|part| part.core),
-        exposure: ExposureEstimates::first(views, options.exposure),
+        exposure,
         identity,
         dropped: 0,
         curve: Vec::new(),

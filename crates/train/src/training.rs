@@ -12,9 +12,9 @@ use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
 use super::start::{self, RunOptions, TrainRun};
 use super::visibility::VisibilityStats;
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 use std::sync::Arc;
-use trisplat_dataset::exposure::{Cells, compared_size};
+use trisplat_dataset::exposure::{Light, compared_size, solve};
 use trisplat_dataset::{Dataset, DatasetKind, View};
 use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
 use trisplat_raster::solid::SolidRasterizer;
@@ -266,15 +266,16 @@ impl<'a> Training<'a> {
         let (drawing, level) = (self.drawing(), self.level);
         let scene = EvalScene::new(&self.soup()?, &self.space(), &drawing);
         let (mut soft, mut solid) = (SoftRasterizer::new(), SolidRasterizer::new());
-        let mut photos = Vec::with_capacity(count);
+        let mut lights = Vec::with_capacity(count);
         for i in 0..count {
             let photo = self.photos.take(i, level)?;
             let size = compared_size(photo.size);
             let photo = photo.shared_at(size);
             let drawn = scene.draw(&self.cameras[i].resized(size), &drawing, &mut soft, &mut solid);
-            photos.push(Cells::new(&photo, &drawn, self.photos.size(i, 0)));
+            lights.push(Light::beside_drawing(&photo, &drawn));
         }
-        self.meta.exposure.update(&photos, self.meta.options.exposure);
+        let sizes: Vec<UVec2> = self.cameras.iter().map(|camera| camera.size).collect();
+        self.meta.exposure.update(solve(&lights, &sizes), self.meta.options.exposure);
         Ok(())
     }
 

@@ -90,7 +90,6 @@ pub(super) struct TakenPhotos {
 
 /// A photo of a capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub(super) struct TakenPhoto {
     /// Its path relative to the photo folder.
     pub(super) name: String,
@@ -98,9 +97,6 @@ pub(super) struct TakenPhoto {
     pub(super) source: String,
     /// Whether it is a video frame.
     pub(super) frame: bool,
-    /// Exposure from EXIF, stops.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) exposure_stops: Option<f64>,
 }
 
 /// Path, size and time of each input, and the option that decides about frames.
@@ -210,7 +206,6 @@ pub(super) fn collect(
             name: if below.is_empty() { name } else { format!("{below}/{name}") },
             source: video.display().to_string(),
             frame: true,
-            exposure_stops: None,
         }));
     }
     let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&opened, by_folder)).collect();
@@ -364,8 +359,8 @@ impl Opened {
                 std::fs::write(&to, bytes).map_err(io)?;
             }
         }
-        let (source, exposure_stops) = (self.source.path.display().to_string(), self.notes.exposure_stops);
-        Ok(TakenPhoto { name: name.to_owned(), source, frame: false, exposure_stops })
+        let source = self.source.path.display().to_string();
+        Ok(TakenPhoto { name: name.to_owned(), source, frame: false })
     }
 }
 

@@ -5,7 +5,7 @@ use super::log::tell;
 use super::poses::ModelDetails;
 use super::video::{Grey, sharpness};
 use crate::colmap::{TrackedPhoto, Tracks};
-use crate::exposure::{Observation, SPREAD, spread_of_points};
+use crate::exposure::{Light, SPREAD, compared_size, differ, solve};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,12 +50,9 @@ pub struct VerdictDetails {
     /// Mean reprojection error, px.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_px: Option<f64>,
-    /// Standard deviation of exposures in stops, between photos that show the same points.
+    /// Standard deviation of the photos' exposure, as a logarithm, between photos that show the same points.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub exposure_stops: Option<f64>,
-    /// Range of exposures in stops, from EXIF.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub noted_stops: Option<f64>,
+    pub exposure: Option<f32>,
     /// Photos that are blurred compared with their neighbours.
     pub blurred: Vec<String>,
     /// Photos whose pose rests on few points.
@@ -119,7 +116,8 @@ pub struct Gap {
 /// Measurements of one photo.
 struct Looked {
     sharpness: f32,
-    observations: Vec<Observation>,
+    lights: Vec<Light>,
+    size: UVec2,
 }
 
 /// Judges the photos in `images` with the tracks of their model.
@@ -135,17 +133,14 @@ pub(super) fn judge(
     let mut looked = Vec::new();
     for chunk in stored.photos.chunks(8) {
         tell(observer, StageEvent::Progressed(looked.len() as f64 / stored.photos.len() as f64))?;
-        let look_at = |name: &str| {
-            let tracked = by_name.get(name).map(|&i| (i, &tracks.photos[i]));
-            look(&images.join(name), tracked)
-        };
+        let look_at = |name: &str| look(&images.join(name), by_name.get(name).map(|&i| &tracks.photos[i]));
         let part = parallel::map(chunk, |_, photo| look_at(&photo.name));
         looked.extend(part.into_iter().collect::<Result<Vec<Looked>>>()?);
     }
     let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
     let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();
-    let observations = looked.into_iter().flat_map(|looked| looked.observations).collect::<Vec<_>>();
-    let noted: Vec<f64> = stored.photos.iter().filter_map(|photo| photo.exposure_stops).collect();
+    let sizes: Vec<UVec2> = looked.iter().map(|looked| looked.size).collect();
+    let lights: Vec<Vec<Light>> = looked.into_iter().map(|looked| looked.lights).collect();
     let seen: usize = tracks.photos.iter().map(|photo| photo.seen.len()).sum();
     let weak = tracks.photos.iter().filter(|photo| photo.seen.len() <= FEW_POINTS);
     let mut details = VerdictDetails {
@@ -154,8 +149,7 @@ pub(super) fn judge(
         points: tracks.points as u64,
         track_length: seen as f64 / tracks.points.max(1) as f64,
         error_px: tracks.error_px,
-        exposure_stops: spread_of_points(observations),
-        noted_stops: span(noted.into_iter()),
+        exposure: solve(&lights, &sizes).spread,
         blurred: listed(blurred(&sharpness).into_iter().map(|i| names[i])),
         weak: listed(weak.map(|photo| photo.name.as_str())),
         gaps: gaps(stored, tracks, &by_name),
@@ -170,15 +164,8 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     names.take(LISTED).map(str::to_owned).collect()
 }
 
-fn span(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let bounds = values.fold(None, |bounds: Option<(f64, f64)>, v| {
-        Some(bounds.map_or((v, v), |(low, high)| (low.min(v), high.max(v))))
-    });
-    bounds.map(|(low, high)| high - low)
-}
-
-/// Measures one photo; `tracked` is its index and its entry in the model.
-fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> {
+/// Measures one photo; `tracked` is its entry in the model.
+fn look(path: &Path, tracked: Option<&TrackedPhoto>) -> Result<Looked> {
     let limits = &Limits::DEFAULT;
     let full = RgbImage::size_of(path, limits)?;
     let ratio = (f64::from(LOOKED_AT) / f64::from(full.max_element())).min(1.0);
@@ -187,16 +174,11 @@ fn look(path: &Path, tracked: Option<(usize, &TrackedPhoto)>) -> Result<Looked> 
     let luma = |[r, g, b]: [u8; 3]| (u32::from(r) * 54 + u32::from(g) * 183 + u32::from(b) * 19) >> 8;
     let codes: Vec<u8> = small.rgb.iter().map(|p| luma(*p).min(255) as u8).collect();
     let grey = Grey { size: small.size, codes };
-    let observations = tracked.map_or(Vec::new(), |(photo, tracked)| {
-        let ratio = grey.size.as_vec2() / tracked.size.as_vec2();
-        let read = |(point, at): &(u32, Vec2)| {
-            let at = (*at * ratio).floor().clamp(Vec2::ZERO, grey.size.as_vec2() - 1.0).as_uvec2();
-            let code = grey.codes[(at.y * grey.size.x + at.x) as usize];
-            Observation::of_code(photo, *point as usize, code)
-        };
-        tracked.seen.iter().filter_map(read).collect()
-    });
-    Ok(Looked { sharpness: sharpness(&grey), observations })
+    let share = |photo: &TrackedPhoto, (point, at): &(u32, Vec2)| (*point, *at / photo.size.as_vec2());
+    let points = |photo: &TrackedPhoto| photo.seen.iter().map(|seen| share(photo, seen)).collect();
+    let points: Vec<(u32, Vec2)> = tracked.map_or(Vec::new(), points);
+    let lights = Light::at_points(&small.downscaled(compared_size(full)), &points);
+    Ok(Looked { sharpness: sharpness(&grey), lights, size: full })
 }
 
 /// Photos with much less fine detail than their neighbours.
@@ -300,11 +282,9 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     of_photos(&details.weak, ["holds", "hold"], "few points", "more overlap there, or more texture");
     let remedy = "more light, slower steps, or leave them out";
     of_photos(&details.blurred, ["is", "are"], "blurred beside the others", remedy);
-    // As training measures it, as a logarithm; less is left as it is.
-    let spread = details.exposure_stops.map(|stops| stops * std::f64::consts::LN_2);
-    if let Some(spread) = spread.filter(|spread| *spread > f64::from(SPREAD[0])) {
-        let percent = 100.0 * spread;
-        advice.push(format!("photos spread by {percent:.0}% in exposure: lock the exposure of the camera"));
+    // Less is left as it is.
+    if let Some(spread) = details.exposure.filter(|spread| *spread > SPREAD[0]) {
+        advice.push(format!("{}: lock the exposure of the camera", differ(spread)));
     }
     if let Some(error) = details.error_px.filter(|error| *error > ERROR_PX[0]) {
         advice.push(format!(

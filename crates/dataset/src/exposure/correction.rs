@@ -138,6 +138,11 @@ impl Rings {
 /// share exposure, so correction lowers raw scores (docs/benchmarks/exposure.md). White balance does not
 /// decide, because colours of an untrained scene differ from photo to photo.
 pub(crate) const SPREAD: [f32; 2] = [0.15, 0.25];
+/// How far photos differ, in words.
+pub fn differ(exposure: f32) -> String {
+    format!("photos differ by {:.0}% in exposure", 100.0 * exposure)
+}
+
 /// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
 /// edges may look like one.
 const FALLOFF: [f32; 2] = [0.12, 0.3];
@@ -149,13 +154,16 @@ pub struct Solved {
     pub exposures: Exposures,
     /// Standard errors of the gains. `[photos]`
     pub errors: Vec<[f32; 3]>,
+    /// How far photos that show the same points are apart: the standard deviation of exposure, as a logarithm. `None` beside drawings,
+    /// and where too few points are shown twice.
+    pub spread: Option<f32>,
 }
 
 /// The spread of the photos' light.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
-    /// Standard deviation of the photos' exposure, as a logarithm, without the part from errors of the
-    /// estimates.
+    /// Standard deviation of the photos' exposure, as a logarithm: between photos that show the same points, or beside drawings of the
+    /// scene, where photos track no points.
     pub exposure: f32,
     /// The same of red and blue against green.
     pub balance: f32,
@@ -167,7 +175,7 @@ pub struct Verdict {
 
 /// The photos' corrections; `None` if they agree. Uncertain estimates count less.
 pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict) {
-    let Solved { mut exposures, errors } = solved;
+    let Solved { mut exposures, errors, spread: measured } = solved;
     let modes: Vec<[f32; 3]> = exposures.gains.iter().map(modes).collect();
     let noise: Vec<[f32; 3]> = errors.iter().map(mode_errors).collect();
     let spread: [f32; 3] = [0, 1, 2].map(|m: usize| {
@@ -178,14 +186,15 @@ pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict
         variance.max(0.0).sqrt()
     });
     let falloff = exposures.falloff.iter().sum::<f32>() / exposures.falloff.len().max(1) as f32;
+    let exposure = measured.unwrap_or(spread[0]);
     let strength = match wanted {
         ExposureUse::On => 1.0,
         ExposureUse::Off => 0.0,
-        ExposureUse::Auto => part(spread[0], SPREAD),
+        ExposureUse::Auto => part(exposure, SPREAD),
     };
     let dark_corners = strength * part(falloff, FALLOFF);
     let balance = spread[1].hypot(spread[2]) / std::f32::consts::SQRT_2;
-    let verdict = Verdict { exposure: spread[0], balance, corners: falloff, strength };
+    let verdict = Verdict { exposure, balance, corners: falloff, strength };
     if strength == 0.0 {
         return (None, verdict);
     }
@@ -265,7 +274,7 @@ mod tests {
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
         let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };
-        Solved { errors: vec![[error; 3]; 40], exposures }
+        Solved { errors: vec![[error; 3]; 40], exposures, spread: None }
     }
 
     #[test]

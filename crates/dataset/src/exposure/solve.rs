@@ -1,11 +1,11 @@
-//! Gains and falloff from photos and drawings of a scene from their cameras; exposures from points that several photos show.
+//! Gains and falloff from the light of photos: at points that several photos show, or beside drawings of the scene.
 //!
-//! Both pictures are compared in cells, by the ratio of their sums of linear light, which noise and small
-//! displacements hardly change. Its logarithm is linear in the unknowns, so weighted least squares have a
-//! closed form, with less weight for cells that do not match. The falloff of a camera comes first, from the
-//! residuals of each photo's mean, then the means.
+//! The light of a photo is photo + place - falloff · r², as logarithms. Photos, points and falloff are solved for in turn, channel by
+//! channel, with less weight for what shines, moves or does not match. Beside a drawing, the light of the place is known.
+//! Gains may drift along a chain of photos, so how far photos differ is measured between pairs that show the same points.
 
 use super::correction::{Exposures, Rings, Solved};
+use crate::posed::{Dataset, Point, View};
 use glam::{UVec2, Vec2};
 use std::collections::HashMap;
 use trisplat_scene::image::RgbImage;
@@ -15,53 +15,73 @@ use trisplat_scene::math::lists::median;
 /// Cells along each side of a picture.
 const GRID: u32 = 16;
 /// Range of compared codes: smaller ones are noise, larger ones may be saturated.
-const COMPARED: std::ops::RangeInclusive<u8> = 6..=248;
+const COMPARED: std::ops::RangeInclusive<u8> = 8..=247;
 /// Least share of compared pixels in a cell.
 const LEAST_SHARE: f32 = 0.5;
-/// Rounds of new weights.
-const ROUNDS: usize = 12;
-/// Least residual that halves a cell's weight, as a logarithm.
+/// Rounds of new weights, and of solving in each.
+const ROUNDS: [usize; 2] = [10, 8];
+/// Least residual that halves a light's weight, as a logarithm.
 const LEAST_SCALE: f32 = 0.02;
-/// Errors are larger than for independent cells by this factor, because neighbouring cells correlate, most of
+/// Errors beside drawings are larger than for independent cells by this factor, because neighbouring cells correlate, most of
 /// all in an untrained scene.
 const DEPENDENCE: f32 = 4.0;
+/// Fewest points that two photos share for a comparison.
+const LEAST: usize = 20;
+/// Photos that each photo of a point is compared with, at most.
+const BESIDE: usize = 8;
+/// Squared error of a median of one value, in squared median deviations.
+const ERROR_OF_MEDIAN: f32 = 1.4826 * 1.4826 * std::f32::consts::FRAC_PI_2;
+/// Lights at points that are solved for; more are thinned.
+const MOST: usize = 300_000;
+/// The number of a place whose light is known.
+const DRAWN: u32 = u32::MAX;
 
-/// The comparison of a photo and a drawing.
-#[derive(Debug, Clone, Default)]
-pub struct Cells {
-    cells: Vec<Cell>,
-    camera: UVec2,
-}
-
+/// The light of a photo at a place.
 #[derive(Debug, Clone, Copy)]
-struct Cell {
-    /// Logarithm of the photo's light over that of the drawing, per channel.
+pub struct Light {
+    point: u32,
+    /// Its logarithm, per channel; beside a drawing, less that of the drawing.
     log: [f32; 3],
     weight: [f32; 3],
-    /// Of its middle.
+    /// Squared distance from the middle of the photo, 1 in its corners.
     r2: f32,
 }
 
-impl Cells {
-    /// Compares a photo with a drawing of the same size. `camera` is the size of the whole photo: photos of
-    /// one size share a camera.
-    pub fn new(photo: &RgbImage, drawn: &RgbImage, camera: UVec2) -> Self {
-        let size = photo.size;
-        let rings = Rings::new(size);
+impl Light {
+    /// The light of points, by their numbers and their places as shares of the width and height of `photo`. Masked, clipped and dark ones
+    /// are left out.
+    pub fn at_points(photo: &RgbImage, points: &[(u32, Vec2)]) -> Vec<Self> {
+        let (light, rings, size) = (linear_of_srgb8(), Rings::new(photo.size), photo.size.as_vec2());
+        let read = |(point, share): &(u32, Vec2)| {
+            let place = (*share * size).clamp(Vec2::ZERO, size - 1.0);
+            let i = (place.as_uvec2().y * photo.size.x + place.as_uvec2().x) as usize;
+            let is_masked = photo.alpha.as_ref().is_some_and(|alpha| alpha[i] < 128);
+            let useful = !is_masked && photo.rgb[i].iter().all(|code| COMPARED.contains(code));
+            let log = photo.rgb[i].map(|code| light[usize::from(code)].ln());
+            useful.then(|| Self { point: *point, log, weight: [1.0; 3], r2: rings.square(place) })
+        };
+        points.iter().filter_map(read).collect()
+    }
+
+    /// The light of cells beside that of a drawing of the same size, as a ratio of sums, which noise and small displacements hardly change.
+    pub fn beside_drawing(photo: &RgbImage, drawn: &RgbImage) -> Vec<Self> {
+        let (size, rings) = (photo.size, Rings::new(photo.size));
         let side = |i: u32, all: u32| (i * all / GRID, (i + 1) * all / GRID);
         let cell = |k: u32| {
             let ((left, right), (top, bottom)) = (side(k % GRID, size.x), side(k / GRID, size.y));
             let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| (y * size.x + x) as usize));
             let r2 = rings.square(Vec2::new((left + right) as f32, (top + bottom) as f32) / 2.0);
-            Cell::new(photo, drawn, pixels, r2)
+            Self::of_cell(photo, drawn, pixels, r2)
         };
-        let cells = (0..GRID * GRID).filter_map(cell).collect();
-        Self { cells, camera: UVec2::new(camera.max_element(), camera.min_element()) }
+        (0..GRID * GRID).filter_map(cell).collect()
     }
-}
 
-impl Cell {
-    fn new(photo: &RgbImage, drawn: &RgbImage, pixels: impl Iterator<Item = usize>, r2: f32) -> Option<Self> {
+    fn of_cell(
+        photo: &RgbImage,
+        drawn: &RgbImage,
+        pixels: impl Iterator<Item = usize>,
+        r2: f32,
+    ) -> Option<Self> {
         let light = linear_of_srgb8();
         let (mut sums, mut compared, mut all) = ([[0.0f32; 2]; 3], [0.0f32; 3], 0.0f32);
         for i in pixels {
@@ -86,35 +106,57 @@ impl Cell {
         // An error of a code is a larger part of little light.
         let mean = |c: usize| (sums[c][0] * sums[c][1]).sqrt() / compared[c];
         let weight = [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
-        Some(Self { log, weight, r2 })
+        Some(Self { point: DRAWN, log, weight, r2 })
+    }
+
+    fn mean(&self) -> f32 {
+        self.log.iter().sum::<f32>() / 3.0
     }
 }
 
-/// The exposures that best explain the differences between photos and drawings; a photo without cells has the
-/// mean one.
-pub fn solve(photos: &[Cells]) -> Solved {
-    let mut gains: Vec<[f32; 3]> = photos.iter().map(Cells::start).collect();
-    let mut falloff = vec![0.0f32; photos.len()];
-    let mut errors = Vec::new();
-    let mut cameras: Vec<[u32; 2]> = photos.iter().map(|photo| photo.camera.to_array()).collect();
-    cameras.sort_unstable();
-    cameras.dedup();
-    for _ in 0..ROUNDS {
-        let sums: Vec<[Sums; 3]> = (0..photos.len()).map(|i| photos[i].sums(gains[i], falloff[i])).collect();
-        for camera in &cameras {
-            let of_camera = || (0..photos.len()).filter(|i| photos[*i].camera.to_array() == *camera);
-            let all = of_camera().flat_map(|i| &sums[i]);
-            let (above, below) =
-                all.fold((0.0, 0.0), |(above, below), s| (above - s.covariance(), below + s.variance()));
-            let k = if below > 0.0 { (above / below) as f32 } else { 0.0 };
-            of_camera().for_each(|i| falloff[i] = k);
+/// The points that each training photo tracks, and their places as shares of its width and height; `None` where too few photos track points
+/// to compare them.
+pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
+    let photos = || dataset.train().filter(|view| !view.photo.is_drawn());
+    let tracked = photos().filter(|view| view.tracked.len() >= LEAST).count();
+    let of_view = |view: &View| {
+        let camera = &view.camera;
+        let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));
+        let place = |(i, point): (usize, &Point)| {
+            Some((i as u32, camera.shows(point.position)?.0 / camera.size.as_vec2()))
+        };
+        shown.filter_map(place).collect()
+    };
+    (tracked > 0 && 10 * tracked >= 9 * photos().count()).then(|| dataset.train().map(of_view).collect())
+}
+
+/// The exposures that best explain the light of photos whose cameras have these sizes, all at points or all beside drawings; a photo without
+/// light has the mean one. Photos of one size share a camera.
+pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
+    let all: usize = photos.iter().map(Vec::len).sum();
+    let stride = (all / MOST + 1) as u32;
+    let (mut numbers, mut seen) = (HashMap::from([(DRAWN, 0)]), Vec::new());
+    for (photo, lights) in photos.iter().enumerate() {
+        for light in lights.iter().filter(|light| light.point == DRAWN || light.point.is_multiple_of(stride))
+        {
+            let next = numbers.len();
+            seen.push(Seen { photo, place: *numbers.entry(light.point).or_insert(next), light: *light });
         }
-        for ((gains, sums), k) in gains.iter_mut().zip(&sums).zip(&falloff) {
-            *gains = [0, 1, 2].map(|c: usize| sums[c].gain(*k));
-        }
-        errors = sums.iter().map(|sums| [0, 1, 2].map(|c: usize| sums[c].error())).collect();
     }
-    for c in 0..3 {
+    let upright = |size: &UVec2| UVec2::new(size.max_element(), size.min_element());
+    let first = |camera: &UVec2| cameras.iter().position(|other| upright(other) == upright(camera));
+    let kinds: Vec<usize> = cameras.iter().map(|camera| first(camera).unwrap_or(0)).collect();
+    let by_points = numbers.len() > 1;
+    let spread = spread(photos).filter(|_| by_points);
+    let (mut gains, mut errors) = (vec![[0.0f32; 3]; photos.len()], vec![[f32::INFINITY; 3]; photos.len()]);
+    let mut falloff = vec![0.0f32; photos.len()];
+    for c in 0..if by_points && spread.is_none() { 0 } else { 3 } {
+        let channel = Channel::solve(&seen, c, &kinds, numbers.len());
+        let dependence = if by_points { 1.0 } else { DEPENDENCE };
+        for (photo, error) in channel.errors().into_iter().enumerate() {
+            (gains[photo][c], errors[photo][c]) = (channel.photos[photo], dependence * error);
+            falloff[photo] += channel.falloff[kinds[photo]] / 3.0;
+        }
         let known = || (0..photos.len()).filter(|i| errors[*i][c].is_finite());
         let sum: f64 = known().map(|i| f64::from(gains[i][c])).sum();
         let mean = (sum / known().count().max(1) as f64) as f32;
@@ -122,130 +164,131 @@ pub fn solve(photos: &[Cells]) -> Solved {
             gains[c] = if errors[c].is_finite() { gains[c] - mean } else { 0.0 };
         }
     }
-    Solved { exposures: Exposures { gains, falloff }, errors }
+    Solved { exposures: Exposures { gains, falloff }, errors, spread }
 }
 
-impl Cells {
-    /// The median of each channel.
-    fn start(&self) -> [f32; 3] {
-        [0, 1, 2].map(|c: usize| {
-            let logs = self.cells.iter().filter(|cell| cell.weight[c] > 0.0).map(|cell| cell.log[c]);
-            median(logs.collect(), f32::total_cmp).unwrap_or(0.0)
-        })
-    }
-
-    /// Sums over the cells, with less weight for larger residuals of the last solution.
-    fn sums(&self, gains: [f32; 3], falloff: f32) -> [Sums; 3] {
-        [0, 1, 2].map(|c: usize| {
-            let left = |cell: &Cell| cell.log[c] - gains[c] + falloff * cell.r2;
-            let cells = || self.cells.iter().filter(|cell| cell.weight[c] > 0.0);
-            let spread = median(cells().map(|cell| left(cell).abs()).collect(), f32::total_cmp);
-            let scale = LEAST_SCALE.max(1.5 * spread.unwrap_or(0.0));
-            let mut sums = Sums::default();
-            cells().for_each(|cell| {
-                let left = left(cell);
-                sums.add(cell.weight[c] / (1.0 + (left / scale).powi(2)), cell.log[c], cell.r2, left);
-            });
-            sums
-        })
-    }
-}
-
-/// Weighted sums over the cells of a photo in one channel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    one: f64,
-    log: f64,
-    r2: f64,
-    r4: f64,
-    log_r2: f64,
-    /// Of squared weights and errors.
-    square: f64,
-}
-
-impl Sums {
-    fn add(&mut self, weight: f32, log: f32, r2: f32, left: f32) {
-        let [w, log, r2, left] = [weight, log, r2, left].map(f64::from);
-        self.one += w;
-        self.log += w * log;
-        self.r2 += w * r2;
-        self.r4 += w * r2 * r2;
-        self.log_r2 += w * log * r2;
-        self.square += (w * left).powi(2);
-    }
-
-    /// Of r² within the photo.
-    fn variance(&self) -> f64 {
-        if self.one > 0.0 { self.r4 - self.r2 * self.r2 / self.one } else { 0.0 }
-    }
-
-    /// Of r² and the logarithm within the photo.
-    fn covariance(&self) -> f64 {
-        if self.one > 0.0 { self.log_r2 - self.log * self.r2 / self.one } else { 0.0 }
-    }
-
-    /// The gain for this falloff.
-    fn gain(&self, falloff: f32) -> f32 {
-        if self.one > 0.0 { ((self.log + f64::from(falloff) * self.r2) / self.one) as f32 } else { 0.0 }
-    }
-
-    /// The standard error of the gain; infinite without cells.
-    fn error(&self) -> f32 {
-        if self.one > 0.0 { DEPENDENCE * (self.square.sqrt() / self.one) as f32 } else { f32::INFINITY }
-    }
-}
-
-/// Usable 8-bit codes: brighter ones are clipped, darker ones mostly noise.
-const USEFUL: std::ops::RangeInclusive<u8> = 8..=247;
-/// Fewest points that two photos share for a comparison.
-const LEAST: usize = 20;
-/// Photos that each photo of a point is compared with, at most.
-const BESIDE: usize = 8;
-/// Squared error of a median of one value, in squared median deviations.
-const ERROR_OF_MEDIAN: f64 = 1.4826 * 1.4826 * std::f64::consts::FRAC_PI_2;
-
-/// Brightness of a point in a photo.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Observation {
+/// A light, its photo, and the number of its place: 0 beside drawings.
+struct Seen {
     photo: usize,
-    point: usize,
-    /// Stops.
-    light: f64,
+    place: usize,
+    light: Light,
 }
 
-impl Observation {
-    /// From an sRGB-encoded grey code; `None` outside the usable codes.
-    pub(crate) fn of_code(photo: usize, point: usize, code: u8) -> Option<Self> {
-        let encoded = f64::from(code) / 255.0;
-        let linear =
-            if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
-        USEFUL.contains(&code).then(|| Self { photo, point, light: linear.log2() })
+/// The unknowns of a channel.
+struct Channel<'a> {
+    seen: &'a [Seen],
+    c: usize,
+    photos: Vec<f32>,
+    places: Vec<f32>,
+    /// By the kind of a photo's camera.
+    falloff: Vec<f32>,
+    kinds: &'a [usize],
+    /// Of each light.
+    weights: Vec<f64>,
+}
+
+impl<'a> Channel<'a> {
+    fn solve(seen: &'a [Seen], c: usize, kinds: &'a [usize], places: usize) -> Self {
+        let weights = seen.iter().map(|seen| f64::from(seen.light.weight[c])).collect();
+        let (photos, falloff) = (vec![0.0; kinds.len()], vec![0.0; kinds.len()]);
+        let mut channel = Self { seen, c, photos, places: vec![0.0; places], falloff, kinds, weights };
+        channel.places = channel.means(places, |seen| (seen.place, seen.light.log[c]));
+        channel.places[0] = 0.0;
+        for _ in 0..ROUNDS[0] {
+            (0..ROUNDS[1]).for_each(|_| channel.improve());
+            channel.weigh();
+        }
+        channel
     }
-}
 
-/// Standard deviation of the photos' exposures, stops, by the points that two photos both show: errors of such pairs do not add up along
-/// a chain of photos. `None` where no two photos share enough points.
-pub(crate) fn spread_of_points(mut observations: Vec<Observation>) -> Option<f64> {
-    observations.sort_by_key(|seen| (seen.point, seen.photo));
-    let mut pairs: HashMap<[usize; 2], Vec<f64>> = HashMap::new();
-    for (i, one) in observations.iter().enumerate() {
-        for other in observations[i + 1..].iter().take_while(|other| other.point == one.point).take(BESIDE) {
-            pairs.entry([one.photo, other.photo]).or_default().push(other.light - one.light);
+    /// Weighted means of a value, by an index.
+    fn means(&self, count: usize, value: impl Fn(&Seen) -> (usize, f32)) -> Vec<f32> {
+        let mut sums = vec![[0.0f64; 2]; count];
+        for (seen, weight) in self.seen.iter().zip(&self.weights) {
+            let (index, value) = value(seen);
+            sums[index] = [sums[index][0] + weight * f64::from(value), sums[index][1] + weight];
+        }
+        sums.iter().map(|[sum, weight]| if *weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
+    }
+
+    /// What the unknowns leave of a light.
+    fn left(&self, Seen { photo, place, light }: &Seen) -> f32 {
+        light.log[self.c] - self.photos[*photo] - self.places[*place]
+            + self.falloff[self.kinds[*photo]] * light.r2
+    }
+
+    fn improve(&mut self) {
+        self.photos =
+            self.means(self.photos.len(), |seen| (seen.photo, self.left(seen) + self.photos[seen.photo]));
+        self.places =
+            self.means(self.places.len(), |seen| (seen.place, self.left(seen) + self.places[seen.place]));
+        self.places[0] = 0.0;
+        // How the rest grows with r², within a point or beside a drawing.
+        let of_place = self.means(self.places.len(), |seen| (seen.place, seen.light.r2));
+        let of_photo = self.means(self.photos.len(), |seen| (seen.photo, seen.light.r2));
+        let mut sums = vec![[0.0f64; 2]; self.falloff.len()];
+        for (seen, weight) in self.seen.iter().zip(&self.weights) {
+            let middle = if seen.place == 0 { of_photo[seen.photo] } else { of_place[seen.place] };
+            let [apart, left] = [seen.light.r2 - middle, self.left(seen)].map(f64::from);
+            let sum = &mut sums[self.kinds[seen.photo]];
+            *sum = [sum[0] - weight * apart * left, sum[1] + weight * apart * apart];
+        }
+        for (falloff, [above, below]) in self.falloff.iter_mut().zip(sums) {
+            *falloff += if below > 0.0 { (above / below) as f32 } else { 0.0 };
         }
     }
-    pairs.retain(|_, stops| stops.len() >= LEAST);
+
+    /// Less weight for larger residuals.
+    fn weigh(&mut self) {
+        let weight = |seen: &Seen| seen.light.weight[self.c];
+        let left: Vec<f32> = self.seen.iter().map(|seen| self.left(seen)).collect();
+        let counted = left.iter().zip(self.seen).filter(|(_, seen)| weight(seen) > 0.0);
+        let usual = median(counted.map(|(left, _)| left.abs()).collect(), f32::total_cmp);
+        let scale = LEAST_SCALE.max(1.5 * usual.unwrap_or(0.0));
+        let weigh = |(seen, left): (&Seen, f32)| f64::from(weight(seen) / (1.0 + (left / scale).powi(2)));
+        self.weights = self.seen.iter().zip(left).map(weigh).collect();
+    }
+
+    /// Standard errors of the photos' gains; infinite without light.
+    fn errors(&self) -> Vec<f32> {
+        let mut sums = vec![[0.0f64; 2]; self.photos.len()];
+        for (seen, weight) in self.seen.iter().zip(&self.weights) {
+            let sum = &mut sums[seen.photo];
+            *sum = [sum[0] + (weight * f64::from(self.left(seen))).powi(2), sum[1] + weight];
+        }
+        let error =
+            |[square, sum]: [f64; 2]| if sum > 0.0 { (square.sqrt() / sum) as f32 } else { f32::INFINITY };
+        sums.into_iter().map(error).collect()
+    }
+}
+
+/// Standard deviation of the photos' exposures, as a logarithm, by the points that two photos both show: errors of such pairs do not add up
+/// along a chain of photos. `None` where no two photos share enough points.
+fn spread(photos: &[Vec<Light>]) -> Option<f32> {
+    let lights =
+        photos.iter().enumerate().flat_map(|(photo, lights)| lights.iter().map(move |light| (photo, light)));
+    let mut seen: Vec<(u32, usize, f32)> =
+        lights.map(|(photo, light)| (light.point, photo, light.mean())).collect();
+    seen.sort_by_key(|(point, photo, _)| (*point, *photo));
+    let mut pairs: HashMap<[usize; 2], Vec<f32>> = HashMap::new();
+    for (i, (point, one, light)) in seen.iter().enumerate() {
+        for (_, other, its) in seen[i + 1..].iter().take_while(|other| other.0 == *point).take(BESIDE) {
+            pairs.entry([*one, *other]).or_default().push(its - light);
+        }
+    }
     // Of the square, less that of the error of the median.
-    let variance = |stops: &Vec<f64>| {
-        let apart = median(stops.clone(), f64::total_cmp).unwrap_or(0.0);
-        let off = median(stops.iter().map(|stops| (stops - apart).abs()).collect(), f64::total_cmp);
-        apart * apart - ERROR_OF_MEDIAN * off.unwrap_or(0.0).powi(2) / stops.len() as f64
+    let variance = |apart: &Vec<f32>| {
+        let middle = median(apart.clone(), f32::total_cmp).unwrap_or(0.0);
+        let off = median(apart.iter().map(|apart| (apart - middle).abs()).collect(), f32::total_cmp);
+        f64::from(middle * middle - ERROR_OF_MEDIAN * off.unwrap_or(0.0).powi(2) / apart.len() as f32)
     };
+    let compared = pairs.into_iter().filter(|(_, apart)| apart.len() >= LEAST);
     let mut variances: Vec<([usize; 2], f64)> =
-        pairs.iter().map(|(pair, stops)| (*pair, variance(stops))).collect();
+        compared.map(|(pair, apart)| (pair, variance(&apart))).collect();
     variances.sort_unstable_by_key(|one| one.0);
     let sum: f64 = variances.iter().map(|one| one.1).sum();
     // Two photos differ by twice the variance of one.
-    (!variances.is_empty()).then(|| (sum / (2 * variances.len()) as f64).max(0.0).sqrt())
+    (!variances.is_empty()).then(|| (sum / (2 * variances.len()) as f64).max(0.0).sqrt() as f32)
 }
 
 #[cfg(test)]
@@ -275,17 +318,17 @@ mod tests {
         let truth: Vec<[f32; 3]> =
             vec![[0.5, 0.45, 0.4], [-0.3, -0.35, -0.2], [0.0, 0.1, -0.1], [-0.2, -0.2, -0.1]];
         let drawn = picture([0.0; 3], 0.0, &Rng::new(1, "drawn", 0), size);
-        let photos: Vec<Cells> = (0..4)
+        let lights: Vec<Vec<Light>> = (0..4)
             .map(|i| {
                 let mut photo = picture(truth[i], 0.4, &Rng::new(1, "photo", i as u64), size);
                 // Somebody walks by.
                 for y in 30..60 {
                     photo.rgb[160 * y + 20 * i..160 * y + 20 * i + 30].fill([20, 200, 90]);
                 }
-                Cells::new(&photo, &drawn, size)
+                Light::beside_drawing(&photo, &drawn)
             })
             .collect();
-        let solved = solve(&photos);
+        let solved = solve(&lights, &[size; 4]);
         for (i, truth) in truth.iter().enumerate() {
             for (c, truth) in truth.iter().enumerate() {
                 let off = solved.exposures.gains[i][c] - truth;
@@ -301,41 +344,53 @@ mod tests {
         let size = UVec2::new(64, 64);
         let black = RgbImage { size, rgb: vec![[0; 3]; 64 * 64], alpha: None };
         let grey = RgbImage { rgb: vec![[100; 3]; 64 * 64], ..black.clone() };
-        let solved = solve(&[Cells::new(&black, &grey, size), Cells::new(&grey, &grey, size)]);
+        let lights = [&black, &grey].map(|photo| Light::beside_drawing(photo, &grey));
+        let solved = solve(&lights, &[size; 2]);
         assert_eq!(solved.exposures.gains, [[0.0; 3]; 2]);
         assert!(solved.errors[0][0].is_infinite() && solved.errors[1][0].is_finite());
-        assert_eq!(solve(&[]), Solved::default());
+        assert_eq!(solve(&[], &[]), Solved::default());
     }
 
-    /// Photos with these stops in a chain, each sharing points with its neighbours, whose light differs by `noise`.
-    fn chain(truth: &[f64], noise: f64) -> Vec<Observation> {
+    /// Photos with these exposures in a chain, each sharing points with its neighbours, whose light differs by `noise`.
+    fn chain(truth: &[f32], noise: f32) -> Vec<Vec<Light>> {
         let rng = Rng::new(3, "chain", 0);
-        let light = |(photo, stops): (usize, &f64)| {
-            let stops = *stops;
-            let noise = |i| noise * f64::from(rng.normal(i));
-            (30 * photo..30 * photo + 120).map(move |point| {
-                let light = -4.0 + (point as f64 * 0.37).sin() + stops + noise((200 * photo + point) as u64);
-                Observation { photo, point, light }
-            })
+        let light = |(photo, exposure): (usize, &f32)| {
+            let light = |point: usize| {
+                let noise = noise * rng.normal((200 * photo + point) as u64);
+                let log = -3.0 + 0.7 * (point as f32 * 0.37).sin() + exposure + noise;
+                Light { point: point as u32, log: [log; 3], weight: [1.0; 3], r2: (point % 7) as f32 / 7.0 }
+            };
+            (30 * photo..30 * photo + 120).map(light).collect()
         };
-        truth.iter().enumerate().flat_map(light).collect()
+        truth.iter().enumerate().map(light).collect()
     }
 
     #[test]
     fn the_spread_of_exposures_is_found_and_drift_is_none() {
-        let truth: Vec<f64> = (0..40).map(|i| 0.4 * f64::from(i % 4)).collect();
-        // The standard deviation of 0, 0.4, 0.8, 1.2.
-        for noise in [0.0, 0.3] {
-            let found = spread_of_points(chain(&truth, noise)).unwrap();
-            assert!((found - 0.447).abs() < 0.1, "{noise}: {found}");
-            assert!(spread_of_points(chain(&[0.0; 40], noise)).unwrap() < 0.02);
+        let solved = |truth: &[f32], noise| solve(&chain(truth, noise), &vec![UVec2::ONE; truth.len()]);
+        let truth: Vec<f32> = (0..40).map(|i| 0.3 * (i % 4) as f32).collect();
+        // The standard deviation of 0, 0.3, 0.6, 0.9.
+        for noise in [0.0, 0.2] {
+            let found = solved(&truth, noise);
+            assert!((found.spread.unwrap() - 0.335).abs() < 0.07, "{noise}: {:?}", found.spread);
+            // Errors of the noise add up along a chain.
+            let off = |i: usize| found.exposures.gains[i][1] - truth[i] + 0.45;
+            assert!(noise > 0.0 || (0..40).all(|i| off(i).abs() < 0.01), "{:?}", found.exposures.gains);
+            assert!(solved(&[0.0; 40], noise).spread.unwrap() < 0.02);
         }
-        // Each pair is off by 0.04 stops, which makes 1.6 along the chain.
-        let drift: Vec<f64> = (0..40).map(|i| 0.04 * f64::from(i)).collect();
-        assert!(spread_of_points(chain(&drift, 0.1)).unwrap() < 0.1);
-        assert_eq!(spread_of_points(chain(&[0.0], 0.1)), None);
-        assert!(Observation::of_code(0, 0, 255).is_none() && Observation::of_code(0, 0, 0).is_none());
-        let stops = |code| Observation::of_code(0, 0, code).unwrap().light;
-        assert!((stops(188) - stops(137) - 1.0).abs() < 0.02, "twice the light");
+        // Each pair is off by 0.03, which makes 1.2 along the chain.
+        let drift: Vec<f32> = (0..40).map(|i| 0.03 * i as f32).collect();
+        assert!(solved(&drift, 0.1).spread.unwrap() < 0.07);
+        let alone = solved(&[0.0], 0.1);
+        assert!(alone.spread.is_none() && alone.errors[0][0].is_infinite(), "{alone:?}");
+    }
+
+    #[test]
+    fn clipped_and_masked_points_have_no_light() {
+        let rgb = vec![[255; 3], [100, 2, 100], [100; 3], [50; 3]];
+        let photo = RgbImage { size: UVec2::new(2, 2), rgb, alpha: Some(vec![255, 255, 0, 255]) };
+        let places = [(0, [0.2, 0.2]), (1, [0.7, 0.2]), (2, [0.2, 0.7]), (3, [0.999, 1.0])];
+        let lights = Light::at_points(&photo, &places.map(|(point, at)| (point, Vec2::from(at))));
+        assert_eq!(lights.iter().map(|light| light.point).collect::<Vec<_>>(), [3]);
     }
 }

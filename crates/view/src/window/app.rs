@@ -99,7 +99,9 @@ impl ApplicationHandler<SceneMessage> for App {
             WindowEvent::Resized(size) => screen.resize(UVec2::new(size.width, size.height)),
             WindowEvent::RedrawRequested => self.redraw(events),
             // Keys that were held when the window got the focus are not commands.
-            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => return self.key(events, &event),
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
+                return self.key(events, &event, response.consumed);
+            }
             WindowEvent::DroppedFile(path) => return self.dropped(&path),
             other => return self.pointer(&other, response.consumed),
         };
@@ -277,13 +279,14 @@ impl App {
         }
     }
 
-    fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent) {
+    /// A key; what is `typed` into a field is no command.
+    fn key(&mut self, events: &ActiveEventLoop, event: &KeyEvent, typed: bool) {
         let Some((screen, session)) = &mut self.window else { return };
         let PhysicalKey::Code(code) = event.physical_key else { return };
         screen.window.request_redraw();
         match event.state {
             ElementState::Released => drop(session.keys.remove(&code)),
-            ElementState::Pressed if session.keys.insert(code) => self.press(events, code),
+            ElementState::Pressed if !typed && session.keys.insert(code) => self.press(events, code),
             ElementState::Pressed => {}
         }
     }
