@@ -417,10 +417,10 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}{share}"
         ));
     }
-    if let Some(ExposureDetails { verdict, photos }) =
-        trained.exposure.as_ref().filter(|e| !e.photos.is_empty())
+    if let Some(ExposureDetails { verdict: Some(verdict), exposures }) =
+        trained.exposure.as_ref().filter(|exposure| !exposure.exposures.gains.is_empty())
     {
-        let (count, balance) = (counted(photos.len() as u64, "photo"), 100.0 * verdict.balance);
+        let (count, balance) = (counted(exposures.gains.len() as u64, "photo"), 100.0 * verdict.balance);
         bar.line(&format!(
             "{} and by {balance:.0}% in white balance: {count} corrected (--set exposure=off leaves them unchanged)",
             differ(verdict.exposure)

@@ -3,7 +3,9 @@
 
 use super::views::{SAMPLES, Views};
 use std::sync::Arc;
-use trisplat_dataset::exposure::{ExposureUse, Exposures, Light, Verdict, compared_size, judge, solve};
+use trisplat_dataset::exposure::{
+    ExposureDetails, ExposureUse, Exposures, Light, compared_size, judge, solve,
+};
 use trisplat_raster::solid::SolidRasterizer;
 use trisplat_scene::Result;
 use trisplat_scene::mesh::Mesh;
@@ -28,19 +30,6 @@ impl ExposureOptions {
     /// Never.
     pub const OFF: Self = Self { exposure: ExposureUse::Off };
 }
-
-/// How photos differ.
-#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-pub struct ExposureDetails {
-    /// The differences; absent where they were not estimated.
-    #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
-    pub verdict: Option<Verdict>,
-    /// The correction of each photo, in order of name; empty where photos agree.
-    #[serde(default, flatten)]
-    pub exposures: Exposures,
-}
-
-trisplat_scene::stage!(ExposureDetails, "exposure");
 
 /// Corrects `views` by the points that they track or, without, by drawings of `mesh`.
 ///
@@ -70,7 +59,7 @@ pub(crate) fn exposure(
         let photo = views.photo(view)?;
         let size = compared_size(photo.size);
         let small = Arc::clone(&photo).shared_at(size);
-        lights.push(match views.tracked() {
+        lights.push(match &views.tracked {
             Some(tracked) => Light::at_points(&small, &tracked[view]),
             None => {
                 let drawn = solid.render(mesh, &views.camera(view).resized(size), &drawing);

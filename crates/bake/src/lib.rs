@@ -52,7 +52,6 @@ pub use background::{BackgroundDetails, BackgroundFrom, BackgroundOptions, backg
 pub use chunk::{ChunkDetails, ChunkOptions, MAX_CHUNK_TRIANGLES, chunk};
 pub use crop::{CropDetails, CropOptions};
 pub use decimate::{Decimation, enlarge, rank_by_size};
-pub use exposure::ExposureDetails;
 pub use lit::{Lit, LitDetails, LitOptions, lit};
 pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lod};
 pub use merge::merge;
@@ -72,6 +71,7 @@ pub use solid::{
 pub use teacher::{TeacherDetails, TeacherOptions, TeacherWhen, is_solid, pictures, softness, teacher};
 pub use texture::{TextureDetail, TextureDetails, TextureOptions, TextureWhen, texture};
 pub use tiles::{TilesDetails, TilesOptions, tiles};
+pub use trisplat_dataset::exposure::ExposureDetails;
 pub use unseen::visible_px;
 pub use viewpoint::ViewpointDetails;
 pub use views::{SAMPLES, Views};

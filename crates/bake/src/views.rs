@@ -50,7 +50,7 @@ pub struct Views {
     /// Photos of an object without background. `[views]`
     cut: Vec<bool>,
     /// The points that photos track, to compare their light: see [`compared_points`]. `[views]`
-    tracked: Option<Vec<Vec<(u32, Vec2)>>>,
+    pub(crate) tracked: Option<Vec<Vec<(u32, Vec2)>>>,
     /// The photos' corrections; empty for none.
     exposures: Exposures,
     /// The scene is a part of what they show.
@@ -226,11 +226,6 @@ impl Views {
     fn taken(&mut self, view: usize) -> Result<Arc<RgbImage>> {
         let photo = self.photos.take(view)?;
         Ok(self.exposures.correct(view, &photo).map_or(photo, Arc::new))
-    }
-
-    /// Where photos show the points that they track; `None` where too few photos track any.
-    pub fn tracked(&self) -> Option<&[Vec<(u32, Vec2)>]> {
-        self.tracked.as_deref()
     }
 
     /// Corrects photos from now on.

@@ -17,7 +17,9 @@ pub mod exposure {
     mod solve;
 
     pub(crate) use correction::SPREAD;
-    pub use correction::{ExposureUse, Exposures, Solved, Verdict, compared_size, differ, judge};
+    pub use correction::{
+        ExposureDetails, ExposureUse, Exposures, Solved, Verdict, compared_size, differ, judge,
+    };
     pub use solve::{Light, compared_points, solve};
 }
 mod found;

@@ -3,11 +3,11 @@
 
 use super::options::TrainOptions;
 use glam::{UVec2, Vec2};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
-    ExposureUse, Exposures, Light, Solved, Verdict, compared_points, compared_size, judge, solve,
+    ExposureDetails, ExposureUse, Exposures, Light, Solved, Verdict, compared_points, compared_size, judge,
+    solve,
 };
 use trisplat_dataset::{Dataset, View};
 use trisplat_scene::{Result, image::RgbImage};
@@ -79,50 +79,17 @@ impl ExposureEstimates {
         self.verdict = Some(verdict);
     }
 
+    /// For the report; `None` where photos were not compared.
+    pub(super) fn details(&self) -> Option<ExposureDetails> {
+        let details = ExposureDetails { verdict: self.verdict, exposures: self.exposures.clone() };
+        self.verdict.is_some().then_some(details)
+    }
+
     /// A photo as it is trained on, and the number of its correction, from 1; 0 for none.
     pub(super) fn correct(&self, index: usize, photo: Arc<RgbImage>) -> (Arc<RgbImage>, u32) {
         match self.exposures.correct(index, &photo) {
             Some(corrected) => (Arc::new(corrected), self.passed as u32 + 1),
             None => (photo, 0),
         }
-    }
-}
-
-/// A run's estimate of its photos' exposures.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct ExposureDetails {
-    /// How much photos differ.
-    #[serde(flatten)]
-    pub verdict: Verdict,
-    /// The photos' corrections; none where they agree.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub photos: Vec<PhotoExposure>,
-}
-
-/// The correction of a photo.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct PhotoExposure {
-    /// The photo.
-    pub name: String,
-    /// Logarithm of its gain in linear light, per channel.
-    pub gains: [f32; 3],
-    /// The loss of light in its corners, as a logarithm.
-    pub falloff: f32,
-}
-
-impl ExposureDetails {
-    /// The estimates in `estimates` for photos with these names; `None` if there are none.
-    pub(super) fn new<'a>(
-        estimates: &ExposureEstimates,
-        names: impl Iterator<Item = &'a str>,
-    ) -> Option<Self> {
-        let Exposures { gains, falloff } = &estimates.exposures;
-        let photo = |((name, gains), falloff): ((&str, &[f32; 3]), &f32)| PhotoExposure {
-            name: name.to_owned(),
-            gains: *gains,
-            falloff: *falloff,
-        };
-        let photos = names.zip(gains).zip(falloff).map(photo).collect();
-        estimates.verdict.map(|verdict| Self { verdict, photos })
     }
 }

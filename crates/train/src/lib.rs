@@ -52,7 +52,6 @@ pub use cpu::CpuBackend;
 pub use densify::Densified;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
-pub use exposure::ExposureDetails;
 pub use find::find_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};
@@ -66,3 +65,4 @@ pub use shell::shell_around;
 pub use start::{PREVIEW, Part, Preview, RunOptions, TrainRun};
 pub use trained::{TrainDetails, Trained};
 pub use training::Training;
+pub use trisplat_dataset::exposure::ExposureDetails;

@@ -6,7 +6,6 @@ use super::checkpoint::CheckpointMeta;
 use super::cpu::CpuBackend;
 use super::device::BackendOptions;
 use super::eval::{TrainSample, solid_samples};
-use super::exposure::ExposureDetails;
 use super::options::{REFERENCE_STEPS, TrainOptions, WarmupOptions};
 use super::outputs::{Recorder, TrainEvent, TrainObserver};
 use super::pyramid::{MIN_PX, size_at};
@@ -106,7 +105,7 @@ impl Training<'_> {
         let (provenance, cameras) = self.origin();
         let (soup, not_finite) = self.trained()?;
         let samples = solid_samples(&self.drawing());
-        let Self { meta, spending, dataset, .. } = self;
+        let Self { meta, spending, .. } = self;
         let is_of_now = |(step, _): &(u64, _)| *step == meta.step;
         Ok(Trained {
             checkpoint: record.checkpoint.filter(is_of_now).map(|(_, path)| path),
@@ -122,7 +121,7 @@ impl Training<'_> {
             photo_size: record.evaluator.shrunk,
             dropped: meta.dropped,
             cpu_secs,
-            exposure: ExposureDetails::new(&meta.exposure, dataset.train().map(|view| view.name.as_str())),
+            exposure: meta.exposure.details(),
             stopped,
             lost: record.lost.into_iter().chain(not_finite).collect(),
         })

@@ -2,11 +2,11 @@
 
 use super::budget::{BudgetDetails, Paced};
 use super::eval::{PhotoScore, Quality, TrainSample};
-use super::exposure::ExposureDetails;
 use super::options::TrainOptions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use trisplat_dataset::exposure::ExposureDetails;
 use trisplat_dataset::{Dataset, ShrunkSize};
 use trisplat_formats::ply;
 use trisplat_scene::atomic::AtomicFile;
@@ -105,7 +105,7 @@ impl Trained {
 
     /// [`PhotoScore::mean_corrected`] of a training that corrected its photos; `None` of any other.
     pub fn psnr_corrected(&self) -> Option<f64> {
-        let corrected = self.exposure.as_ref().is_some_and(|exposure| !exposure.photos.is_empty());
+        let corrected = self.exposure.as_ref().is_some_and(|exposure| !exposure.exposures.gains.is_empty());
         corrected.then(|| PhotoScore::mean_corrected(&self.scores)).flatten()
     }
 

@@ -173,6 +173,19 @@ pub struct Verdict {
     pub strength: f32,
 }
 
+/// How photos differ, and what corrects them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExposureDetails {
+    /// The differences; absent where they were not measured.
+    #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// The correction of each training photo, in order of name; empty where photos agree.
+    #[serde(default, flatten)]
+    pub exposures: Exposures,
+}
+
+trisplat_scene::stage!(ExposureDetails, "exposure");
+
 /// The photos' corrections; `None` if they agree. Uncertain estimates count less.
 pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict) {
     let Solved { mut exposures, errors, spread: measured } = solved;

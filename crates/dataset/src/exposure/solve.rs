@@ -32,7 +32,7 @@ const BESIDE: usize = 8;
 /// Squared error of a median of one value, in squared median deviations.
 const ERROR_OF_MEDIAN: f32 = 1.4826 * 1.4826 * std::f32::consts::FRAC_PI_2;
 /// Lights at points that are solved for; more are thinned.
-const MOST: usize = 300_000;
+const MOST: usize = 150_000;
 /// The number of a place whose light is known.
 const DRAWN: u32 = u32::MAX;
 
@@ -108,10 +108,6 @@ impl Light {
         let weight = [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
         Some(Self { point: DRAWN, log, weight, r2 })
     }
-
-    fn mean(&self) -> f32 {
-        self.log.iter().sum::<f32>() / 3.0
-    }
 }
 
 /// The points that each training photo tracks, and their places as shares of its width and height; `None` where too few photos track points
@@ -147,7 +143,7 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let first = |camera: &UVec2| cameras.iter().position(|other| upright(other) == upright(camera));
     let kinds: Vec<usize> = cameras.iter().map(|camera| first(camera).unwrap_or(0)).collect();
     let by_points = numbers.len() > 1;
-    let spread = spread(photos).filter(|_| by_points);
+    let spread = by_points.then(|| spread(photos)).flatten();
     let (mut gains, mut errors) = (vec![[0.0f32; 3]; photos.len()], vec![[f32::INFINITY; 3]; photos.len()]);
     let mut falloff = vec![0.0f32; photos.len()];
     for c in 0..if by_points && spread.is_none() { 0 } else { 3 } {
@@ -268,7 +264,7 @@ fn spread(photos: &[Vec<Light>]) -> Option<f32> {
     let lights =
         photos.iter().enumerate().flat_map(|(photo, lights)| lights.iter().map(move |light| (photo, light)));
     let mut seen: Vec<(u32, usize, f32)> =
-        lights.map(|(photo, light)| (light.point, photo, light.mean())).collect();
+        lights.map(|(photo, light)| (light.point, photo, light.log.iter().sum::<f32>() / 3.0)).collect();
     seen.sort_by_key(|(point, photo, _)| (*point, *photo));
     let mut pairs: HashMap<[usize; 2], Vec<f32>> = HashMap::new();
     for (i, (point, one, light)) in seen.iter().enumerate() {
