@@ -266,6 +266,25 @@ mod far_shell_tests {
     }
 
     #[test]
+    fn a_triangle_covers_no_direction_but_the_near_ones() {
+        let rng = Rng::new(9, "near", 0);
+        let point = |i: u64| 2.0 * Vec3::from([0, 1, 2].map(|axis| rng.uniform(3 * i + axis))) - 1.0;
+        let (directions, mut few) = (directions(), 0);
+        for i in 0..2000 {
+            let size = [0.02, 0.3, 2.0][i as usize % 3];
+            let triangle = [0, 1, 2].map(|k| point(4 * i) + size * point(4 * i + 1 + k));
+            let (cone, [faces, down, across]) = (Cone::of(&triangle), near_directions(&triangle));
+            few += u32::from(faces.len() * down.len() * across.len() <= 9);
+            for (at, direction) in directions.iter().enumerate() {
+                let (face, y, x) = (at / GRID / GRID, at / GRID % GRID, at % GRID);
+                let near = faces.contains(&face) && down.contains(&y) && across.contains(&x);
+                assert!(near || !cone.contains(*direction), "{triangle:?}: {direction}");
+            }
+        }
+        assert!(few > 500, "{few}");
+    }
+
+    #[test]
     fn what_is_no_shell_stays_in_the_scene() {
         let with = |rest: Vec<[Vec3; 3]>| [things(4000, 1.0), rest].concat();
         assert_eq!(found(&with(Vec::new())), None, "nothing far");
