@@ -50,8 +50,9 @@ const open = {
     const world = new BABYLON.Scene(engine);
     world.clearColor = new BABYLON.Color4(1, 0, 1, 1);
     await BABYLON.SceneLoader.AppendAsync("/", "scene.glb", world);
-    // Its own framing, what its sandbox and viewer do.
+    // Its own framing, from the front of a glTF, as its sandbox and viewer do.
     world.createDefaultCameraOrLight(true, true, true);
+    world.activeCamera.alpha += Math.PI;
     await world.whenReadyAsync();
     window.show = (backdrop) => {
       world.meshes.filter((mesh) => mesh.name.startsWith("backdrop")).forEach((mesh) => mesh.setEnabled(backdrop));
