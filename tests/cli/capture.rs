@@ -125,7 +125,7 @@ fn photos_become_a_data_set_and_nothing_is_done_twice() {
         (Some(40), Some("good")),
         "{verdict}"
     );
-    assert!(verdict["error_px"].as_f64().unwrap() < 0.5 && verdict["exposure_stops"].as_f64().unwrap() < 0.1);
+    assert!(verdict["error_px"].as_f64().unwrap() < 0.5 && verdict["exposure"].as_f64().unwrap() < 0.07);
 
     let again = fake.succeed(&CAPTURE);
     assert_eq!(again.matches("done before").count(), 4, "{again}");

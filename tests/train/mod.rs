@@ -12,6 +12,7 @@ mod wide;
 
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
+use trisplat_dataset::exposure::ExposureUse;
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_scene::Soup;
 use trisplat_synthetic::SyntheticOptions;
@@ -143,9 +144,9 @@ fn a_photo_that_cannot_be_read_costs_no_step() {
     let dataset = scene(folder.path(), &SyntheticOptions { views: 40, ..small() });
     let path = folder.path().join("a.checkpoint");
     let outputs = RunOptions { checkpoint: Some(path.clone()), ..RunOptions::default() };
-    // No memory for photos: only the next few are decoded ahead. A shell would look at all of them first.
-    let options =
-        TrainOptions { init: InitOptions { shell_subdivisions: 0, ..options(200).init }, ..options(200) };
+    // No memory for photos: only the next few are decoded ahead. A shell and exposures would look at all of them first.
+    let init = InitOptions { shell_subdivisions: 0, ..options(200).init };
+    let options = TrainOptions { init, exposure: ExposureUse::Off, ..options(200) };
     let run = TrainRun { outputs, photo_bytes: 0, ..TrainRun::new(&dataset, &options) };
     let mut taking = |event: TrainEvent<'_>| {
         if matches!(event, TrainEvent::Step { sample, .. } if sample.step == 3) {
