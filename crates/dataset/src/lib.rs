@@ -20,6 +20,7 @@ pub mod exposure {
     pub use correction::{
         ExposureDetails, ExposureUse, Exposures, Solved, Verdict, compared_size, differ, judge,
     };
+    pub(crate) use solve::spread;
     pub use solve::{Light, compared_points, solve};
 }
 mod found;

@@ -44,13 +44,14 @@ pub(super) fn paint(mesh: &mut Mesh, behind: usize, fit: &Fit) {
 
 /// Smooths a shell of one colour per triangle when there are no photos. A shell whose triangles share no vertex stays as it is.
 pub(crate) fn smooth_shell(shell: &mut Mesh) {
-    let system = System::of(shell, 0);
+    let mut system = System::of(shell, 0);
     if system.counts.len() == system.vertices.len() {
         return;
     }
     let encoded = |face| shell.corner_colors(face).map(|corner| corner.map(srgb_from_linear));
     let encoded: Vec<_> = (0..shell.face_count()).map(encoded).collect();
-    shell.colors = Colors::Vertex(system.joined(&system.smoothed(&encoded)));
+    let smoothed = system.smoothed(&encoded);
+    shell.colors = Colors::Vertex(system.joined(&smoothed));
 }
 
 /// Colours of the corners of some faces, sRGB-encoded. `[face][corner][channel]`
@@ -93,12 +94,11 @@ impl System {
     }
 
     /// The seamless colours of a backdrop without photos.
-    fn smoothed(&self, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
+    fn smoothed(&mut self, encoded: &[[[f32; 3]; 3]]) -> CornerColors {
         // The mean over a triangle of the products of its barycentric weights.
         let [own, other] = [TRUSTED_PX / 6.0, TRUSTED_PX / 12.0];
-        let matrices = vec![[own, other, other, own, other, own]; encoded.len()];
-        let system = Self { matrices, vertices: self.vertices.clone(), counts: self.counts.clone() };
-        system.improved(encoded, |_, _, _| 0.0)
+        self.matrices = vec![[own, other, other, own, other, own]; encoded.len()];
+        self.improved(encoded, |_, _, _| 0.0)
     }
 
     /// The colours of corners, linear; those at one vertex get their mean: no photo shows an edge there.

@@ -5,7 +5,7 @@ use super::log::tell;
 use super::poses::ModelDetails;
 use super::video::{Grey, sharpness};
 use crate::colmap::{TrackedPhoto, Tracks};
-use crate::exposure::{Light, SPREAD, compared_size, differ, solve};
+use crate::exposure::{Light, SPREAD, compared_size, differ, spread};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -117,7 +117,6 @@ pub struct Gap {
 struct Looked {
     sharpness: f32,
     lights: Vec<Light>,
-    size: UVec2,
 }
 
 /// Judges the photos in `images` with the tracks of their model.
@@ -139,7 +138,6 @@ pub(super) fn judge(
     }
     let names: Vec<&str> = stored.photos.iter().map(|photo| photo.name.as_str()).collect();
     let sharpness: Vec<f32> = looked.iter().map(|looked| looked.sharpness).collect();
-    let sizes: Vec<UVec2> = looked.iter().map(|looked| looked.size).collect();
     let lights: Vec<Vec<Light>> = looked.into_iter().map(|looked| looked.lights).collect();
     let seen: usize = tracks.photos.iter().map(|photo| photo.seen.len()).sum();
     let weak = tracks.photos.iter().filter(|photo| photo.seen.len() <= FEW_POINTS);
@@ -149,7 +147,7 @@ pub(super) fn judge(
         points: tracks.points as u64,
         track_length: seen as f64 / tracks.points.max(1) as f64,
         error_px: tracks.error_px,
-        exposure: solve(&lights, &sizes).spread,
+        exposure: spread(&lights),
         blurred: listed(blurred(&sharpness).into_iter().map(|i| names[i])),
         weak: listed(weak.map(|photo| photo.name.as_str())),
         gaps: gaps(stored, tracks, &by_name),
@@ -178,7 +176,7 @@ fn look(path: &Path, tracked: Option<&TrackedPhoto>) -> Result<Looked> {
     let points = |photo: &TrackedPhoto| photo.seen.iter().map(|seen| share(photo, seen)).collect();
     let points: Vec<(u32, Vec2)> = tracked.map_or(Vec::new(), points);
     let lights = Light::at_points(&small.downscaled(compared_size(full)), &points);
-    Ok(Looked { sharpness: sharpness(&grey), lights, size: full })
+    Ok(Looked { sharpness: sharpness(&grey), lights })
 }
 
 /// Photos with much less fine detail than their neighbours.

@@ -138,14 +138,14 @@ impl Rings {
 /// share exposure, so correction lowers raw scores (docs/benchmarks/exposure.md). White balance does not
 /// decide, because colours of an untrained scene differ from photo to photo.
 pub(crate) const SPREAD: [f32; 2] = [0.15, 0.25];
+/// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
+/// edges may look like one.
+const FALLOFF: [f32; 2] = [0.12, 0.3];
+
 /// How far photos differ, in words.
 pub fn differ(exposure: f32) -> String {
     format!("photos differ by {:.0}% in exposure", 100.0 * exposure)
 }
-
-/// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
-/// edges may look like one.
-const FALLOFF: [f32; 2] = [0.12, 0.3];
 
 /// The solution and its errors.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -260,7 +260,7 @@ impl<'a> Channel<'a> {
 
 /// Standard deviation of the photos' exposures, as a logarithm, by the points that two photos both show: errors of such pairs do not add up
 /// along a chain of photos. `None` where no two photos share enough points.
-fn spread(photos: &[Vec<Light>]) -> Option<f32> {
+pub(crate) fn spread(photos: &[Vec<Light>]) -> Option<f32> {
     let lights =
         photos.iter().enumerate().flat_map(|(photo, lights)| lights.iter().map(move |light| (photo, light)));
     let mut seen: Vec<(u32, usize, f32)> =
