@@ -181,7 +181,7 @@ pub fn foreign_json(path: &Path, json: &[u8]) -> Option<Error> {
     let json: Value = serde_json::from_slice(json).ok()?;
     let has = |keys: &[&str]| keys.iter().all(|key| json.get(key).is_some());
     if has(&["means", "quats", "scales"]) {
-        return Some(unread(path, "a SOG folder with missing files,"));
+        return Some(unread(path, "SOG with missing files,"));
     }
     if has(&["geometricError", "root"]) {
         let reason = "is a tileset (3D Tiles), a list of files with tiles: give one of the files it names, or what it was baked from";
