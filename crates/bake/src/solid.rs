@@ -102,7 +102,6 @@ struct Areas {
 /// Shrinks every triangle in place; returns the areas before and after.
 fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas) {
     let mut results = vec![Shrunk::Solid; soup.len()];
-    let log_contour = options.contour.ln();
     let rows = soup
         .vertices
         .chunks_mut(PART)
@@ -112,7 +111,7 @@ fn solidify_all(soup: &mut Soup, options: &SolidOptions) -> (Vec<Shrunk>, Areas)
     let parts: Vec<Areas> = parallel::map(rows, |_, (((vertices, opacity), sigma), results)| {
         let mut sum = Areas::default();
         for (((corners, &o), &s), result) in vertices.iter_mut().zip(opacity).zip(sigma).zip(results) {
-            let factor = factor(o.into(), s.into(), options, log_contour);
+            let factor = factor(o.into(), s.into(), options);
             let area = area(corners);
             *result = solidify(corners, factor);
             sum.before += area;
@@ -145,11 +144,8 @@ enum Shrunk {
 }
 
 /// The scale of a triangle about its incenter.
-fn factor(opacity: f64, sigma: f64, options: &SolidOptions, log_contour: f64) -> f64 {
-    let contour = || match opacity > options.contour {
-        true => contour_factor_of_logs(opacity.ln(), sigma, log_contour),
-        false => 0.0,
-    };
+fn factor(opacity: f64, sigma: f64, options: &SolidOptions) -> f64 {
+    let contour = || contour_factor(opacity, sigma, options.contour);
     match options.solid {
         Solidify::Auto => contour().max(area_factor(opacity, sigma)),
         Solidify::Contour => contour(),
@@ -181,12 +177,7 @@ pub fn contour_factor(opacity: f64, sigma: f64, contour: f64) -> f64 {
     if !(opacity > contour) {
         return 0.0;
     }
-    contour_factor_of_logs(opacity.ln(), sigma, contour.ln())
-}
-
-/// The same where there is a contour.
-fn contour_factor_of_logs(log_opacity: f64, sigma: f64, log_contour: f64) -> f64 {
-    -((log_contour - log_opacity) / sigma).exp_m1()
+    -((contour.ln() - opacity.ln()) / sigma).exp_m1()
 }
 
 /// The scale whose area is the triangle's integrated alpha: the opaque triangle then adds as much to a
