@@ -7,10 +7,10 @@
 use super::correction::{Exposures, Rings, Solved};
 use crate::posed::{Dataset, Point, View};
 use glam::{UVec2, Vec2};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_of_srgb8;
-use trisplat_scene::math::lists::median;
+use trisplat_scene::math::lists::{Sets, median};
 
 /// Cells along each side of a picture.
 const GRID: u32 = 16;
@@ -259,32 +259,94 @@ impl<'a> Channel<'a> {
 }
 
 /// Standard deviation of the photos' exposures, as a logarithm, by the points that two photos both show: errors of such pairs do not add up
-/// along a chain of photos. `None` where no two photos share enough points.
+/// along a chain of photos. What one gain a photo cannot explain is shine: around a loop of pairs, differences of exposure add up to zero.
+/// `None` where photos share too few points, or their pairs close no loop.
 pub(crate) fn spread(photos: &[Vec<Light>]) -> Option<f32> {
+    spread_of(&pairs(photos), photos.len())
+}
+
+fn spread_of(pairs: &[Pair], photos: usize) -> Option<f32> {
+    let left = unexplained(pairs, photos);
+    let mut tied = Sets::new(photos);
+    let mut closes = |pair: &&Pair| {
+        let [one, other] = pair.photos.map(|photo| photo as u32);
+        let closes = tied.first(one) == tied.first(other);
+        tied.join(one, other);
+        closes
+    };
+    let loops = pairs.iter().filter(&mut closes).count();
+    let mean = |sum: f64| sum / pairs.len() as f64;
+    let of_shine = left.iter().map(|left| left.powi(2)).sum::<f64>() / loops as f64;
+    // Errors are a part of what is left, except what a photo has in common with all beside it.
+    let of_errors = mean(pairs.iter().map(|pair| pair.error).sum());
+    let variance = mean(pairs.iter().map(|pair| pair.apart.powi(2)).sum()) - of_shine.max(of_errors);
+    // Two photos differ by twice the variance of one.
+    (loops > 0).then(|| (variance / 2.0).max(0.0).sqrt() as f32)
+}
+
+/// Two photos that show the same points, and the median of how much more light the second shows, as a logarithm.
+struct Pair {
+    photos: [usize; 2],
+    apart: f64,
+    /// The variance of that median.
+    error: f64,
+}
+
+impl Pair {
+    /// `None` where the photos share too few points.
+    fn new(photos: [usize; 2], apart: Vec<f32>) -> Option<Self> {
+        let middle = median(apart.clone(), f32::total_cmp)?;
+        let off = median(apart.iter().map(|apart| (apart - middle).abs()).collect(), f32::total_cmp)?;
+        let error = ERROR_OF_MEDIAN * off.powi(2) / apart.len() as f32;
+        (apart.len() >= LEAST).then(|| Self { photos, apart: middle.into(), error: error.into() })
+    }
+}
+
+fn pairs(photos: &[Vec<Light>]) -> Vec<Pair> {
     let lights =
         photos.iter().enumerate().flat_map(|(photo, lights)| lights.iter().map(move |light| (photo, light)));
     let mut seen: Vec<(u32, usize, f32)> =
         lights.map(|(photo, light)| (light.point, photo, light.log.iter().sum::<f32>() / 3.0)).collect();
     seen.sort_by_key(|(point, photo, _)| (*point, *photo));
-    let mut pairs: HashMap<[usize; 2], Vec<f32>> = HashMap::new();
+    let mut all: BTreeMap<[usize; 2], Vec<f32>> = BTreeMap::new();
     for (i, (point, one, light)) in seen.iter().enumerate() {
         for (_, other, its) in seen[i + 1..].iter().take_while(|other| other.0 == *point).take(BESIDE) {
-            pairs.entry([*one, *other]).or_default().push(its - light);
+            all.entry([*one, *other]).or_default().push(its - light);
         }
     }
-    // Of the square, less that of the error of the median.
-    let variance = |apart: &Vec<f32>| {
-        let middle = median(apart.clone(), f32::total_cmp).unwrap_or(0.0);
-        let off = median(apart.iter().map(|apart| (apart - middle).abs()).collect(), f32::total_cmp);
-        f64::from(middle * middle - ERROR_OF_MEDIAN * off.unwrap_or(0.0).powi(2) / apart.len() as f32)
+    all.into_iter().filter_map(|(photos, apart)| Pair::new(photos, apart)).collect()
+}
+
+/// What the gains of `photos` photos that best explain the pairs leave of each: least squares, by conjugate gradients.
+fn unexplained(pairs: &[Pair], photos: usize) -> Vec<f64> {
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let of_pairs = |gains: &[f64]| -> Vec<f64> {
+        pairs.iter().map(|Pair { photos: [one, other], .. }| gains[*other] - gains[*one]).collect()
     };
-    let compared = pairs.into_iter().filter(|(_, apart)| apart.len() >= LEAST);
-    let mut variances: Vec<([usize; 2], f64)> =
-        compared.map(|(pair, apart)| (pair, variance(&apart))).collect();
-    variances.sort_unstable_by_key(|one| one.0);
-    let sum: f64 = variances.iter().map(|one| one.1).sum();
-    // Two photos differ by twice the variance of one.
-    (!variances.is_empty()).then(|| (sum / (2 * variances.len()) as f64).max(0.0).sqrt() as f32)
+    let of_photos = |apart: &[f64]| {
+        let mut sums = vec![0.0; photos];
+        for (Pair { photos: [one, other], .. }, apart) in pairs.iter().zip(apart) {
+            sums[*one] -= apart;
+            sums[*other] += apart;
+        }
+        sums
+    };
+    let mut left: Vec<f64> = pairs.iter().map(|pair| pair.apart).collect();
+    let mut slope = of_photos(&left);
+    let (mut way, mut steep) = (slope.clone(), product(&slope, &slope));
+    let enough = 1e-12 * steep;
+    for _ in 0..photos {
+        let change = of_pairs(&way);
+        if steep <= enough {
+            break;
+        }
+        let far = steep / product(&change, &change);
+        left.iter_mut().zip(change).for_each(|(left, change)| *left -= far * change);
+        slope = of_photos(&left);
+        let before = std::mem::replace(&mut steep, product(&slope, &slope));
+        way.iter_mut().zip(&slope).for_each(|(way, slope)| *way = slope + steep / before * *way);
+    }
+    left
 }
 
 #[cfg(test)]
@@ -378,6 +440,18 @@ mod tests {
         // Each pair is off by 0.03, which makes 1.2 along the chain.
         let drift: Vec<f32> = (0..40).map(|i| 0.03 * i as f32).collect();
         assert!(solved(&drift, 0.1).spread.unwrap() < 0.07);
+        // What each pair sees otherwise is no exposure: a third photo contradicts it.
+        let shine = |a: usize, b: usize| if (a + b) % 2 == 0 { 0.3 } else { -0.3 };
+        let pair = |a: usize, b: usize, apart| Pair { photos: [a, b], apart, error: 0.0 };
+        let all = (0..12).flat_map(|b| (0..b).map(move |a| (a, b)));
+        let shining: Vec<Pair> = all.clone().map(|(a, b)| pair(a, b, shine(a, b))).collect();
+        let exposed: Vec<Pair> = all
+            .map(|(a, b)| pair(a, b, if b % 2 == a % 2 { 0.0 } else { 0.6 * (b % 2) as f64 - 0.3 }))
+            .collect();
+        assert!(
+            spread_of(&shining, 12).unwrap() < 0.1 && (spread_of(&exposed, 12).unwrap() - 0.15).abs() < 0.02
+        );
+        assert!(spread_of(&[pair(0, 1, 0.3), pair(1, 2, -0.3)], 3).is_none(), "no loop tells");
         let alone = solved(&[0.0], 0.1);
         assert!(alone.spread.is_none() && alone.errors[0][0].is_infinite(), "{alone:?}");
     }
