@@ -155,7 +155,7 @@ pub struct Solved {
     /// Standard errors of the gains. `[photos]`
     pub errors: Vec<[f32; 3]>,
     /// How far photos that show the same points are apart: the standard deviation of exposure, as a logarithm. `None` beside drawings,
-    /// and where too few points are shown twice.
+    /// and where too few points are shown by several photos.
     pub spread: Option<f32>,
 }
 
