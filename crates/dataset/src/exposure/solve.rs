@@ -441,7 +441,7 @@ mod tests {
         let drift: Vec<f32> = (0..40).map(|i| 0.03 * i as f32).collect();
         assert!(solved(&drift, 0.1).spread.unwrap() < 0.07);
         // What each pair sees otherwise is no exposure: a third photo contradicts it.
-        let shine = |a: usize, b: usize| if (a + b) % 2 == 0 { 0.3 } else { -0.3 };
+        let shine = |a: usize, b: usize| if (a + b).is_multiple_of(2) { 0.3 } else { -0.3 };
         let pair = |a: usize, b: usize, apart| Pair { photos: [a, b], apart, error: 0.0 };
         let all = (0..12).flat_map(|b| (0..b).map(move |a| (a, b)));
         let shining: Vec<Pair> = all.clone().map(|(a, b)| pair(a, b, shine(a, b))).collect();
