@@ -103,6 +103,26 @@ fn few_triangles_show_what_many_do() {
     assert!(mesh.drop_texture() && psnr(&mesh) > before + 2.0, "{} {before}", psnr(&mesh));
 }
 
+#[test]
+fn a_part_is_scored_by_the_pixels_that_it_covers() {
+    let scores = |background: f32, part: bool| {
+        let drawing = SolidRasterOptions { background: [background; 3], ..DRAWING };
+        let photo = |camera: &Camera| SolidRasterizer::new().render(&painted(), camera, &drawing);
+        let mut views = Views::drawn(cameras(), cameras().iter().map(photo).collect());
+        views.show_part(part);
+        let mut details = TextureDetails::default();
+        let mut observer = |_: StageEvent<'_>| Continue(());
+        let mut progress = StageProgress::new(&mut observer);
+        texture(&mut grey(4), Some(&mut views), None, &ON, &mut details, &mut progress).unwrap();
+        [details.psnr_before, details.psnr_after].map(|psnr| psnr.expect("photos judge"))
+    };
+    let (dark, bright, whole) = (scores(0.0, true), scores(1.0, true), scores(1.0, false));
+    assert!((dark[0] - bright[0]).abs() < 0.2, "what stands behind it counts: {dark:?} {bright:?}");
+    // A good texture shows the mixed pixels at its edges.
+    assert!(bright[1] > 25.0 && (dark[1] - bright[1]).abs() < 2.0, "{dark:?} {bright:?}");
+    assert!(whole[1] < bright[1] - 10.0, "beside it, nothing is drawn: {bright:?} {whole:?}");
+}
+
 /// `auto` keeps the colours; who asks for a texture gets one, and is told.
 #[test]
 fn photos_that_disagree_decide_for_auto_and_warn_who_asked_for_a_texture() {
