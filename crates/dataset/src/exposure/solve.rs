@@ -295,10 +295,13 @@ struct Pair {
 impl Pair {
     /// `None` where the photos share too few points.
     fn new(photos: [usize; 2], apart: Vec<f32>) -> Option<Self> {
+        if apart.len() < LEAST {
+            return None;
+        }
         let middle = median(apart.clone(), f32::total_cmp)?;
         let off = median(apart.iter().map(|apart| (apart - middle).abs()).collect(), f32::total_cmp)?;
         let error = ERROR_OF_MEDIAN * off.powi(2) / apart.len() as f32;
-        (apart.len() >= LEAST).then(|| Self { photos, apart: middle.into(), error: error.into() })
+        Some(Self { photos, apart: middle.into(), error: error.into() })
     }
 }
 
@@ -336,10 +339,10 @@ fn unexplained(pairs: &[Pair], photos: usize) -> Vec<f64> {
     let (mut way, mut steep) = (slope.clone(), product(&slope, &slope));
     let enough = 1e-12 * steep;
     for _ in 0..photos {
-        let change = of_pairs(&way);
         if steep <= enough {
             break;
         }
+        let change = of_pairs(&way);
         let far = steep / product(&change, &change);
         left.iter_mut().zip(change).for_each(|(left, change)| *left -= far * change);
         slope = of_photos(&left);
@@ -445,9 +448,8 @@ mod tests {
         let pair = |a: usize, b: usize, apart| Pair { photos: [a, b], apart, error: 0.0 };
         let all = (0..12).flat_map(|b| (0..b).map(move |a| (a, b)));
         let shining: Vec<Pair> = all.clone().map(|(a, b)| pair(a, b, shine(a, b))).collect();
-        let exposed: Vec<Pair> = all
-            .map(|(a, b)| pair(a, b, if b % 2 == a % 2 { 0.0 } else { 0.6 * (b % 2) as f64 - 0.3 }))
-            .collect();
+        let gain = |photo: usize| 0.3 * (photo % 2) as f64;
+        let exposed: Vec<Pair> = all.map(|(a, b)| pair(a, b, gain(b) - gain(a))).collect();
         assert!(
             spread_of(&shining, 12).unwrap() < 0.1 && (spread_of(&exposed, 12).unwrap() - 0.15).abs() < 0.02
         );
