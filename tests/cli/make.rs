@@ -7,15 +7,28 @@ use crate::phone;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+/// `make` with a number of steps, for the same bytes on every run.
+const STEPS: [&str; 2] = ["--steps", "200"];
+
 fn make(folder: &Path, more: &[&str]) -> Output {
-    command(folder, more).output().unwrap()
+    command(folder, STEPS, more).output().unwrap()
 }
 
-fn command(folder: &Path, more: &[&str]) -> Command {
+fn command(folder: &Path, effort: [&str; 2], more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("make").arg(dataset()).args(["-o", "scene.glb", "--max-size", "60"]);
-    command.args(["--budget", "6s", "--max-triangles", "500"]).args(more).stdin(Stdio::null());
+    command.args(effort).args(["--max-triangles", "500"]).args(more).stdin(Stdio::null());
     command
+}
+
+#[test]
+fn a_budget_is_for_the_training_and_twice_as_much_is_the_next_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = command(folder.path(), ["--budget", "3s"], &[]).output().unwrap();
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("of the 3s of --budget, most are for training"), "{said}");
+    assert!(said.contains("more time (--budget 6s --force)"), "{said}");
 }
 
 #[cfg(unix)]
@@ -25,7 +38,7 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
     let at = |name: &str| folder.path().join(name);
     // The page waits for a reader of this pipe.
     assert!(Command::new("mkfifo").arg(at("scene.html")).status().unwrap().success());
-    let mut killed = command(folder.path(), &[]).stderr(Stdio::null()).spawn().unwrap();
+    let mut killed = command(folder.path(), STEPS, &[]).stderr(Stdio::null()).spawn().unwrap();
     while !at("scene.glb").exists() && killed.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
@@ -48,11 +61,10 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     let said = stderr(&first);
     assert!(first.status.success(), "{said}");
     assert!(said.contains("capture    not needed: the photos have poses"), "{said}");
-    assert!(said.contains("of the 6s of --budget, most are for training"), "{said}");
     assert!(said.contains("photos that training did not see") && said.contains("open scene.html"), "{said}");
     // So few triangles are no good scene.
     let next = said.lines().find(|line| line.starts_with("next: ")).unwrap_or_else(|| panic!("{said}"));
-    assert!(next.contains("more time (--budget 12s --force)"), "{next}");
+    assert!(next.contains("more time (--steps 400 --force)"), "{next}");
     assert!(next.contains("more photos of what view_") && next.ends_with(" dB) shows"), "{next}");
     let glb = std::fs::read(at("scene.glb")).unwrap();
     assert!(glb.starts_with(b"glTF") && std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
@@ -103,7 +115,7 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
     assert!(file == page && file > 0, "{file} {page}");
 }
 
-/// `make` with a number of steps, for the same bytes on every run.
+/// `make` with a number of steps and the name of a file.
 fn steps(folder: &Path, steps: &str, output: &str, more: &[&str]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
     command.current_dir(folder).arg("make").arg(dataset()).args(["-o", output, "--max-size", "60"]);
