@@ -94,5 +94,5 @@ pub use trisplat_scene::camera::Camera;
 pub use trisplat_scene::image::RgbImage;
 pub use trisplat_scene::mesh::{Colors, Mesh};
 pub use trisplat_scene::report::{Report, StageEvent};
-pub use trisplat_scene::{Asset, Error, ImportedScene, Limits, Result, Scene, Soup, Splats};
+pub use trisplat_scene::{Asset, Budget, Error, ImportedScene, Limits, Result, Scene, Seconds, Soup, Splats};
 pub use trisplat_train::{TrainEvent, TrainOptions, TrainPreset, TrainSample, Trained};

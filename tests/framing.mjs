@@ -61,26 +61,32 @@ const open = {
   },
 };
 await page.evaluate(open[viewer]);
+// The pixels stay in the page: as text they would take seconds.
 const picture = async (backdrop, name) => {
-  await page.evaluate((backdrop) => window.show(backdrop), backdrop);
-  if (folder) writeFileSync(join(folder, `${viewer}-${name}.png`), await page.screenshot());
-  return page.evaluate(() => {
+  await page.evaluate(([backdrop, name]) => {
+    window.show(backdrop);
     const flat = document.createElement("canvas");
     [flat.width, flat.height] = [640, 480];
     const to = flat.getContext("2d");
     to.drawImage(document.querySelector("canvas"), 0, 0);
-    return [...to.getImageData(0, 0, 640, 480).data];
-  });
+    window[name] = to.getImageData(0, 0, 640, 480).data;
+  }, [backdrop, name]);
+  if (folder) writeFileSync(join(folder, `${viewer}-${name}.png`), await page.screenshot());
 };
-const [without, withIt] = [await picture(false, "without"), await picture(true, "with")];
+await picture(false, "without");
+await picture(true, "with");
+const shares = await page.evaluate(() => {
+  const { without, with: withIt } = window;
+  const magenta = (p, i) => p[i] > 250 && p[i + 1] < 5 && p[i + 2] > 250;
+  let [scene, same, ball] = [0, 0, 0];
+  for (let i = 0; i < without.length; i += 4) {
+    if (!magenta(without, i)) {
+      scene += 1;
+      same += [0, 1, 2].every((c) => Math.abs(without[i + c] - withIt[i + c]) <= 3);
+    } else ball += !magenta(withIt, i);
+  }
+  const all = without.length / 4;
+  return { scene: scene / all, kept: same / Math.max(scene, 1), ball: ball / all };
+});
 await browser.close();
-const magenta = (p, i) => p[i] > 250 && p[i + 1] < 5 && p[i + 2] > 250;
-let [scene_, same, ball] = [0, 0, 0];
-for (let i = 0; i < without.length; i += 4) {
-  if (!magenta(without, i)) {
-    scene_ += 1;
-    same += [0, 1, 2].every((c) => Math.abs(without[i + c] - withIt[i + c]) <= 3);
-  } else ball += !magenta(withIt, i);
-}
-const all = without.length / 4;
-console.log(JSON.stringify({ scene: scene_ / all, kept: same / Math.max(scene_, 1), ball: ball / all, errors }));
+console.log(JSON.stringify({ ...shares, errors }));

@@ -75,7 +75,7 @@ fn the_example_makes_a_textured_surface_of_photos() {
     let options = SyntheticOptions { views: 16, width: 64, ..SyntheticOptions::default() };
     std::fs::create_dir(folder.path().join("photos")).unwrap();
     trisplat_synthetic::write(&folder.path().join("photos"), &options).unwrap();
-    let printed = run("surface", folder.path(), &["photos", "surface.glb"]);
+    let printed = run("surface", folder.path(), &["photos", "surface.glb", "4"]);
     let scene = read(folder.path().join("surface.glb")).unwrap().scene;
     assert!(printed.contains(&format!("{} triangles", scene.triangle_count())), "{printed}");
     assert!(scene.triangle_count() <= 2000);

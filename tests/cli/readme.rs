@@ -32,6 +32,8 @@ fn prepare(folder: &Path) {
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("samples/soups/trained.ply")).unwrap();
     std::fs::copy(root.join("samples/soups/trained.ply"), folder.join("soft.ply")).unwrap();
     std::fs::write(folder.join("splats.ply"), splats()).unwrap();
+    // Fewer and smaller pictures than would be chosen.
+    super::splats_bake::cameras(&folder.join("splats.cameras.json"), 6, 0.0);
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
     let triangles = (0..20).flat_map(|i| corners.map(|[x, y, z]| [x + i as f32, y, z])).flatten();
     let tensors = [
