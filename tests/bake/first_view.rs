@@ -19,7 +19,7 @@ fn studio() -> Asset {
 }
 
 #[test]
-fn every_glb_has_a_camera_node_that_looks_at_the_subject() {
+fn a_glb_with_surroundings_has_a_camera_node_that_looks_at_the_subject() {
     let asset = studio();
     let viewpoint = asset.provenance.viewpoint.expect("photos or not");
     let bytes = to_glb_bytes(&asset, &GltfOptions::default()).expect("it fits");

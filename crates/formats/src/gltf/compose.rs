@@ -7,7 +7,7 @@ use super::encode::{self, Content};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use glam::{DVec3, Mat3, Quat, UVec2};
+use glam::{DVec3, Mat3, Quat, UVec2, Vec3};
 use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::camera::{Camera, Perspective, Type as CameraType};
@@ -55,8 +55,9 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file with only a backdrop, or a tile, has no viewpoint.
     let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
-    let camera_node = viewpoint.map(viewpoint_node);
-    let cameras = viewpoint.map(|viewpoint| viewpoint_camera(viewpoint, content));
+    let camera = viewpoint.filter(|viewpoint| options.sky_name.is_some() || is_within(content, viewpoint));
+    let camera_node = camera.map(viewpoint_node);
+    let cameras = camera.map(|viewpoint| viewpoint_camera(viewpoint, content));
     let meshes = parts
         .iter()
         .map(|part| {
@@ -225,6 +226,15 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
         scale: part.grid.map(|grid| grid.scale.to_array()),
         ..Node::default()
     }
+}
+
+/// Whether there is something on all sides of the viewpoint. Outside of a thing a camera is no part of its file: editors that frame all of a
+/// file frame cameras too, and the thing becomes small.
+fn is_within(content: &Content, viewpoint: &Viewpoint) -> bool {
+    let eye = DVec3::from(viewpoint.eye).as_vec3();
+    let low = content.parts.iter().map(|part| part.bounds.min).fold(eye, Vec3::min);
+    let high = content.parts.iter().map(|part| part.bounds.max).fold(eye, Vec3::max);
+    low.cmplt(eye).all() && eye.cmplt(high).all()
 }
 
 /// The node of the camera at the first viewpoint: it looks along -z, with +y up in the picture.
