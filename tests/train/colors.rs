@@ -3,7 +3,7 @@
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::{camera::Camera, image::RgbImage, rgb_from_sh0, sh0_from_rgb};
 use trisplat_train::{
-    CpuBackend, EngineShading, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset,
+    CpuBackend, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset,
     TrainState,
 };
 
@@ -38,8 +38,7 @@ fn trained_on_grey(start: [f32; 3], linear: bool) -> [f32; 3] {
     for step in 0..1500 {
         let mut rates = schedule.rates(step);
         if linear {
-            let shading = EngineShading { samples: 1, edge_width_samples: 1.0, linear };
-            (rates.engine_shading, rates.alpha_cap) = (Some(shading), 1.0);
+            (rates.engine_shading, rates.alpha_cap) = (true, 1.0);
         }
         let photo = StepPhoto { camera: &camera, pixels: &pixels, first: true, id: None };
         backend.step(&photo, &rates).unwrap();

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::Rng;
 use trisplat_train::{
-    Anneal, BackendVisibility, CpuBackend, EngineShading, GpuBackend, GpuLimits, Params, Schedule,
+    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule,
     StepParams, StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
@@ -36,10 +36,6 @@ const PLAIN: Case = Case {
     progress: 0.2,
 };
 
-fn engine(samples: u32, linear: bool) -> Option<EngineShading> {
-    Some(EngineShading { samples, edge_width_samples: 1.0, linear })
-}
-
 const CASES: &[Case] = &[
     PLAIN,
     Case { name: "indoor", preset: TrainPreset::Indoor, progress: 0.5, ..PLAIN },
@@ -53,7 +49,7 @@ const CASES: &[Case] = &[
     Case { name: "a part", sh_degree: 0, pinned: 60, frozen: 50, ..PLAIN },
     Case {
         name: "engine, a part",
-        rates: |r| (r.engine_shading, r.alpha_cap, r.anneal) = (engine(1, true), 1.0, Anneal::SOLID),
+        rates: |r| (r.engine_shading, r.alpha_cap, r.anneal) = (true, 1.0, Anneal::SOLID),
         sh_degree: 0,
         pinned: 60,
         frozen: 60,
@@ -65,19 +61,19 @@ const CASES: &[Case] = &[
     Case { name: "per pixel", change: |o| o.draw.sort_per_pixel = true, sh_degree: 1, ..PLAIN },
     Case {
         name: "engine",
-        rates: |r| (r.engine_shading, r.alpha_cap) = (engine(1, true), 0.995),
+        rates: |r| (r.engine_shading, r.alpha_cap) = (true, 0.995),
         sh_degree: 0,
         ..PLAIN
     },
     Case {
         name: "engine, opaque",
-        rates: |r| (r.engine_shading, r.alpha_cap, r.anneal) = (engine(1, true), 1.0, Anneal::SOLID),
+        rates: |r| (r.engine_shading, r.alpha_cap, r.anneal) = (true, 1.0, Anneal::SOLID),
         sh_degree: 0,
         ..PLAIN
     },
     Case {
-        name: "engine, samples",
-        rates: |r| r.engine_shading = engine(2, false),
+        name: "engine, masked",
+        rates: |r| r.engine_shading = true,
         sh_degree: 0,
         masked: true,
         ..PLAIN

@@ -79,19 +79,14 @@ impl TrainBackend for CpuBackend {
         };
         let mut options = rates.drawing(&self.options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
-        let sampling = Supersampling {
-            samples: rates.engine_shading.map_or(1, |shading| shading.samples),
-            linear: options.linear,
-        };
-        let camera = photo.camera.resized(photo.camera.size * sampling.samples);
-        let (width, samples) = (photo.pixels.size.x, sampling.samples);
-        let counted = photo.pixels.alpha.as_deref().map(|alpha| CountedPixels { alpha, width, samples });
-        let frame = self.soft.render_counting(&soup, &camera, &options, counted);
-        let d_rgb = &mut self.d_frame.d_rgb;
-        let means = self.frame_loss.photometric_grad(photo.pixels, rates.dssim, sampling, &frame.rgb, d_rgb);
-        self.frame_loss.errors(photo.pixels.size.x, sampling, &mut self.d_frame.error);
-        let geometry = geometry_grad(frame, &camera, rates, &mut self.d_maps, &mut self.d_frame);
-        self.soft.backward(&soup, &camera, &options, &self.d_frame, &mut self.d_soup);
+        let (camera, width) = (photo.camera, photo.pixels.size.x);
+        let counted = photo.pixels.alpha.as_deref().map(|alpha| CountedPixels { alpha, width });
+        let frame = self.soft.render_counting(&soup, camera, &options, counted);
+        let (dssim, d_rgb) = (rates.dssim, &mut self.d_frame.d_rgb);
+        let means = self.frame_loss.photometric_grad(photo.pixels, dssim, options.linear, &frame.rgb, d_rgb);
+        self.frame_loss.errors(&mut self.d_frame.error);
+        let geometry = geometry_grad(frame, camera, rates, &mut self.d_maps, &mut self.d_frame);
+        self.soft.backward(&soup, camera, &options, &self.d_frame, &mut self.d_soup);
         let importance = if photo.first { &mut self.visibility.first } else { &mut self.visibility.again };
         self.soft.accumulate_importance(importance);
         add_errors(&self.d_soup, &mut self.visibility.error);
@@ -173,15 +168,6 @@ fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigm
     });
 }
 
-/// How the frame was drawn.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Supersampling {
-    /// Samples per pixel and axis.
-    pub(super) samples: u32,
-    /// The frame is in linear light.
-    pub(super) linear: bool,
-}
-
 /// Working memory.
 #[derive(Debug, Default)]
 pub(super) struct FrameLoss {
@@ -189,60 +175,48 @@ pub(super) struct FrameLoss {
     photo: FloatPhoto,
     /// The picture, sRGB-encoded. `[H * W]`
     picture: Vec<[f32; 3]>,
-    /// ∂picture/∂mean of the samples; empty when it is 1.
+    /// ∂picture/∂frame; empty when it is 1.
     slope: Vec<[f32; 3]>,
-    d_picture: Vec<[f32; 3]>,
 }
 
 impl FrameLoss {
-    /// Returns the mean losses over the photo's pixels, and writes ∂loss/∂sample. A pixel of the picture is
-    /// the mean of its samples in `frame`. `[H * samples * W * samples]`
+    /// Returns the mean losses over the photo's pixels, and writes ∂loss/∂frame; the frame is in linear light if `linear`. `[H * W]`
     pub(super) fn photometric_grad(
         &mut self,
-        photo: &RgbImage,
+        pixels: &RgbImage,
         dssim: f64,
-        sampling: Supersampling,
+        linear: bool,
         frame: &[[f32; 3]],
-        d_rgb: &mut Vec<[f32; 3]>,
+        d_frame: &mut Vec<[f32; 3]>,
     ) -> Photometric {
-        let width = photo.size.x as usize;
-        let n = sampling.samples as usize;
-        self.photo.read(photo);
-        average(width, n, frame, &mut self.picture);
+        self.photo.read(pixels);
+        self.picture.clear();
+        self.picture.extend_from_slice(frame);
         self.slope.clear();
-        if sampling.linear {
+        if linear {
             self.slope.resize(self.picture.len(), [0.0; 3]);
             let rows = self.picture.chunks_mut(ROW).zip(self.slope.chunks_mut(ROW));
             parallel::for_each(rows, |_, (picture, slope)| {
                 dispatch(Encode { values: picture.as_flattened_mut(), slope: slope.as_flattened_mut() });
             });
         }
-        let Self { scratch, photo, picture, d_picture, slope } = self;
-        d_picture.resize(photo.rgb.len(), [0.0; 3]);
-        let (rgb, weight) = (&photo.rgb, photo.weight());
-        let means = photometric_grad(width, picture, rgb, weight, dssim, scratch, d_picture);
-        for (d, slope) in d_picture.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
+        let Self { scratch, photo, picture, slope } = self;
+        d_frame.resize(picture.len(), [0.0; 3]);
+        let (width, rgb, weight) = (pixels.size.x as usize, &photo.rgb, photo.weight());
+        let means = photometric_grad(width, picture, rgb, weight, dssim, scratch, d_frame);
+        for (d, slope) in d_frame.as_flattened_mut().iter_mut().zip(slope.as_flattened()) {
             *d *= slope;
         }
-        spread(width, n, d_picture, d_rgb);
         means
     }
 
-    /// Squared error of each sample's pixel, divided by the number of samples per pixel, for the last frame
-    /// and photo of [`Self::photometric_grad`]; `width` is in px.
-    pub(super) fn errors(&self, width: u32, sampling: Supersampling, out: &mut Vec<f32>) {
-        let (width, n, photo) = (width as usize, sampling.samples as usize, &self.photo);
-        let weights = photo.weight();
-        let scale = 1.0 / (n * n) as f32;
-        out.resize(self.picture.len() * n * n, 0.0);
-        parallel::for_each(out.chunks_mut(width.max(1) * n), |y, row| {
-            let from = y / n * width;
-            for (x, out) in row.iter_mut().enumerate() {
-                let i = from + x / n;
-                let weight = weights.map_or(1.0, |w| w[i]);
-                let d: [f32; 3] = std::array::from_fn(|c| self.picture[i][c] - photo.rgb[i][c]);
-                *out = weight * scale * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            }
+    /// Squared error of each pixel, for the last frame and photo of [`Self::photometric_grad`].
+    pub(super) fn errors(&self, out: &mut Vec<f32>) {
+        let (picture, rgb, weights) = (&self.picture, &self.photo.rgb, self.photo.weight());
+        out.clear();
+        parallel::extend(out, picture.len(), GRAIN, |i| {
+            let d: [f32; 3] = std::array::from_fn(|c| picture[i][c] - rgb[i][c]);
+            weights.map_or(1.0, |w| w[i]) * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         });
     }
 }
@@ -292,39 +266,4 @@ impl Work for Encode<'_> {
             slope.copy_from_slice(&d[..slope.len()]);
         }
     }
-}
-
-/// The mean of every `n` x `n` samples; `width` is that of the picture, px.
-fn average(width: usize, n: usize, samples: &[[f32; 3]], out: &mut Vec<[f32; 3]>) {
-    if n == 1 {
-        out.clear();
-        out.extend_from_slice(samples);
-        return;
-    }
-    let (scale, width) = (1.0 / (n * n) as f32, width.max(1));
-    out.resize(samples.len() / (n * n), [0.0; 3]);
-    let rows = out.chunks_mut(width).zip(samples.chunks(width * n * n));
-    parallel::for_each(rows, |_, (row, rows)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            *pixel = [0.0; 3];
-            for line in rows.chunks(width * n) {
-                for sample in &line[x * n..(x + 1) * n] {
-                    (0..3).for_each(|c| pixel[c] += sample[c]);
-                }
-            }
-            *pixel = pixel.map(|c| c * scale);
-        }
-    });
-}
-
-/// The gradient of [`average`].
-fn spread(width: usize, n: usize, d: &[[f32; 3]], out: &mut Vec<[f32; 3]>) {
-    let (scale, width) = (1.0 / (n * n) as f32, width.max(1));
-    out.resize(d.len() * n * n, [0.0; 3]);
-    parallel::for_each(out.chunks_mut(width * n), |y, row| {
-        let from = &d[y / n * width..][..width];
-        for (x, sample) in row.iter_mut().enumerate() {
-            *sample = from[x / n].map(|c| c * scale);
-        }
-    });
 }

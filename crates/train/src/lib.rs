@@ -60,7 +60,7 @@ pub use options::{DensifyOptions, InitOptions, REFERENCE_STEPS, SampleWeight, Tr
 pub use outputs::{TrainEvent, TrainObserver};
 pub use params::{Anneal, Core, Params, TrainState};
 pub use run::speed;
-pub use schedule::{EngineShading, Schedule, StepParams};
+pub use schedule::{Schedule, StepParams};
 pub use shell::shell_around;
 pub use start::{PREVIEW, Part, Preview, RunOptions, TrainRun};
 pub use trained::{TrainDetails, Trained};

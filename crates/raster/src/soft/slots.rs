@@ -123,8 +123,6 @@ pub struct CountedPixels<'a> {
     pub alpha: &'a [u8],
     /// Width of the photo, px.
     pub width: u32,
-    /// Samples of the frame per pixel of the photo, along each axis.
-    pub samples: u32,
 }
 
 impl CountedPixels<'_> {
@@ -132,7 +130,6 @@ impl CountedPixels<'_> {
     pub(super) fn block(&self, corner: UVec2, block: usize) -> u16 {
         let counts = |lane: usize| {
             let (x, y) = tiles::pixel(corner, block, lane);
-            let (x, y) = (x / self.samples, y / self.samples);
             x < self.width && self.alpha.get((y * self.width + x) as usize).is_some_and(|&alpha| alpha > 0)
         };
         (0..LANES).map(|lane| u16::from(counts(lane)) << lane).sum()
@@ -243,15 +240,14 @@ mod tests {
     }
 
     /// The importance of every triangle, summed over one drawing with each of the masks.
-    fn importance(samples: u32, sort: Sort, masks: &[Option<&[u8]>]) -> Importance {
-        let (soup, size) = (soup(), PHOTO * samples);
-        let focal = Vec2::splat(40.0 * samples as f32);
+    fn importance(sort: Sort, masks: &[Option<&[u8]>]) -> Importance {
+        let (soup, size, focal) = (soup(), PHOTO, Vec2::splat(40.0));
         let (rotation, translation) = (Mat3::IDENTITY, Vec3::ZERO);
         let camera = Camera { rotation, translation, focal, center: size.as_vec2() / 2.0, size };
         let options = SoftOptions { importance: true, sort, ..SoftOptions::default() };
         let (mut soft, mut out) = (SoftRasterizer::new(), Importance::new(soup.len()));
         for mask in masks {
-            let counted = mask.map(|alpha| CountedPixels { alpha, width: PHOTO.x, samples });
+            let counted = mask.map(|alpha| CountedPixels { alpha, width: PHOTO.x });
             soft.render_counting(&SoupRef::from(&soup), &camera, &options, counted);
             soft.accumulate_importance(&mut out);
         }
@@ -268,11 +264,11 @@ mod tests {
     fn only_counted_pixels_add_to_the_importance() {
         let pixels = PHOTO.element_product() as usize;
         let left: Vec<u8> = (0..pixels).map(|i| u8::from(i % (PHOTO.x as usize) < 14)).collect();
-        for (samples, sort) in [(1, Sort::Tile), (2, Sort::Tile), (1, Sort::Pixel)] {
-            let once = importance(samples, sort, &[Some(&left)]);
+        for sort in [Sort::Tile, Sort::Pixel] {
+            let once = importance(sort, &[Some(&left)]);
             let pixels = single_pixels(&left);
             let masks: Vec<_> = pixels.iter().map(|mask| Some(mask.as_slice())).collect();
-            let singly = importance(samples, sort, &masks);
+            let singly = importance(sort, &masks);
             assert_eq!(once.max_weight, singly.max_weight);
             assert_eq!(once.pixels, singly.pixels);
             let close = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5 * b.max(1.0);
@@ -287,7 +283,7 @@ mod tests {
     #[test]
     fn without_a_mask_every_pixel_counts() {
         let alpha = vec![1; PHOTO.element_product() as usize];
-        let [all, none] = [Some(alpha.as_slice()), None].map(|mask| importance(1, Sort::Tile, &[mask]));
+        let [all, none] = [Some(alpha.as_slice()), None].map(|mask| importance(Sort::Tile, &[mask]));
         assert_eq!(all, none);
         assert!(all.max_weight.iter().all(|weight| *weight > 0.3));
     }

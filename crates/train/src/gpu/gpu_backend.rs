@@ -399,7 +399,7 @@ pub(crate) fn expected_bytes(size: &RunSize, limits: &GpuLimits) -> u64 {
     let buffers = StepCapacity {
         pairs,
         binding_bytes,
-        ..StepCapacity::new(triangles, limits.spare_splats, size.photo, size.photo)
+        ..StepCapacity::new(triangles, limits.spare_splats, size.photo)
     };
     scene + photos + buffers.bytes()
 }

@@ -20,9 +20,8 @@ pub(super) struct StepCapacity {
     pub(super) pairs: u32,
     /// Layers of pixels with their own order.
     pub(super) layers: u32,
-    pub(super) frame_pixels: u32,
-    pub(super) photo_pixels: u32,
-    /// Tiles of the frame, or of the photo if it has more.
+    /// Pixels of the photo and of the frame.
+    pub(super) pixels: u32,
     pub(super) tiles: u32,
     pub(super) slot_numbers: u32,
     /// Depth planes are needed.
@@ -34,17 +33,15 @@ pub(super) struct StepCapacity {
 }
 
 impl StepCapacity {
-    /// The needs of a plain step of `triangles`, for a frame and a photo of these sizes, with `spare` more
-    /// splats than a 64th of the triangles.
-    pub(super) fn new(triangles: u32, spare: u32, frame: UVec2, photo: UVec2) -> Self {
+    /// The needs of a plain step of `triangles`, for a photo of this size, with `spare` more splats than a 64th of the triangles.
+    pub(super) fn new(triangles: u32, spare: u32, photo: UVec2) -> Self {
         Self {
             triangles,
             splats: triangles.saturating_add(triangles / 64).saturating_add(spare),
             pairs: 0,
             layers: 0,
-            frame_pixels: frame.element_product(),
-            photo_pixels: photo.element_product(),
-            tiles: tile_count(frame).element_product().max(tile_count(photo).element_product()),
+            pixels: photo.element_product(),
+            tiles: tile_count(photo).element_product(),
             slot_numbers: SLOT_NUMBERS,
             planes: false,
             binding_bytes: 0,
@@ -58,7 +55,7 @@ impl StepCapacity {
             slot_numbers: plan.slot_numbers(),
             planes: plan.by_pixel() || plan.options.geometry,
             geometry: plan.options.geometry,
-            ..Self::new(triangles, spare, plan.camera.size, plan.photo)
+            ..Self::new(triangles, spare, plan.camera.size)
         }
     }
 
@@ -74,8 +71,7 @@ impl StepCapacity {
             splats: self.splats.max(other.splats),
             pairs: self.pairs.max(other.pairs),
             layers: self.layers.max(other.layers),
-            frame_pixels: self.frame_pixels.max(other.frame_pixels),
-            photo_pixels: self.photo_pixels.max(other.photo_pixels),
+            pixels: self.pixels.max(other.pixels),
             tiles: self.tiles.max(other.tiles),
             slot_numbers: self.slot_numbers.max(other.slot_numbers),
             planes: self.planes || other.planes,
@@ -120,12 +116,12 @@ impl StepCapacity {
         let of_pair = |bytes: u64| u64::from(self.pairs) * bytes;
         let block = GROUP * SORT_ITEMS;
         let digits = (self.splats.div_ceil(block).max(self.pairs.div_ceil(block))) * RADIX;
-        let longest = [self.triangles, self.splats, self.frame_pixels].into_iter().max().unwrap_or(0);
+        let longest = [self.triangles, self.splats, self.pixels].into_iter().max().unwrap_or(0);
         // A sort has its totals there.
         let scanned = longest.saturating_add(1).div_ceil(GROUP * SCAN_ITEMS).max(RADIX);
-        let (frame, photo) = (u64::from(self.frame_pixels), u64::from(self.photo_pixels));
-        let geometry = if self.geometry { frame } else { 0 };
-        let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.frame_pixels.div_ceil(GROUP)];
+        let pixels = u64::from(self.pixels);
+        let geometry = if self.geometry { pixels } else { 0 };
+        let partial = [self.tiles, self.triangles.div_ceil(GROUP), self.pixels.div_ceil(GROUP)];
         let partial = u64::from(partial.into_iter().max().unwrap_or(0));
         Ok(StepBuffers {
             size: *self,
@@ -152,24 +148,24 @@ impl StepCapacity {
             ],
             frame: make(
                 "frame",
-                16 * frame + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 },
+                16 * pixels + if self.slot_numbers > 0 { self.checkpoint_bytes() } else { 0 },
             )?,
             geometry: make("depth and normals", 48 * geometry)?,
             d_geometry: make("gradients of depth and normals", 32 * geometry)?,
             slopes: make("slopes of the depth map", 32 * geometry)?,
-            photo: make("photo", 4 * photo)?,
-            picture: make("picture", 32 * photo)?,
-            maps: make("derivatives of SSIM", 36 * photo)?,
-            d_frame: make("gradients of the picture", 16 * photo)?,
+            photo: make("photo", 4 * pixels)?,
+            picture: make("picture", 32 * pixels)?,
+            maps: make("derivatives of SSIM", 36 * pixels)?,
+            d_frame: make("gradients of the picture", 16 * pixels)?,
             partial_sums: make("partial sums", 16 * partial)?,
             table: make(
                 "table of tiles",
                 12 * u64::from(self.tiles) + 4 + 4 * u64::from(self.pairs / BUCKET),
             )?,
-            layer_starts: make("first layers", if self.planes { 4 * frame + 4 } else { 0 })?,
+            layer_starts: make("first layers", if self.planes { 4 * pixels + 4 } else { 0 })?,
             kept: make(
                 "first layers of pixels",
-                if self.planes && self.slot_numbers > 0 { 32 * frame } else { 0 },
+                if self.planes && self.slot_numbers > 0 { 32 * pixels } else { 0 },
             )?,
             most: make("room", 16)?,
         })
@@ -295,7 +291,7 @@ mod tests {
         let size = |pairs| StepCapacity {
             pairs,
             binding_bytes: 10 * slot + 3,
-            ..StepCapacity::new(100, 0, UVec2::ONE, UVec2::ONE)
+            ..StepCapacity::new(100, 0, UVec2::ONE)
         };
         let pairs =
             |size: StepCapacity| (0..SLOT_PARTS).map(|k| size.slot_bytes(k) / slot).collect::<Vec<_>>();

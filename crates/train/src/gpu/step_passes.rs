@@ -146,7 +146,7 @@ impl StepPasses<'_> {
         let buffers = self.buffers;
         if self.plan.by_pixel() {
             self.forward_by_pixel(to, COUNT);
-            let blocks = Spread::Over(self.plan.frame_pixels() + 1, GROUP * SCAN_ITEMS);
+            let blocks = Spread::Over(self.plan.pixels() + 1, GROUP * SCAN_ITEMS);
             self.ordering().scan(to, Count::Pixels1, blocks, &buffers.layer_starts);
             self.plan(to, WRITE_LAYERS, &buffers.layer_starts);
             return;
@@ -174,8 +174,8 @@ impl StepPasses<'_> {
 
     fn loss(&self, to: &mut Sequence<'_>) {
         let (buffers, passes) = (self.buffers, self.passes);
-        let tiles = Spread::Tiles(trisplat_raster::soft::tile_count(self.plan.photo));
-        let pixels = Spread::Over(self.plan.photo_pixels(), GROUP);
+        let tiles = Spread::Tiles(self.plan.tiles);
+        let pixels = Spread::Over(self.plan.pixels(), GROUP);
         to.run(&passes.resolve, pixels, &[all(self.step), all(&buffers.frame), all(&buffers.picture)]);
         let (picture, photo, maps) = (all(&buffers.picture), all(&buffers.photo), all(&buffers.maps));
         let ssim = [all(self.step), picture.clone(), photo.clone(), maps.clone(), all(&buffers.partial_sums)];
@@ -186,7 +186,7 @@ impl StepPasses<'_> {
     }
 
     fn geometry(&self, to: &mut Sequence<'_>) {
-        let (buffers, pixels) = (self.buffers, Spread::Over(self.plan.frame_pixels(), GROUP));
+        let (buffers, pixels) = (self.buffers, Spread::Over(self.plan.pixels(), GROUP));
         let maps = [all(self.step), all(&buffers.frame), all(&buffers.geometry), all(&buffers.d_geometry)];
         let [step, frame, geometry, d_geometry] = maps.clone();
         let bindings = [step, frame, geometry, d_geometry, all(&buffers.slopes), all(&buffers.partial_sums)];

@@ -28,7 +28,6 @@ pub(super) struct StepUniform {
     position: [f32; 4],
     lens: [f32; 4],
     frame: [u32; 4],
-    photo: [u32; 4],
     limits: [f32; 4],
     edges: [f32; 4],
     modes: [u32; 4],
@@ -48,12 +47,8 @@ pub(super) struct StepUniform {
 pub(super) struct StepPlan {
     /// How the scene is drawn.
     pub(super) options: SoftOptions,
-    /// The photo's camera, with a pixel for every sample.
+    /// The photo's camera.
     pub(super) camera: Camera,
-    /// Size of the photo, px.
-    pub(super) photo: UVec2,
-    /// Samples per pixel and axis.
-    pub(super) samples: u32,
     /// Tiles across and down.
     pub(super) tiles: UVec2,
 }
@@ -63,26 +58,18 @@ impl StepPlan {
     pub(super) fn new(photo: &StepPhoto<'_>, rates: &StepParams, options: &SoftOptions) -> Self {
         let mut options = rates.drawing(options);
         options.geometry = rates.beta_normal > 0.0 || rates.beta_distortion > 0.0;
-        let samples = rates.engine_shading.map_or(1, |shading| shading.samples);
-        let camera = photo.camera.resized(photo.camera.size * samples);
-        let tiles = tile_count(camera.size);
-        Self { options, camera, photo: photo.camera.size, samples, tiles }
+        Self { options, camera: *photo.camera, tiles: tile_count(photo.camera.size) }
     }
 
     /// A picture without a photo to compare with.
     pub(super) fn of_picture(camera: &Camera, options: &SoftOptions) -> Self {
         let options = SoftOptions { geometry: false, ..*options };
-        Self { options, camera: *camera, photo: camera.size, samples: 1, tiles: tile_count(camera.size) }
+        Self { options, camera: *camera, tiles: tile_count(camera.size) }
     }
 
-    /// Samples of the frame.
-    pub(super) fn frame_pixels(&self) -> u32 {
+    /// Pixels of the photo and of the frame.
+    pub(super) fn pixels(&self) -> u32 {
         self.camera.size.element_product()
-    }
-
-    /// Pixels of the photo.
-    pub(super) fn photo_pixels(&self) -> u32 {
-        self.photo.element_product()
     }
 
     /// True when every pixel has its own order.
@@ -172,9 +159,8 @@ impl StepUniform {
             position: camera.position().extend(options.near).to_array(),
             lens: [fx, fy, cx, cy],
             frame: [size.x, size.y, plan.tiles.x, plan.tiles.y],
-            photo: [plan.photo.x, plan.photo.y, plan.samples, u32::from(options.linear)],
             limits: [options.cutoff, options.cutoff.log2(), options.alpha_cap, options.min_transmittance],
-            edges: [options.fade_px, options.ratio_least, width, 0.0],
+            edges: [options.fade_px, options.ratio_least, width, flag(options.linear)],
             modes: [
                 plan.window(),
                 u32::from(plan.by_pixel()),
@@ -210,9 +196,9 @@ fn regularisers(rates: &StepParams, scene: SceneShape) -> [f32; 4] {
     [rates.beta_opacity, rates.beta_size, 0.0, 0.0].map(|weight| (weight / trained) as f32)
 }
 
-/// Weights of the means over the pixels: of the photo for colours, of the frame for distortion and normals.
+/// Weights of the means over the pixels.
 fn loss(rates: &StepParams, plan: &StepPlan) -> [f32; 4] {
-    let (values, pixels) = (3.0 * f64::from(plan.photo_pixels()), f64::from(plan.frame_pixels()).max(1.0));
+    let (values, pixels) = (3.0 * f64::from(plan.pixels()), f64::from(plan.pixels()).max(1.0));
     [
         (1.0 - rates.dssim) / values,
         -rates.dssim / values,
@@ -241,7 +227,7 @@ impl PendingStep {
     /// Its figures, from the counts after the last pass.
     pub(super) fn stats(&self, counts: &[u32]) -> StepStats {
         let sum = |count: Count| f64::from(f32::from_bits(counts[count as usize]));
-        let values = 3.0 * f64::from(self.plan.photo_pixels().max(1));
+        let values = 3.0 * f64::from(self.plan.pixels().max(1));
         let means = Photometric {
             l1: sum(Count::LossL1) / values,
             ssim: sum(Count::LossSsim) / values,
@@ -261,10 +247,10 @@ pub(super) fn first_counts(plan: &StepPlan, shape: SceneShape) -> [u32; COUNTS] 
     let mut counts = [0u32; COUNTS];
     for (count, value) in [
         (Count::Triangles1, shape.triangles + 1),
-        (Count::Pixels1, plan.frame_pixels() + 1),
-        (Count::PhotoTiles, tile_count(plan.photo).element_product()),
+        (Count::Pixels1, plan.pixels() + 1),
+        (Count::PhotoTiles, plan.tiles.element_product()),
         (Count::SceneGroups, shape.triangles.div_ceil(GROUP)),
-        (Count::FrameGroups, plan.frame_pixels().div_ceil(GROUP)),
+        (Count::FrameGroups, plan.pixels().div_ceil(GROUP)),
     ] {
         counts[count as usize] = value;
     }

@@ -45,7 +45,7 @@ fn begin_pixel(start: u32, number: u32, pixel: vec2<u32>, local: u32) {
         return;
     }
     let at = pixel.y * step.frame.x + pixel.x;
-    let d_pixel = d_frame_of(at);
+    let d_pixel = d_frame[at];
     d_pixels[local] = d_pixel;
     background = d_background(at);
     transmittance = 1.0;

@@ -42,7 +42,7 @@ fn begin_pixel(first: u32, pixel: vec2<u32>, local: u32) {
     d_pixels[local] = vec4(0.0);
     if all(pixel < step.frame.xy) {
         let at = pixel.y * step.frame.x + pixel.x;
-        d_pixels[local] = d_frame_of(at);
+        d_pixels[local] = d_frame[at];
         next_layer = min(layer_starts[at], arrayLength(&layers));
         end_layer = min(layer_starts[at + 1u], arrayLength(&layers));
     }

@@ -3,7 +3,7 @@
 // The sum of w dL/dw over all layers, the background included.
 fn behind_all(at: u32) -> f32 {
     let drawn = frame[at];
-    var total = dot(d_frame_of(at).xyz, drawn.xyz);
+    var total = dot(d_frame[at].xyz, drawn.xyz);
     if GEOMETRY {
         let d = d_geometry[2u * at];
         let g = geometry[3u * at];

@@ -121,7 +121,7 @@ fn write_layer(at: u32, pixel: vec2<u32>, place: u32, splat: u32) {
     let first = 4u * splat;
     let record = record_of(records[first], records[first + 1u], records[first + 2u], records[first + 3u]);
     let s = shade(record, pixel);
-    var value = dot(record.rgb, d_frame_of(at).xyz);
+    var value = dot(record.rgb, d_frame[at].xyz);
     if GEOMETRY {
         value += geometry_value(at, splat, inv_depth_at(planes[2u * splat], s.offset));
     }

@@ -18,11 +18,11 @@ var<workgroup> values: array<vec3<f32>, SIDE * SIDE>;
 var<workgroup> rows: array<vec3<f32>, SIDE * TILE>;
 
 fn maps_at(pixel: vec2<i32>, channel: u32) -> vec3<f32> {
-    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(step.photo.xy)) {
+    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(step.frame.xy)) {
         return vec3(0.0);
     }
-    let count = step.photo.x * step.photo.y;
-    let at = channel * count + u32(pixel.y) * step.photo.x + u32(pixel.x);
+    let count = step.frame.x * step.frame.y;
+    let at = channel * count + u32(pixel.y) * step.frame.x + u32(pixel.x);
     return vec3(maps[at], maps[at + 3u * count], maps[at + 6u * count]);
 }
 
@@ -35,8 +35,8 @@ fn loss_grad(
 ) {
     let pixel = workgroup.xy * TILE + place.xy;
     let corner = vec2<i32>(workgroup.xy * TILE) - i32(REACH);
-    let inside = all(pixel < step.photo.xy);
-    let at = min(pixel.y, step.photo.y - 1u) * step.photo.x + min(pixel.x, step.photo.x - 1u);
+    let inside = all(pixel < step.frame.xy);
+    let at = min(pixel.y, step.frame.y - 1u) * step.frame.x + min(pixel.x, step.frame.x - 1u);
     let x = picture[2u * at].xyz;
     let y = photo_rgb(at);
     let weight = select(0.0, photo_weight(at), inside);

@@ -17,10 +17,10 @@ var<workgroup> means: array<vec2<f32>, SIDE * TILE>;
 var<workgroup> squares: array<vec2<f32>, SIDE * TILE>; // x^2 + y^2, xy
 
 fn value_at(pixel: vec2<i32>, channel: u32) -> vec2<f32> {
-    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(step.photo.xy)) {
+    if any(pixel < vec2(0)) || any(pixel >= vec2<i32>(step.frame.xy)) {
         return vec2(0.0);
     }
-    let at = u32(pixel.y) * step.photo.x + u32(pixel.x);
+    let at = u32(pixel.y) * step.frame.x + u32(pixel.x);
     return vec2(picture[2u * at][channel], photo_rgb(at)[channel]);
 }
 
@@ -33,9 +33,9 @@ fn loss_ssim(
 ) {
     let pixel = workgroup.xy * TILE + place.xy;
     let corner = vec2<i32>(workgroup.xy * TILE) - i32(REACH);
-    let inside = all(pixel < step.photo.xy);
-    let at = pixel.y * step.photo.x + pixel.x;
-    let count = step.photo.x * step.photo.y;
+    let inside = all(pixel < step.frame.xy);
+    let at = pixel.y * step.frame.x + pixel.x;
+    let count = step.frame.x * step.frame.y;
     var sum = 0.0;
     for (var channel = 0u; channel < 3u; channel++) {
         workgroupBarrier();

@@ -1,20 +1,10 @@
-// The gradient of the loss by a pixel. Needs `step`, `geometry`, `planes`, `d_frame` (by the photo's pixels:
-// by the colour, and the squared error) and `d_geometry` (by the normal and the depth, then by the
-// transmittance).
-
-// By the colour of a sample, and its share of the pixel's error, which is negative where the training ignores the pixel.
-fn d_frame_of(at: u32) -> vec4<f32> {
-    let samples = step.photo.z;
-    if samples == 1u {
-        return d_frame[at];
-    }
-    let pixel = vec2(at % step.frame.x, at / step.frame.x) / samples;
-    return d_frame[pixel.y * step.photo.x + pixel.x] / f32(samples * samples);
-}
+// The gradient of the loss by a pixel. Needs `step`, `geometry`, `planes`, `d_frame` (by the colour, and the squared
+// error, which is negative where the training ignores the pixel) and `d_geometry` (by the normal and the depth, then by
+// the transmittance).
 
 // By the transmittance behind the last layer.
 fn d_background(at: u32) -> f32 {
-    var out = dot(d_frame_of(at).xyz, step.background.xyz);
+    var out = dot(d_frame[at].xyz, step.background.xyz);
     if GEOMETRY {
         out += d_geometry[2u * at + 1u].x;
     }

@@ -80,7 +80,7 @@ fn triangle_color(i: u32, triangle: WorldTriangle) -> vec3<f32> {
         rgb += basis[k] * vec3(x[at], x[at + chunk.count], x[at + 2u * chunk.count]);
     }
     rgb = max(rgb, vec3(0.0));
-    if step.photo.w == 1u {
+    if step.edges.w == 1.0 {
         rgb = vec3(linear_from_srgb(rgb.x), linear_from_srgb(rgb.y), linear_from_srgb(rgb.z));
     }
     return rgb;

@@ -1,5 +1,4 @@
-// The picture for the comparison with the photo: the mean of every pixel's samples, sRGB-encoded; and the
-// slope of the encoding. The twin of `average` and `Encode` in frame_loss.rs.
+// The picture for the comparison with the photo, sRGB-encoded, and the slope of the encoding. The twin of `Encode` in cpu.rs.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> frame: array<vec4<f32>>;
@@ -12,23 +11,12 @@ fn resolve(
     @builtin(local_invocation_index) local: u32,
 ) {
     let at = workgroup_index(workgroup, workgroups) * GROUP + local;
-    let width = step.photo.x;
-    if at >= width * step.photo.y {
+    if at >= step.frame.x * step.frame.y {
         return;
     }
-    let samples = step.photo.z;
-    let corner = vec2(at % width, at / width) * samples;
-    var rgb = vec3(0.0);
-    for (var y = 0u; y < samples; y++) {
-        for (var x = 0u; x < samples; x++) {
-            rgb += frame[(corner.y + y) * step.frame.x + corner.x + x].xyz;
-        }
-    }
-    if samples > 1u {
-        rgb *= 1.0 / f32(samples * samples);
-    }
+    var rgb = frame[at].xyz;
     var slope = vec3(1.0);
-    if step.photo.w == 1u {
+    if step.edges.w == 1.0 {
         let r = encode(rgb.x);
         let g = encode(rgb.y);
         let b = encode(rgb.z);

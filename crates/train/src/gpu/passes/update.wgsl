@@ -111,7 +111,7 @@ fn add_piece(out: ptr<function, TriangleGrad>, splat_index: u32, whole: CameraTr
 // decoding.
 fn raw_color_grad(d: vec3<f32>, rgb: vec3<f32>) -> vec3<f32> {
     var out = select(vec3(0.0), d, (rgb > vec3(0.0)) | (d < vec3(0.0)));
-    if step.photo.w == 1u {
+    if step.edges.w == 1.0 {
         out *= vec3(
             decode(srgb_from_linear(rgb.x)).y,
             decode(srgb_from_linear(rgb.y)).y,
