@@ -3,8 +3,7 @@
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::{camera::Camera, image::RgbImage, rgb_from_sh0, sh0_from_rgb};
 use trisplat_train::{
-    CpuBackend, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset,
-    TrainState,
+    CpuBackend, Params, Schedule, StepPhoto, TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
 const SIZE: UVec2 = UVec2::new(24, 16);

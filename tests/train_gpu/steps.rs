@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use trisplat_raster::soft::SoftOptions;
 use trisplat_scene::Rng;
 use trisplat_train::{
-    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule,
-    StepParams, StepPhoto, StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
+    Anneal, BackendVisibility, CpuBackend, GpuBackend, GpuLimits, Params, Schedule, StepParams, StepPhoto,
+    StepStats, TrainBackend, TrainOptions, TrainPreset, TrainState,
 };
 
 /// One way to train.
@@ -71,13 +71,7 @@ const CASES: &[Case] = &[
         sh_degree: 0,
         ..PLAIN
     },
-    Case {
-        name: "engine, masked",
-        rates: |r| r.engine_shading = true,
-        sh_degree: 0,
-        masked: true,
-        ..PLAIN
-    },
+    Case { name: "engine, masked", rates: |r| r.engine_shading = true, sh_degree: 0, masked: true, ..PLAIN },
     Case {
         name: "depth and normals",
         rates: |r| (r.beta_distortion, r.beta_normal) = (1.0, 0.1),

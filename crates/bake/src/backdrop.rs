@@ -9,13 +9,12 @@
 //! [`Provenance::backdrop`]: trisplat_scene::Provenance::backdrop
 
 use crate::views::Views;
-use glam::Vec3;
 pub(super) use sky::{Sky, closed, is_scattered, take_sky};
-use surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR};
+use surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, surface};
 use trisplat_raster::solid::{NO_FACE, SolidRasterizer};
 use trisplat_scene::Result;
 use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::geometry::{face_count, octasphere};
+use trisplat_scene::math::geometry::face_count;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::Outcome;
 
@@ -124,11 +123,9 @@ pub fn backdrop(
     let center = views.center();
     let far = mesh.positions.iter().map(|v| v.distance_squared(center)).fold(0.0, f32::max).sqrt();
     let radius = far.max(views.radius()) * RADIUS_FACTOR;
-    let sphere = sphere(subdivisions);
-    let count = sphere.len();
-    let positions = sphere.into_iter().flatten().map(|v| center + v * radius).collect();
-    let colors = Colors::Face(vec![holes.color; count]);
-    mesh.append(Mesh { positions, colors, ..Mesh::default() })?;
+    let (mut sphere, _) = surface(center, subdivisions, None, radius);
+    sphere.colors = Colors::Face(vec![holes.color; sphere.face_count()]);
+    mesh.append(sphere)?;
     Ok(Outcome::Changed(()))
 }
 
@@ -198,20 +195,16 @@ pub(super) fn share_behind(budget: u64) -> u64 {
     budget / 8
 }
 
-/// Triangles of the unit sphere, their fronts inside. `[8 · 4^subdivisions]`
-fn sphere(subdivisions: u32) -> Vec<[Vec3; 3]> {
-    let (corners, faces) = octasphere(subdivisions);
-    faces.into_iter().map(|[a, b, c]| [a, c, b].map(|corner| corners[corner as usize])).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     #[test]
     fn the_sphere_is_closed_and_of_the_promised_size() {
         for levels in 0..4 {
-            let faces = sphere(levels);
+            let (mesh, _) = surface(Vec3::ZERO, levels, None, 1.0);
+            let faces: Vec<[Vec3; 3]> = (0..mesh.face_count()).map(|face| mesh.corners(face)).collect();
             assert_eq!(faces.len(), 8 << (2 * levels));
             // Solid angles of a closed sphere seen from its middle add up to 4π; flat faces approach it by area.
             let area: f32 = faces.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();

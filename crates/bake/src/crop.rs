@@ -51,21 +51,11 @@ pub struct CropDetails {
 
 trisplat_scene::stage!(CropDetails, "crop");
 
-/// Drops the triangles of `scene` outside the region. `cameras` look at it, in its frame; `up` is that of its file, if it names one.
+/// Drops the triangles of `scene` outside the region; returns the space of the subject, if that is kept. `cameras` look at the scene, in its
+/// frame; `up` is that of its file, if it names one.
 ///
 /// Errors: a region by cameras without cameras; nothing left.
 pub(crate) fn crop(
-    scene: &mut Scene,
-    cameras: &[Camera],
-    up: Option<UpAxis>,
-    options: &CropOptions,
-    details: &mut CropDetails,
-) -> Result<Outcome<()>> {
-    crop_and_volume(scene, cameras, up, options, details).map(|(outcome, _)| outcome)
-}
-
-/// The same, and the space of the subject, if that is kept.
-pub(crate) fn crop_and_volume(
     scene: &mut Scene,
     cameras: &[Camera],
     up: Option<UpAxis>,
@@ -174,10 +164,10 @@ mod tests {
         let crops = regions.iter().map(|text| text.parse().expect(text)).collect();
         let options = CropOptions { crop: crops };
         let (mut scene, mut details) = (row(10), CropDetails::default());
-        let first = crop(&mut scene, cameras, None, &options, &mut details)?;
+        let (first, _) = crop(&mut scene, cameras, None, &options, &mut details)?;
         let dropped = 10 - scene.triangle_count() as u64;
         assert_eq!((first == Outcome::Changed(()), details.outside), (dropped > 0, dropped));
-        let again = crop(&mut scene, cameras, None, &options, &mut CropDetails::default())?;
+        let (again, _) = crop(&mut scene, cameras, None, &options, &mut CropDetails::default())?;
         assert!(matches!(again, Outcome::Skipped(_)));
         Ok(scene.triangle_count())
     }

@@ -27,14 +27,12 @@ mod compare;
 const ROUND_SHARE: f64 = 0.84;
 /// Cameras that draw in such a round: the visible area of every triangle in all cameras is known already.
 const RANK_VIEWS: usize = 16;
-/// Rounds in which corners may move. Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of the
+/// Rounds in which corners may move, each once: three moves in a third of the rounds cost two thirds and lose 0.16 dB with an eighth of
+/// the triangles (few photos per round; commit 0aeadf69). Coarse levels need them: with half of them an eighth of the triangles lose up to 1 dB, half of the
 /// triangles up to 0.1 (commit 751a9c64).
 const MOVE_ROUNDS: u32 = 16;
 /// Cameras that draw in such a round. With 12 moves are made that most of the others pay for.
 const MOVE_VIEWS: usize = 24;
-/// Moves tried for each face in a round; the best one is made. Three in a third of the rounds cost two thirds
-/// and lose 0.16 dB with an eighth of the triangles (few photos per round; commit 0aeadf69).
-const MOVES_TRIED: u32 = 1;
 
 /// Decimation by the cameras' pictures. One decimation serves all levels of a scene, because it keeps the
 /// pictures of the whole scene.
@@ -109,21 +107,15 @@ impl<'a> Decimation<'a> {
         let rounds = if self.mesh.indices.is_empty() { MOVE_ROUNDS } else { 0 };
         for round in 0..rounds {
             progress.set(round as usize, rounds as usize);
-            let moved = |candidate: u32| -> Vec<[Vec3; 3]> {
-                let draw = round * MOVES_TRIED + candidate;
-                let moved = |(c, f): (&[Vec3; 3], &u32)| {
-                    if self.is_spared(*f) { *c } else { with_moved_corner(*c, *f, draw) }
-                };
-                corners.iter().zip(&kept).map(moved).collect()
+            let moved = |(c, f): (&[Vec3; 3], &u32)| {
+                if self.is_spared(*f) { *c } else { with_moved_corner(*c, *f, round) }
             };
-            let candidates: Vec<Vec<[Vec3; 3]>> = (0..MOVES_TRIED).map(moved).collect();
+            let moved: Vec<[Vec3; 3]> = corners.iter().zip(&kept).map(moved).collect();
             let round = Round { number: round, views: MOVE_VIEWS };
-            let effects = self.comparison.effects_of_moving(&kept, &corners, &candidates, round);
-            for (i, corners) in corners.iter_mut().enumerate() {
-                let change = |c: &usize| effects[*c][i].error_change;
-                let best = (0..effects.len()).min_by(|a, b| change(a).total_cmp(&change(b)));
-                if let Some(best) = best.filter(|c| change(c) < 0.0) {
-                    *corners = candidates[best][i];
+            let effects = self.comparison.effects_of_moving(&kept, &corners, &moved, round);
+            for ((corners, moved), effect) in corners.iter_mut().zip(moved).zip(effects) {
+                if effect.error_change < 0.0 {
+                    *corners = moved;
                     moves += 1;
                 }
             }

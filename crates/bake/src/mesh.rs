@@ -1,7 +1,7 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
 use super::chunk::by_page;
-use super::crop::{CropOptions, SubjectVolume, crop_and_volume, faces_within};
+use super::crop::{CropOptions, SubjectVolume, crop, faces_within};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place};
 use super::shell::take_shell;
@@ -161,14 +161,15 @@ fn cropped(
     report: &mut Report,
     observer: StageObserver<'_>,
 ) -> Result<(ImportedScene, Option<SubjectVolume>)> {
-    let ImportedScene { scene, provenance, warnings, cameras: stored } = scene;
     let mut volume = None;
-    let scene = report.stage(observer, scene, Scene::counts, |scene, details| {
-        let (outcome, found) = crop_and_volume(scene, cameras, provenance.up, &options.crop, details)?;
+    let counts = |scene: &ImportedScene| scene.scene.counts();
+    let scene = report.stage(observer, scene, counts, |scene, details| {
+        let up = scene.provenance.up;
+        let (outcome, found) = crop(&mut scene.scene, cameras, up, &options.crop, details)?;
         volume = found;
         Ok(outcome)
     })?;
-    Ok((ImportedScene { scene, provenance, warnings, cameras: stored }, volume))
+    Ok((scene, volume))
 }
 
 fn nothing() -> Error {

@@ -210,32 +210,33 @@ impl<'a> Recipe<'a> {
 
     /// Before all that costs: a budget of triangles is for the region, and removed parts must not hide it in pictures.
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
-        let ImportedScene { scene, provenance, warnings, cameras } = loaded;
         let options = &self.options.crop;
-        let of_file = named_cameras(&provenance);
-        let stored = if cameras.is_empty() { &of_file } else { &cameras };
-        let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
-        let mut scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
-            crop(scene, seen_by, provenance.up, options, details)
+        let of_file = named_cameras(&loaded.provenance);
+        let counts = |loaded: &ImportedScene| loaded.scene.counts();
+        let mut loaded = self.report.stage(self.observer, loaded, counts, |loaded, details| {
+            let stored = if loaded.cameras.is_empty() { &of_file } else { &loaded.cameras };
+            let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
+            let cropped = crop(&mut loaded.scene, seen_by, loaded.provenance.up, options, details);
+            cropped.map(|(outcome, _)| outcome)
         })?;
-        if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut scene
+        if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut loaded.scene
             && !options.crop.is_empty()
         {
             *texture = texture.excerpt(0, self.options.texture.texture_size);
         }
-        Ok(ImportedScene { scene, provenance, warnings, cameras })
+        Ok(loaded)
     }
 
     /// Before stages that draw repeatedly, but after viewpoints are chosen from a sample of the triangles in
     /// their original order.
     fn arrange(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
-        let ImportedScene { scene, provenance, warnings, cameras } = loaded;
-        let is_drawn = pictures.photos.is_some() || pictures.drawn.is_some() || !cameras.is_empty();
+        let has_pictures = pictures.photos.is_some() || pictures.drawn.is_some();
         let order = self.options.order.order;
-        let scene = self.report.stage(self.observer, scene, Scene::counts, |scene, details| {
-            Ok(arrange(scene, is_drawn, order, details))
-        })?;
-        Ok(ImportedScene { scene, provenance, warnings, cameras })
+        let counts = |loaded: &ImportedScene| loaded.scene.counts();
+        self.report.stage(self.observer, loaded, counts, |loaded, details| {
+            let is_drawn = has_pictures || !loaded.cameras.is_empty();
+            Ok(arrange(&mut loaded.scene, is_drawn, order, details))
+        })
     }
 
     /// Cameras that rank the triangles of a mesh without any, for a limit that it exceeds: where its file says that one looks from. Its triangles

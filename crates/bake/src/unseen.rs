@@ -190,7 +190,7 @@ pub fn masked(
     let Some(views) = views.filter(|views| views.are_masked() && !options.keep_unseen) else {
         return Ok(None);
     };
-    let shares = counted_share(mesh, views, SAMPLES, progress)?;
+    let shares = counted_share(mesh, views, progress)?;
     let least = if views.are_cut() { LEAST_COUNTED_CUT } else { LEAST_COUNTED };
     let stays = |share: &Option<f32>| share.is_none_or(|share| share >= least);
     let kept: Vec<u32> = (0..).zip(&shares).filter(|(_, share)| stays(share)).map(|(face, _)| face).collect();
@@ -314,14 +314,13 @@ pub fn visible_px(
 
 /// The share of each face's visible area in unmasked pixels; `None` for faces that no photo sees. `[F]`
 ///
-/// `samples_along`: as for [`visible_px`]. Errors: a photo that cannot be decoded.
-pub(crate) fn counted_share(
+/// Errors: a photo that cannot be decoded.
+fn counted_share(
     mesh: &Mesh,
     views: &mut Views,
-    samples_along: u32,
     progress: &mut StageProgress<'_>,
 ) -> Result<Vec<Option<f32>>> {
-    let options = views::drawing(views.cameras(), mesh, samples_along);
+    let options = views::drawing(views.cameras(), mesh, SAMPLES);
     let mut solid = SolidRasterizer::new();
     // Samples, and the weights of their pixels.
     let mut seen_of = vec![(0u64, 0u64); mesh.face_count()];
@@ -331,7 +330,7 @@ pub(crate) fn counted_share(
         let photo = views.photo(view)?;
         let seen = solid.visibility(mesh, views.camera(view), &options);
         for (sample, &face) in (0u32..).zip(&seen.face).filter(|(_, face)| **face != NO_FACE) {
-            let (x, y) = (sample % seen.size.x / samples_along, sample / seen.size.x / samples_along);
+            let (x, y) = (sample % seen.size.x / SAMPLES, sample / seen.size.x / SAMPLES);
             let pixel = (y * photo.size.x + x) as usize;
             let (samples, weights) = &mut seen_of[face as usize];
             *samples += 1;

@@ -109,25 +109,23 @@ impl<'a> Comparison<'a> {
         sums.into_effects()
     }
 
-    /// The effect of moving the corners of a face of the scene `kept` from `corners` to those of each
-    /// candidate, while a quarter of the others is moved as well. `[candidates][kept]`
+    /// The effect of moving the corners of a face of the scene `kept` from `corners` to `moved`, while a quarter of the others is moved as
+    /// well. `[kept]`
     pub(super) fn effects_of_moving(
         &mut self,
         kept: &[u32],
         corners: &[[Vec3; 3]],
-        candidates: &[Vec<[Vec3; 3]>],
+        moved: &[[Vec3; 3]],
         round: Round,
-    ) -> Vec<Vec<Effect>> {
+    ) -> Vec<Effect> {
         let count = kept.len() as u32;
-        let all = std::iter::once(corners).chain(candidates.iter().map(Vec::as_slice));
-        let scene = Mesh { positions: all.flatten().flatten().copied().collect(), ..Mesh::default() };
-        let groups: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round.number)).collect();
-        let plane_of = |set: usize| groups.iter().map(move |g| g + (set * GROUPS) as u8);
-        let planes: Vec<u8> = (0..=candidates.len()).flat_map(plane_of).collect();
-        let sums: Vec<EffectSums> = candidates.iter().map(|_| EffectSums::new(kept.len())).collect();
-        let planes = (GROUPS * (1 + candidates.len()), &planes[..]);
+        let positions = corners.iter().chain(moved).flatten().copied().collect();
+        let scene = Mesh { positions, ..Mesh::default() };
+        let groups = kept.iter().map(|&f| group_of(GROUPING, f, round.number));
+        let planes: Vec<u8> = groups.clone().chain(groups.map(|group| group + GROUPS as u8)).collect();
+        let sums = EffectSums::new(kept.len());
         self.resize(kept.len());
-        self.draw_round(round, &scene, planes, |tile, x, y, target| {
+        self.draw_round(round, &scene, (2 * GROUPS, &planes), |tile, x, y, target| {
             let unmoved = [0, 1, 2, 3].map(|group| tile.nearest(group, x, y));
             let before = unmoved.into_iter().fold(Nearest::NONE, Nearest::max);
             let face_of = |nearest: Nearest| match nearest.face() {
@@ -135,22 +133,17 @@ impl<'a> Comparison<'a> {
                 face => face % count,
             };
             let old = face_of(before);
-            for (sums, set) in sums.iter().zip(1..) {
-                for group in 0..GROUPS {
-                    let others = (0..GROUPS).filter(|g| *g != group).map(|g| unmoved[g]);
-                    let after = others.fold(tile.nearest(set * GROUPS + group, x, y), Nearest::max);
-                    if after == before {
-                        continue;
-                    }
-                    let new = face_of(after);
-                    if new != old {
-                        let whose = if after.face() >= count && new != NO_FACE { new } else { old };
-                        sums.add_change(whose, target.error_of(kept, new) - target.error_of(kept, old));
-                    }
+            for group in 0..GROUPS {
+                let others = (0..GROUPS).filter(|g| *g != group).map(|g| unmoved[g]);
+                let after = others.fold(tile.nearest(GROUPS + group, x, y), Nearest::max);
+                let new = face_of(after);
+                if new != old {
+                    let whose = if after.face() >= count && new != NO_FACE { new } else { old };
+                    sums.add_change(whose, target.error_of(kept, new) - target.error_of(kept, old));
                 }
             }
         });
-        sums.into_iter().map(EffectSums::into_effects).collect()
+        sums.into_effects()
     }
 
     /// Makes pictures as large as the comparison of `faces` needs.

@@ -50,17 +50,12 @@ impl Equations {
     }
 
     fn plus(&mut self, other: &Self, sign: f32) {
-        for i in 0..6 {
-            self.matrix[i] += sign * other.matrix[i];
-        }
-        for k in 0..3 {
-            for c in 0..3 {
-                self.right[k][c] += sign * other.right[k][c];
-            }
-        }
-        for c in 0..3 {
-            self.beyond[c] += sign * other.beyond[c];
-        }
+        let add = |sums: &mut [f32], others: &[f32]| {
+            sums.iter_mut().zip(others).for_each(|(sum, other)| *sum += sign * other);
+        };
+        add(&mut self.matrix, &other.matrix);
+        add(self.right.as_flattened_mut(), other.right.as_flattened());
+        add(&mut self.beyond, &other.beyond);
     }
 
     /// Σ b_i b_j over samples, px: 00 01 02 11 12 22.

@@ -7,6 +7,7 @@
 //! q is the sum of the brightness gradients of the pixels that show the face (Gal et al. 2010), c their mean colour. The sum is made small by
 //! min-sum belief propagation, after Waechter et al. 2014.
 
+use crate::weld::place_bits;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use trisplat_raster::solid::{NO_FACE, Visibility};
@@ -175,7 +176,7 @@ fn numbered<K: Ord + Send + Sync>(corners: usize, key: impl Fn(usize) -> K + Syn
 fn welded(mesh: &Mesh) -> Vec<u32> {
     let place = |corner: usize| {
         let vertex = mesh.face(corner / 3)[corner % 3];
-        mesh.positions[vertex as usize].to_array().map(|x| (x + 0.0).to_bits())
+        place_bits(mesh.positions[vertex as usize])
     };
     numbered(3 * mesh.face_count(), place)
 }

@@ -67,8 +67,7 @@ impl GpuBackend {
             }
             self.go_on();
         }
-        let pixels: Vec<[f32; 4]> =
-            elements(self.gpu(), &self.buffers()?.frame, plan.pixels() as usize)?;
+        let pixels: Vec<[f32; 4]> = elements(self.gpu(), &self.buffers()?.frame, plan.pixels() as usize)?;
         Ok(Frame {
             size: camera.size,
             rgb: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
