@@ -8,32 +8,19 @@ use super::progress::Progress;
 use super::render::Pictures;
 use std::io::Write;
 use std::path::PathBuf;
-use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize, Split, View};
-use trisplat_job::{
-    BesideScores, DepthScores, EvalJob, EvalReport, RenderOptions, ScoredPicture, Scores, StepScore,
-};
+use trisplat_dataset::{Dataset, ShrunkSize, View};
+use trisplat_job::{BesideScores, DepthScores, EvalJob, EvalReport, ScoredPicture, Scores, StepScore};
 use trisplat_scene::{Error, Result};
-use trisplat_train::BackendOptions;
 
 /// What to evaluate.
 #[derive(Debug, clap::Args)]
 pub struct EvalArgs {
-    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog .glb).
-    ///
-    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
-    /// with default options; and from a quantised and compressed file. This shows the loss of each step.
-    /// Gaussian splats are drawn as their trainers draw them.
-    #[arg(value_name = "FILE")]
-    pub file: PathBuf,
+    /// The scene, the photos, and how it is drawn.
+    #[command(flatten)]
+    pub job: EvalJob,
     /// Folder of posed photos, or a transforms.json.
     #[arg(value_name = "DATASET")]
     pub dataset: PathBuf,
-    /// How it is drawn.
-    #[command(flatten)]
-    pub render: RenderOptions,
-    /// Which photos.
-    #[arg(long, value_enum, default_value_t)]
-    pub split: Split,
     /// Write the drawings into this folder, as PNG files named like the photos. If a soup is drawn at every
     /// step, they go into its folders soft, solid and file.
     #[arg(long, value_name = "DIR")]
@@ -47,21 +34,15 @@ pub struct EvalArgs {
     /// Replace files that are there.
     #[arg(short, long)]
     pub force: bool,
-    /// Where soft drawings are made.
-    #[command(flatten, next_help_heading = "Backend")]
-    pub backend_options: BackendOptions,
-    /// How the data set is read.
-    #[command(flatten)]
-    pub dataset_options: DatasetOptions,
 }
 
 /// Draws, measures, and prints a row per photo and step and the means on `out`; only the means when quiet.
 pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Write) -> Result<()> {
     let mut outputs = Outputs::new(inputs, args.force);
     outputs.claim_report(args.report.as_deref())?;
-    let dataset = Dataset::load(&args.dataset, &args.dataset_options)?;
+    let dataset = Dataset::load(&args.dataset, &args.job.dataset_options)?;
     outputs.spare_photos(&dataset)?;
-    let mut ready = args.job().prepare(&dataset)?;
+    let mut ready = args.job.clone().prepare(&dataset)?;
     let folders = folders(args, ready.steps(), ready.views(), &mut outputs)?;
 
     let progress = Progress::new(global);
@@ -81,16 +62,6 @@ pub fn run(args: &EvalArgs, global: &Global, inputs: &Inputs, out: &mut dyn Writ
         false => table.end(out, &report)?,
     }
     outputs.save_report(args.report.as_deref(), &report)
-}
-
-impl EvalArgs {
-    fn job(&self) -> EvalJob {
-        let mut job = EvalJob::new(&self.file);
-        (job.render, job.split) = (self.render, self.split);
-        job.backend = self.backend_options.clone();
-        job.dataset_options = self.dataset_options.clone();
-        job
-    }
 }
 
 /// Scores as text, in columns.

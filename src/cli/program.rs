@@ -150,8 +150,8 @@ fn dataset_options(command: &mut Command) -> Option<&mut DatasetOptions> {
         Command::Mesh(args) => Some(&mut args.dataset_options),
         Command::Train(args) => Some(&mut args.dataset_options),
         Command::Plan(args) => Some(&mut args.dataset_options),
-        Command::Eval(args) => Some(&mut args.dataset_options),
-        Command::Render(args) => Some(&mut args.dataset_options),
+        Command::Eval(args) => Some(&mut args.job.dataset_options),
+        Command::Render(args) => Some(&mut args.job.dataset_options),
         Command::Info(args) => Some(&mut args.dataset_options),
         #[cfg(feature = "view")]
         Command::View(args) => Some(&mut args.dataset_options),

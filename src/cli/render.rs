@@ -6,61 +6,35 @@ use super::messages::many;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use std::path::{Component, Path, PathBuf};
-use trisplat_dataset::{Dataset, DatasetOptions, Split};
-use trisplat_job::{PictureKind, RenderJob, RenderOptions, WIDTH};
+use trisplat_dataset::Dataset;
+use trisplat_job::RenderJob;
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Error, Result};
-use trisplat_train::BackendOptions;
 
 /// What to draw, and from which cameras.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
-    /// Or Gaussian splats (.ply .splat .spz .sog .glb), drawn as their trainers draw them.
-    #[arg(value_name = "FILE")]
-    pub file: PathBuf,
-    /// How it is drawn.
+    /// The scene, the cameras, and how it is drawn.
     #[command(flatten)]
-    pub render: RenderOptions,
+    pub job: RenderJob,
     /// Folder for the pictures; made if missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Data set whose cameras are used: a folder of posed photos, or a transforms.json.
     #[arg(long, value_name = "DATASET")]
     pub dataset: Option<PathBuf>,
-    /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For Gaussians, one beside the file is found.
-    #[arg(long, value_name = "FILE", conflicts_with = "dataset")]
-    pub cameras: Option<PathBuf>,
-    /// Which photos' cameras.
-    #[arg(long, value_enum, default_value_t, conflicts_with = "orbit")]
-    pub split: Split,
-    /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo that shows
-    /// the subject best, or without a data set at the first viewpoint of the file.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub orbit: Option<u32>,
-    /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
-    #[arg(long, value_name = "PX", default_value_t = WIDTH, value_parser = clap::value_parser!(u32).range(1..=16384))]
-    pub width: u32,
-    /// What the pictures show.
-    #[arg(long, value_enum, default_value_t)]
-    pub show: PictureKind,
     /// Replace pictures that are there.
     #[arg(short, long)]
     pub force: bool,
-    /// Where soft pictures are drawn.
-    #[command(flatten, next_help_heading = "Backend")]
-    pub backend_options: BackendOptions,
-    /// How the data set is read.
-    #[command(flatten)]
-    pub dataset_options: DatasetOptions,
 }
 
 /// Draws all pictures.
 pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     check_folder(&args.output)?;
-    let dataset = args.dataset.as_ref().map(|path| Dataset::load(path, &args.dataset_options)).transpose()?;
-    let mut ready = args.job().prepare(dataset.as_ref())?;
+    let dataset =
+        args.dataset.as_ref().map(|path| Dataset::load(path, &args.job.dataset_options)).transpose()?;
+    let mut ready = args.job.clone().prepare(dataset.as_ref())?;
     let mut outputs = Outputs::new(inputs, args.force);
     dataset.as_ref().map_or(Ok(()), |dataset| outputs.spare_photos(dataset))?;
     let names = ready.cameras().iter().map(|(name, _)| name.as_str());
@@ -75,18 +49,6 @@ pub fn run(args: &RenderArgs, global: &Global, inputs: &Inputs) -> Result<()> {
     progress.done();
     progress.line(&format!("wrote {} to {}", many(count as u64, "picture"), args.output.display()));
     Ok(())
-}
-
-impl RenderArgs {
-    fn job(&self) -> RenderJob {
-        let mut job = RenderJob::new(&self.file);
-        (job.render, job.split, job.show) = (self.render, self.split, self.show);
-        job.cameras.clone_from(&self.cameras);
-        (job.orbit, job.width) = (self.orbit, self.width);
-        job.backend = self.backend_options.clone();
-        job.dataset_options = self.dataset_options.clone();
-        job
-    }
 }
 
 /// Refuses a name with the ending of a file, before a folder of that name is made.

@@ -36,18 +36,29 @@ use trisplat_train::BackendOptions;
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct EvalJob {
-    /// Trained soup, mesh or Gaussian splats.
+    /// Trained soup (.ply .pt), mesh (.glb .gltf .obj .ply .off) or Gaussian splats (.ply .splat .spz .sog .glb).
+    ///
+    /// A mesh is drawn as an engine draws it. A soup is drawn soft, as it was trained; solid, after a bake
+    /// with default options; and from a quantised and compressed file. This shows the loss of each step.
+    /// Gaussian splats are drawn as their trainers draw them.
+    #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
-    /// Renderer and its options.
+    /// How it is drawn.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub render: RenderOptions,
-    /// The photos to compare with.
+    /// Which photos.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub split: Split,
-    /// Backend for soft drawings.
+    /// Where soft drawings are made.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Backend"))]
     pub backend: BackendOptions,
-    /// Options that the data set was read with.
+    /// How the data set is read.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub dataset_options: DatasetOptions,
     /// Also measure depth at tracked points, and what one sees beside the cameras.
+    #[cfg_attr(feature = "cli", arg(skip = true))]
     pub off_camera: bool,
 }
 

@@ -36,24 +36,36 @@ pub const WIDTH: u32 = 960;
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 pub struct RenderJob {
-    /// Trained soup, mesh or Gaussian splats.
+    /// Trained soup (.ply .pt), drawn soft unless --as says otherwise, or mesh (.glb .gltf .obj .ply .off).
+    /// Or Gaussian splats (.ply .splat .spz .sog .glb), drawn as their trainers draw them.
+    #[cfg_attr(feature = "cli", arg(value_name = "FILE"))]
     pub file: PathBuf,
-    /// Renderer and its options.
+    /// How it is drawn.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub render: RenderOptions,
-    /// The photos whose cameras are used, with a data set and without an orbit.
-    pub split: Split,
-    /// List of cameras to draw from, as the trainers of Gaussians write it: `cameras.json`.
+    /// List of cameras to draw from, as trainers of Gaussians write it: a cameras.json. For Gaussians, one beside the file is found.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", conflicts_with = "dataset"))]
     pub cameras: Option<PathBuf>,
-    /// Number of pictures on a circle around the subject.
+    /// Which photos' cameras.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t, conflicts_with = "orbit"))]
+    pub split: Split,
+    /// Draw N pictures on a circle around the subject of the scene instead. It begins at the photo that shows
+    /// the subject best, or without a data set at the first viewpoint of the file.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000)))]
     pub orbit: Option<u32>,
-    /// Width of an orbit's pictures without a data set, px; the height is three quarters of it.
+    /// Width of an orbit's pictures when no data set is given, px; the height is three quarters of it.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "PX", default_value_t = WIDTH, value_parser = clap::value_parser!(u32).range(1..=16384)))]
     pub width: u32,
-    /// Quantity to draw.
+    /// What the pictures show.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub show: PictureKind,
-    /// Backend for soft pictures.
+    /// Where soft pictures are drawn.
+    #[cfg_attr(feature = "cli", command(flatten, next_help_heading = "Backend"))]
     pub backend: BackendOptions,
-    /// Options that the data set was read with.
+    /// How the data set is read.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub dataset_options: DatasetOptions,
 }
 
