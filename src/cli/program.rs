@@ -10,7 +10,7 @@ use super::{
 use super::{train_view, view};
 use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 use trisplat_dataset::DatasetOptions;
@@ -236,13 +236,9 @@ pub(super) fn report_once() {
         if std::thread::current().id() == main || rayon::current_thread_index().is_some() {
             *PLACE.lock().unwrap_or_else(PoisonError::into_inner) = Some(place);
         } else {
-            messages::print(&format!("warning: {}", fault(message_of(info), &place)));
+            messages::print(&format!("warning: {}", fault(text(info.payload()), &place)));
         }
     }));
-}
-
-fn message_of<'a>(info: &'a PanicHookInfo<'_>) -> &'a str {
-    text(info.payload())
 }
 
 /// The result of `run`; a panic becomes an error.

@@ -360,10 +360,7 @@ fn rescued(error: Error, args: &TrainArgs, trained: &Trained) -> Error {
 
 /// The next command: the bake of the written scene.
 fn next_command(args: &TrainArgs, solid: bool) -> String {
-    let quoted = |path: &Path| {
-        let text = path.display().to_string();
-        if text.contains(char::is_whitespace) { format!("'{text}'") } else { text }
-    };
+    let quoted = |path: &Path| train_args::quoted(&path.to_string_lossy());
     let photos = args.dataset.as_deref().map_or(String::new(), |path| format!(" --dataset {}", quoted(path)));
     let harden = if solid { "" } else { " --harden" };
     let file = quoted(args.output.with_extension("glb").as_path());

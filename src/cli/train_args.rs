@@ -214,7 +214,7 @@ pub(super) fn command(matches: &ArgMatches, args: &TrainArgs, checkpoint: &Path)
 }
 
 /// A word quoted for the shells of this system.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     if cfg!(windows) { quoted_for_windows(word) } else { quoted_for_posix(word) }
 }
 

@@ -12,8 +12,14 @@ use trisplat_scene::{ImportedScene, Scene};
 use trisplat_teacher::Background;
 
 /// Where the colour of the background comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
 #[serde(try_from = "String", into = "String")]
+#[schemars(
+    description = "auto, off, black, white or #rrggbb",
+    extend("pattern" = "^(auto|off|black|white|#[0-9a-fA-F]{6})$")
+)]
 pub enum BackgroundFrom {
     /// The borders of the scene's own pictures.
     #[default]
@@ -47,20 +53,6 @@ impl fmt::Display for BackgroundFrom {
 }
 
 trisplat_scene::as_text!(BackgroundFrom);
-
-impl schemars::JsonSchema for BackgroundFrom {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "BackgroundFrom".into()
-    }
-
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({
-            "description": "auto, off, black, white or #rrggbb",
-            "type": "string",
-            "pattern": "^(auto|off|black|white|#[0-9a-fA-F]{6})$",
-        })
-    }
-}
 
 /// The background that the scene was trained on.
 #[derive(Debug, Clone, PartialEq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]

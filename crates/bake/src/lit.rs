@@ -225,7 +225,8 @@ impl Cells {
         let mut sums: HashMap<IVec3, [Vec3; 6]> = HashMap::new();
         for (face, seen) in seen.iter().enumerate() {
             let cell = sums.entry((mesh.centroid(face) / side).floor().as_ivec3()).or_default();
-            cell[nearest_axis(seen.normal)] += seen.normal * seen.weight;
+            let axis = seen.normal.abs().max_position();
+            cell[2 * axis + usize::from(seen.normal[axis] < 0.0)] += seen.normal * seen.weight;
         }
         Self { side, sums }
     }
@@ -244,9 +245,4 @@ impl Cells {
         }
         sum.try_normalize().unwrap_or(normal)
     }
-}
-
-fn nearest_axis(normal: Vec3) -> usize {
-    let axis = normal.abs().max_position();
-    2 * axis + usize::from(normal[axis] < 0.0)
 }

@@ -36,12 +36,6 @@ use trisplat_scene::report::{Outcome, Report, StageDetails, StageEvent, StageObs
 use trisplat_scene::{Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene};
 use trisplat_surface::{SurfaceDetails, collision, surface};
 
-/// Whether a file has no word of who made it, and how: then its up axis is a guess.
-fn says_nothing(provenance: &Provenance) -> bool {
-    let Provenance { generator, trainer, up, .. } = provenance;
-    generator.is_none() && trainer.is_none() && up.is_none()
-}
-
 /// Calls the stages: what one finds out reaches the next as an argument.
 pub(super) struct Recipe<'a> {
     options: &'a BakeOptions,
@@ -58,7 +52,9 @@ impl<'a> Recipe<'a> {
     pub(super) fn run(mut self, inputs: Vec<ImportedScene>, mut photos: Option<&mut Views>) -> Result<Asset> {
         let is_single = inputs.len() == 1;
         let mut loaded = self.merged(inputs, photos.is_some())?;
-        let silent = matches!(loaded.scene, Scene::Mesh(_)) && says_nothing(&loaded.provenance);
+        let Provenance { generator, trainer, up, .. } = &loaded.provenance;
+        let says_nothing = generator.is_none() && trainer.is_none() && up.is_none();
+        let silent = says_nothing && matches!(loaded.scene, Scene::Mesh(_));
         let given = loaded.take_backdrop();
         if let Some(photos) = photos.as_deref_mut() {
             photos.transform(&loaded.provenance.placement);

@@ -102,8 +102,9 @@ pub enum Masks {
 }
 
 /// The colour behind everything, sRGB-encoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "String", into = "String")]
+#[schemars(description = "black, white or #rrggbb", extend("pattern" = "^(black|white|#[0-9a-fA-F]{6})$"))]
 pub struct Background(pub [u8; 3]);
 
 impl Background {
@@ -142,20 +143,6 @@ impl fmt::Display for Background {
 }
 
 trisplat_scene::as_text!(Background);
-
-impl JsonSchema for Background {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Background".into()
-    }
-
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({
-            "description": "black, white or #rrggbb",
-            "type": "string",
-            "pattern": "^(black|white|#[0-9a-fA-F]{6})$",
-        })
-    }
-}
 
 #[cfg(test)]
 #[cfg(feature = "cli")]

@@ -66,8 +66,10 @@ impl Format {
         match by_name {
             Some(Format::Obj) => Some(Format::Obj),
             Some(Format::Off) if plain && !text.is_empty() => Some(Format::Off),
-            _ if starts_like_obj(word) => Some(Format::Obj),
-            _ => None,
+            _ => match word {
+                b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl" => Some(Format::Obj),
+                _ => None,
+            },
         }
     }
 
@@ -104,11 +106,6 @@ fn first_line(text: &[u8]) -> &[u8] {
         .map(<[u8]>::trim_ascii)
         .find(|line| !line.is_empty())
         .unwrap_or_default()
-}
-
-/// True for the words that can begin an OBJ.
-fn starts_like_obj(word: &[u8]) -> bool {
-    matches!(word, b"v" | b"vn" | b"vt" | b"f" | b"o" | b"g" | b"s" | b"mtllib" | b"usemtl")
 }
 
 // ---- Files of 3D Gaussian splatting (Kerbl et al. 2023), which hold no triangles ----------------------

@@ -10,7 +10,7 @@ use trisplat_dataset::exposure::ExposureUse;
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::lists::evenly_spaced;
-use trisplat_scene::{Error, ImportedSplats, Result, Soup, placed};
+use trisplat_scene::{Error, ImportedSplats, Result, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
 
@@ -142,18 +142,14 @@ pub(super) fn solid(
     if surroundings {
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();
-        first.append(shell_behind(&first, &views, &options, how.photo_bytes())?);
+        // What lies far behind few viewpoints would else be painted close in front of them.
+        let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let behind = shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
+        first.append(behind);
     }
     let (scene, stage) = train(splats.with(first), &dataset, how, &options, clock, observer)?;
     let pictures = photos.is_none().then(|| Views::of_pictures(&dataset, how, teacher.covered()));
     Ok(Hardened { scene, pictures, stage })
-}
-
-/// The shell behind the `first` triangles, as `views` show it: what lies far behind few viewpoints would else be painted close in front of
-/// them.
-fn shell_behind(first: &Soup, views: &[View], options: &TrainOptions, photo_bytes: u64) -> Result<Soup> {
-    let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
-    shell_around(&middles, &views.iter().collect::<Vec<_>>(), options, photo_bytes)
 }
 
 impl Effort {

@@ -89,11 +89,6 @@ impl Camera {
         Self { rotation, translation: -(rotation * eye), ..*self }
     }
 
-    /// The mean focal length, px.
-    pub fn mean_focal(&self) -> f64 {
-        f64::from(self.focal.x + self.focal.y) / 2.0
-    }
-
     /// Whether a lens has these focal lengths and this principal point, px, for pictures of `size`: [`LENS`].
     pub fn is_lens(focal: DVec2, center: DVec2, size: UVec2) -> bool {
         let longer = f64::from(size.max_element());

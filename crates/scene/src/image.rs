@@ -278,12 +278,7 @@ impl RgbImage {
     /// Writes a PNG file that appears whole or not at all.
     pub fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        self.write_png(AtomicFile::create(path)?)
-    }
-
-    /// Writes a PNG into a file that was started.
-    pub fn write_png(&self, file: AtomicFile) -> Result<()> {
-        file.commit_with(self.to_png()?).map(drop)
+        AtomicFile::create(path)?.commit_with(self.to_png()?).map(drop)
     }
 }
 

@@ -104,7 +104,7 @@ fn subdivisions(shell: Option<&Mesh>) -> u32 {
 
 /// Rows of a picture that suits the photos.
 fn rows(views: &Views) -> u32 {
-    let focals = views.cameras().iter().map(Camera::mean_focal).collect();
+    let focals = views.cameras().iter().map(|c| f64::from(c.focal.x + c.focal.y) / 2.0).collect();
     let per_radian = TEXELS_PER_PIXEL * median(focals, f64::total_cmp).unwrap_or(0.0);
     ((per_radian * std::f64::consts::PI) as u32).next_power_of_two().clamp(ROWS[0], ROWS[1])
 }

@@ -123,11 +123,6 @@ impl Findings {
         self.add(Severity::Warning, place, what);
     }
 
-    /// True when this place has a finding already.
-    pub(crate) fn has_place(&self, place: &str) -> bool {
-        self.list.iter().any(|finding| finding.place == place)
-    }
-
     /// Turns the error of a broken file into a finding; errors of the system stay errors.
     pub(crate) fn take(&mut self, error: Error) -> Result<()> {
         match error {
