@@ -16,7 +16,7 @@ use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_formats::info::Softness;
 use trisplat_formats::output::OutputFormat;
 use trisplat_job::{BakeDone, BakeInput, BakeJob};
-use trisplat_scale::{Blocks, NAME, bake_tiles};
+use trisplat_scale::{Blocks, bake_tiles, is_plan};
 use trisplat_scene::report::{Report, counted};
 use trisplat_scene::{Error, Result};
 use trisplat_train::TrainDetails;
@@ -180,11 +180,6 @@ impl FromStr for ByteSize {
 }
 
 // ---- `trisplat bake CITY -o OUT.tileset.json`: the blocks of a plan, one after the other -------------
-
-/// Whether a path is a plan of a scene in blocks, or its folder.
-pub(super) fn is_plan(path: &Path) -> bool {
-    path.join(NAME).is_file() || path.file_name().is_some_and(|name| name == NAME)
-}
 
 /// Bakes the blocks of `plan`.
 fn bake_blocks(

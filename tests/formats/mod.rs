@@ -1,6 +1,6 @@
 //! Readers and writers of PLY, OFF and OBJ: round trips, odd but legal files, real files, bad input.
 
-#![allow(clippy::print_stderr)] // what is skipped, and the times of `speed`
+#![allow(clippy::print_stderr)] // what is skipped
 
 mod bad;
 mod far;
@@ -14,7 +14,6 @@ mod page;
 mod pictures;
 mod real;
 mod soup_ply;
-mod speed;
 mod splats;
 mod tileset;
 mod usdz;

@@ -281,11 +281,11 @@ pub(crate) struct TrackedPhoto {
 /// The tracks of the COLMAP model in `folder`, or in the usual places of a data set.
 ///
 /// Errors: no model; a broken model.
-pub(crate) fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> {
+pub(crate) fn tracks(folder: &Path, limits: &Limits) -> Result<Tracks> {
     let Some(files) = locate(folder) else {
         return Err(Error::unsupported(folder, "holds no COLMAP model; find the poses again"));
     };
-    let (model, places) = (files.model(&options.limits, true)?, places(&files.points(&options.limits)?));
+    let (model, places) = (files.model(limits, true)?, places(&files.points(limits)?));
     let mut ids: Vec<u64> = places.into_keys().collect();
     ids.sort_unstable();
     let index: HashMap<u64, u32> = ids.iter().copied().zip(0..).collect();
@@ -299,6 +299,6 @@ pub(crate) fn tracks(folder: &Path, options: &DatasetOptions) -> Result<Tracks> 
         })
         .collect();
     photos.sort_by(|a, b| a.name.cmp(&b.name));
-    let error_px = reprojection(folder, &options.limits)?.map(|measured| measured.mean_px);
+    let error_px = reprojection(folder, limits)?.map(|measured| measured.mean_px);
     Ok(Tracks { photos, points: ids.len(), error_px })
 }

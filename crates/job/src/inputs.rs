@@ -10,7 +10,7 @@ use trisplat_dataset::capture::camera_files;
 use trisplat_formats as formats;
 use trisplat_formats::info::{BakeInfo, Info, info_of_content};
 use trisplat_formats::{Content, ReadOptions};
-use trisplat_scale::{Manifest, NAME};
+use trisplat_scale::{Manifest, is_plan};
 use trisplat_scene::report::{self, Outcome};
 use trisplat_scene::{ImportedScene, Limits, Result};
 
@@ -19,9 +19,7 @@ use trisplat_scene::{ImportedScene, Limits, Result};
 /// with its photos and videos. What cannot be read names nothing.
 pub fn files_of(path: &Path, images: &Path, limits: &Limits) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned()];
-    let is_plan =
-        path.join(NAME).is_file() || path.is_file() && path.file_name().is_some_and(|name| name == NAME);
-    if let Some((plan, folder)) = is_plan.then(|| Manifest::read(path, limits).ok()).flatten() {
+    if let Some((plan, folder)) = is_plan(path).then(|| Manifest::read(path, limits).ok()).flatten() {
         files.extend(plan.files(&folder));
         files.extend(Dataset::files(&plan.dataset_path(&folder), &plan.dataset_options.images, limits));
     }

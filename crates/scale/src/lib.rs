@@ -20,7 +20,7 @@ mod plan;
 mod region;
 mod task;
 
-pub use manifest::{Expected, Manifest, NAME, PlanOptions, find_coarse};
+pub use manifest::{Expected, Manifest, NAME, PlanOptions, find_coarse, is_plan};
 pub use merge::{Blocks, bake_tiles};
 pub use plan::{Planner, check, keep_coarse};
 pub use task::{Task, status, unnamed};

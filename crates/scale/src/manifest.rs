@@ -20,6 +20,11 @@ pub(super) const FORMAT: u32 = 6;
 /// The name of the plan in its folder.
 pub const NAME: &str = "manifest.json";
 
+/// Whether a path is a plan of a scene in blocks, or its folder.
+pub fn is_plan(path: &Path) -> bool {
+    path.join(NAME).is_file() || path.file_name().is_some_and(|name| name == NAME)
+}
+
 /// A scene in blocks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

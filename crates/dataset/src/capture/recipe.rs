@@ -12,12 +12,11 @@ use super::program::{CaptureOptions, Program};
 use super::source::Sources;
 use super::verdict::{VerdictDetails, judge};
 use crate::colmap::tracks;
-use crate::options::DatasetOptions;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trisplat_scene::atomic::lies_inside;
 use trisplat_scene::report::{Counts, Report, StageDetails, StageEvent, StageObserver, StageReport, to_json};
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Limits, Result};
 
 /// Why a finished step is skipped.
 const DONE: &str = "done before";
@@ -147,7 +146,7 @@ impl Run<'_> {
         let folder = &self.job.folder;
         self.stage(|run, details: &mut VerdictDetails| {
             let images = folder.join("images");
-            let tracks = tracks(folder, &DatasetOptions::default())?;
+            let tracks = tracks(folder, &Limits::DEFAULT)?;
             *details = judge(&images, photos, &tracks, model, run.observer)?;
             Ok((details.clone(), None))
         })
