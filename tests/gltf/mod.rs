@@ -18,9 +18,8 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
 };
 
-const COLORS: [ColorEncoding; 5] = [
+const COLORS: [ColorEncoding; 4] = [
     ColorEncoding::U16Linear,
-    ColorEncoding::U8Linear,
     ColorEncoding::U8Srgb,
     ColorEncoding::F32Linear,
     ColorEncoding::F32Srgb,
@@ -467,7 +466,7 @@ proptest! {
     #![proptest_config(crate::common::regressions::stored())]
 
     #[test]
-    fn any_mesh_comes_back_as_it_went_in(asset in any_asset(), colors in 0usize..5) {
+    fn any_mesh_comes_back_as_it_went_in(asset in any_asset(), colors in 0..COLORS.len()) {
         let options = GltfOptions { colors: COLORS[colors], ..GltfOptions::default() };
         let parsed = parse(&glb(&asset, &options).unwrap().0);
         assert_same(&parsed.corners(), &expected(&asset.mesh, options.colors));

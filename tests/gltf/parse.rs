@@ -218,7 +218,6 @@ pub(crate) fn stored_color(encoding: ColorEncoding, color: [f32; 3]) -> Vec<u8> 
         ColorEncoding::U16Linear => {
             cast([r, g, b, 1.0].map(|x| (f64::from(x) * 65535.0).round() as u16).to_vec())
         }
-        ColorEncoding::U8Linear => [r, g, b, 1.0].map(|x| (f64::from(x) * 255.0).round() as u8).to_vec(),
         ColorEncoding::U8Srgb => vec![code(r), code(g), code(b), 255],
         ColorEncoding::F32Linear => cast(vec![r, g, b, 1.0]),
         ColorEncoding::F32Srgb => {

@@ -5,6 +5,7 @@
 
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use trisplat_scene::camera::Camera;
@@ -208,27 +209,6 @@ impl Cells {
     }
 }
 
-/// A cell to grow from: the best first, then the lowest.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Entry {
-    score: f32,
-    cell: u32,
-}
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.score.total_cmp(&other.score).then(other.cell.cmp(&self.cell))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
 /// A photo to compare with, and the way there.
 struct Other<'a> {
     photo: &'a Grey,
@@ -243,7 +223,8 @@ pub(super) struct Growth<'a> {
     pub(super) cells: Cells,
     offsets: [Vec2; SAMPLES],
     pub(super) planes: Vec<Option<Plane>>,
-    queue: BinaryHeap<Entry>,
+    /// Cells to grow from by the bits of their score, which is above 0: the best first, then the lowest.
+    queue: BinaryHeap<(u32, Reverse<u32>)>,
 }
 
 impl<'a> Growth<'a> {
@@ -280,7 +261,8 @@ impl<'a> Growth<'a> {
     fn run(mut self) -> Vec<Option<Plane>> {
         let camera = &self.own.camera;
         let mut trials = vec![0u8; self.planes.len()];
-        while let Some(Entry { score, cell }) = self.queue.pop() {
+        while let Some((score, Reverse(cell))) = self.queue.pop() {
+            let score = f32::from_bits(score);
             let Some(plane) = self.planes[cell as usize].filter(|plane| plane.score == score) else {
                 continue;
             };
@@ -310,7 +292,7 @@ impl<'a> Growth<'a> {
         let best = self.planes[cell as usize].is_none_or(|there| there.score < found.score);
         if found.score > LEAST_MATCH && best {
             self.planes[cell as usize] = Some(found);
-            self.queue.push(Entry { score: found.score, cell });
+            self.queue.push((found.score.to_bits(), Reverse(cell)));
         }
     }
 

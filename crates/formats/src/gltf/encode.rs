@@ -125,10 +125,6 @@ fn fill_colors(out: &mut [u8], part: &ScenePart, range: Range<usize>, encoding: 
             let [r, g, b] = c.map(|x| nearest(x, 65535.0) as u16);
             bytes_of([r, g, b, u16::MAX].map(u16::to_le_bytes))
         }),
-        ColorEncoding::U8Linear => colors(out, part, range, |c| {
-            let [r, g, b] = c.map(|x| nearest(x, 255.0) as u8);
-            [r, g, b, u8::MAX]
-        }),
         ColorEncoding::U8Srgb => colors(out, part, range, |c| {
             let [r, g, b] = c.map(srgb8_from_linear);
             [r, g, b, u8::MAX]

@@ -16,8 +16,6 @@ pub enum ColorEncoding {
     /// 16-bit normalised, linear: holds every 8-bit sRGB code exactly. 8 bytes.
     #[default]
     U16Linear,
-    /// 8-bit normalised, linear: 73 of the 256 sRGB codes come back wrong, by up to 6. 4 bytes.
-    U8Linear,
     /// 8-bit normalised sRGB codes: against the glTF specification. 4 bytes.
     U8Srgb,
     /// 32-bit float, linear. 16 bytes.
@@ -32,7 +30,7 @@ impl ColorEncoding {
     pub(crate) fn component(self) -> ComponentType {
         match self {
             Self::U16Linear => ComponentType::U16,
-            Self::U8Linear | Self::U8Srgb => ComponentType::U8,
+            Self::U8Srgb => ComponentType::U8,
             Self::F32Linear | Self::F32Srgb => ComponentType::F32,
         }
     }
