@@ -18,12 +18,8 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
 };
 
-const COLORS: [ColorEncoding; 4] = [
-    ColorEncoding::U16Linear,
-    ColorEncoding::U8Srgb,
-    ColorEncoding::F32Linear,
-    ColorEncoding::F32Srgb,
-];
+const COLORS: [ColorEncoding; 4] =
+    [ColorEncoding::U16Linear, ColorEncoding::U8Srgb, ColorEncoding::F32Linear, ColorEncoding::F32Srgb];
 
 fn glb(asset: &Asset, options: &GltfOptions) -> Result<(Vec<u8>, Written)> {
     let mut bytes = Vec::new();

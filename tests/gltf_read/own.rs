@@ -11,12 +11,8 @@ use trisplat_scene::{
     mesh::{Colors, Mesh},
 };
 
-const COLORS: [ColorEncoding; 4] = [
-    ColorEncoding::U16Linear,
-    ColorEncoding::U8Srgb,
-    ColorEncoding::F32Linear,
-    ColorEncoding::F32Srgb,
-];
+const COLORS: [ColorEncoding; 4] =
+    [ColorEncoding::U16Linear, ColorEncoding::U8Srgb, ColorEncoding::F32Linear, ColorEncoding::F32Srgb];
 
 /// Soup-like triangles: one 8-bit sRGB colour each.
 fn soup(faces: usize) -> Asset {

@@ -1,7 +1,7 @@
 //! The training scene in main memory, on all cores.
 
 use super::backend::{BackendVisibility, StepPhoto, StepStats, TrainBackend};
-use super::params::{Params, TrainState};
+use super::params::{Anneal, Params, TrainState, frozen_opacity};
 use super::schedule::StepParams;
 use super::update::{Regularisers, update};
 use std::borrow::Cow;
@@ -155,16 +155,16 @@ pub(super) const ERROR_UNITS: f32 = 1_048_576.0;
 
 /// Opacity and σ of the raw parameters.
 fn activate(state: &TrainState, rates: &StepParams, opacity: &mut Vec<f32>, sigma: &mut Vec<f32>) {
-    let (params, anneal, frozen) = (&state.params, rates.anneal, rates.frozen_look());
+    // Frozen triangles are as solid as they will stay, whatever the anneal.
+    let (params, anneal) = (&state.params, rates.anneal);
     opacity.clear();
     parallel::extend(opacity, params.opacity.len(), GRAIN, |i| {
         let (o, s) = (params.opacity[i], params.sigma[i]);
-        if i < state.frozen { frozen.opacity(o, s) } else { anneal.opacity(o) }
+        if i < state.frozen { frozen_opacity(o, s, rates.engine_shading) } else { anneal.opacity(o) }
     });
     sigma.clear();
     parallel::extend(sigma, params.sigma.len(), GRAIN, |i| {
-        let s = params.sigma[i];
-        if i < state.frozen { frozen.sigma(s) } else { anneal.sigma(s) }
+        if i < state.frozen { Anneal::NONE } else { anneal }.sigma(params.sigma[i])
     });
 }
 

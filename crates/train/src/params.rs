@@ -93,24 +93,10 @@ pub(crate) fn sigma_raw(sigma: f32) -> f32 {
     (sigma - SIGMA_MIN).max(1e-6).ln()
 }
 
-/// How frozen triangles are drawn: unchanged, except for the window.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrozenLook {
-    /// Triangles are drawn without a window; the window's mean becomes a factor of the opacity.
-    pub flat: bool,
-}
-
-impl FrozenLook {
-    /// Opacity of raw values.
-    pub fn opacity(self, opacity: f32, sigma: f32) -> f32 {
-        let opacity = Anneal::NONE.opacity(opacity);
-        if self.flat { opacity * mean_window(Anneal::NONE.sigma(sigma)) } else { opacity }
-    }
-
-    /// σ of its raw value.
-    pub fn sigma(self, sigma: f32) -> f32 {
-        Anneal::NONE.sigma(sigma)
-    }
+/// Opacity of a frozen triangle's raw values. Drawn `flat`, without a window, it has the window's mean as a factor.
+pub(crate) fn frozen_opacity(opacity: f32, sigma: f32, flat: bool) -> f32 {
+    let opacity = Anneal::NONE.opacity(opacity);
+    if flat { opacity * mean_window(Anneal::NONE.sigma(sigma)) } else { opacity }
 }
 
 impl Params {

@@ -2,7 +2,7 @@
 //! step.
 
 use super::options::{REFERENCE_STEPS, TrainOptions};
-use super::params::{Anneal, FrozenLook};
+use super::params::Anneal;
 use super::timeline::Timeline;
 use trisplat_raster::soft::{SoftOptions, Sort, Window};
 
@@ -90,11 +90,6 @@ pub struct StepParams {
 }
 
 impl StepParams {
-    /// How frozen triangles are drawn, independent of the anneal.
-    pub fn frozen_look(&self) -> FrozenLook {
-        FrozenLook { flat: self.engine_shading }
-    }
-
     /// How the rasteriser draws the scene at this step.
     pub fn drawing(&self, options: &SoftOptions) -> SoftOptions {
         let background = self.background.unwrap_or(options.background);

@@ -38,12 +38,13 @@ pub(crate) fn check(
     }
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     let mut accessors = Accessors::new(&document, buffers);
-    check_sizes(&document, &mut accessors, findings)?;
-    check_pictures(&document, &mut accessors, findings)
+    check_sizes(&document, &mut accessors, findings);
+    check_pictures(&document, &mut accessors, findings);
+    Ok(())
 }
 
 /// Meshes that engines cull only as a whole.
-fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Findings) -> Result<()> {
+fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Findings) {
     for (m, mesh) in document.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let Some(position) = primitive.attributes.position else { continue };
@@ -59,11 +60,10 @@ fn check_sizes(document: &Document, accessors: &mut Accessors, findings: &mut Fi
             }
         }
     }
-    Ok(())
 }
 
 /// Pictures that are not there: engines draw their triangles white, or nothing at all.
-fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) -> Result<()> {
+fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut Findings) {
     for (i, image) in document.images.iter().enumerate() {
         let place = format!("image {i}");
         match accessor::picture_bytes(accessors, image, &place) {
@@ -72,7 +72,6 @@ fn check_pictures(document: &Document, accessors: &mut Accessors, findings: &mut
             Err(error) => findings.error(place, error.to_string()),
         }
     }
-    Ok(())
 }
 
 // ---- Findings, and the list that collects them -------------------------------------------------------

@@ -191,10 +191,7 @@ impl TileBackward<'_> {
         let splat = self.entries[entry].splat as usize;
         BackwardSplat {
             broadcast: BroadcastSplat::new(&self.splats.records[splat]),
-            plane: match geometry {
-                Some(g) => Some((g, BroadcastPlane::new(&self.splats.planes[splat]))),
-                None => None,
-            },
+            plane: geometry.map(|g| (g, BroadcastPlane::new(&self.splats.planes[splat]))),
             limits: PixelLimits::new(self.options),
             ratio_least: L::splat(self.options.ratio_least),
         }

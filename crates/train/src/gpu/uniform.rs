@@ -113,7 +113,7 @@ pub(super) struct Look {
 impl Look {
     /// That of a step.
     pub(super) fn of(rates: &StepParams) -> Self {
-        Self { anneal: Some(rates.anneal), frozen_flat: rates.frozen_look().flat, sh_degree: rates.sh_degree }
+        Self { anneal: Some(rates.anneal), frozen_flat: rates.engine_shading, sh_degree: rates.sh_degree }
     }
 }
 

@@ -1,4 +1,10 @@
-//! Runs the job of this process.
+//! The program for pages and scripts: one job, read from a file, per process.
+//!
+//! It is built for `wasm32-wasip1-threads` and run by `web/` in the repository, which gives it its files from
+//! memory. The library does the work; this module has the job's types, and prints progress as lines of JSON.
+
+#[cfg(target_arch = "wasm32")]
+mod new;
 
 use glam::{DVec3, UVec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -154,7 +160,7 @@ fn report_faults() {
 const STEP: f64 = 0.01;
 
 /// Prints one line; failures are ignored.
-pub(super) fn say(key: &str, value: impl Serialize) {
+fn say(key: &str, value: impl Serialize) {
     let line = json!({ key: value }).to_string() + "\n";
     let mut out = io::stdout().lock();
     let _ = out.write_all(line.as_bytes()).and_then(|()| out.flush());
@@ -162,7 +168,7 @@ pub(super) fn say(key: &str, value: impl Serialize) {
 
 /// Reports stages and their progress.
 #[derive(Debug, Default)]
-pub(super) struct Lines {
+struct Lines {
     told: f64,
     /// Steps of the training.
     steps: u64,
@@ -175,11 +181,9 @@ impl Lines {
             say("fraction", fraction);
         }
     }
-}
 
-impl Lines {
     /// Prints what is new.
-    pub(super) fn tell(&mut self, event: &Event<'_>) {
+    fn tell(&mut self, event: &Event<'_>) {
         match event {
             Event::Stage(StageEvent::Started(name)) => self.start(name),
             Event::Stage(StageEvent::Progressed(fraction)) => self.at(*fraction),
@@ -207,7 +211,7 @@ impl Lines {
 /// One job. Names of files are those of the caller.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "command", rename_all = "lowercase", deny_unknown_fields)]
-pub(super) enum Job {
+enum Job {
     /// What a file holds.
     Info {
         /// The file.
@@ -260,7 +264,7 @@ pub(super) enum Job {
 
 impl Job {
     /// The first file that is read, for messages.
-    pub(super) fn input(&self) -> Option<&PathBuf> {
+    fn input(&self) -> Option<&PathBuf> {
         match self {
             Self::Info { input } | Self::Look { input, .. } | Self::Picture { input, .. } => Some(input),
             Self::Bake { inputs, .. } => inputs.first(),
