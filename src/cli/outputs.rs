@@ -10,7 +10,7 @@ use trisplat_dataset::Dataset;
 use trisplat_dataset::capture::is_camera_file;
 use trisplat_formats::output::{Output, OutputFiles};
 use trisplat_scene::atomic::{AtomicFile, FileId, FolderLock, MadeFolders, folder_of, resolved};
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, input};
 
 /// The inputs and outputs of a command.
 #[derive(Debug)]
@@ -69,8 +69,7 @@ impl<'a> Outputs<'a> {
 
     /// Adds a checkpoint, or those of a folder: inputs until [`Outputs::release`].
     pub(super) fn add_resumed(&mut self, path: &Path) {
-        let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
-        let inside = entries.map(|entry| entry.path()).filter(|path| path.is_file());
+        let inside = input::entries(path).filter(|path| path.is_file());
         self.resumed.extend(known(inside.chain([path.to_owned()])));
     }
 

@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::{all_finite, median};
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
@@ -212,9 +213,7 @@ pub(crate) fn placement_of(
 fn standing(scene: Foreground, how: Placement, floor: f64) -> Placement {
     let turned = Placement { center: [0.0; 3], scale: 1.0, ..how };
     let turn = turned.transform();
-    let places = scene.vertices().iter().map(|place| turn(*place));
-    let (low, high) =
-        places.fold((Vec3::MAX, Vec3::MIN), |(low, high), place| (low.min(place), high.max(place)));
+    let [low, high] = bounds(scene.vertices().iter().map(|place| turn(*place))).unwrap_or_default();
     let middle = (low + high) / 2.0;
     let under = turned.to_world_f64(Vec3::new(middle.x, floor as f32, middle.z));
     Placement { center: under.to_array(), ..how }

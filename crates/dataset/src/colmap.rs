@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3, UVec2, Vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use trisplat_scene::math::lists::median;
-use trisplat_scene::{Error, Limits, Result};
+use trisplat_scene::{Error, Limits, Result, input};
 
 /// A pose held by fewer points is left out ...
 const LEAST_TIES: usize = 10;
@@ -53,18 +53,16 @@ fn models_in(folder: &Path) -> Vec<ModelFiles> {
         let binary = has("bin");
         (binary || has("txt")).then_some(ModelFiles { folder, binary })
     };
-    let found: Vec<_> = numbered(folder).iter().filter_map(|name| model(folder.join(name))).collect();
+    let found: Vec<_> = numbered(folder).into_iter().filter_map(model).collect();
     if found.is_empty() { model(folder.to_owned()).into_iter().collect() } else { found }
 }
 
-/// The names in `folder` that are numbers, in their order.
-pub(super) fn numbered(folder: &Path) -> Vec<std::ffi::OsString> {
-    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
-    let number = |name: std::ffi::OsString| name.to_str()?.parse::<u32>().ok().map(|n| (n, name));
-    let mut numbered: Vec<_> = entries.filter_map(|entry| number(entry.file_name())).collect();
+/// The paths in `folder` whose names are numbers, in the order of these.
+pub(super) fn numbered(folder: &Path) -> Vec<PathBuf> {
+    let number = |path: PathBuf| Some((path.file_name()?.to_str()?.parse::<u32>().ok()?, path));
+    let mut numbered: Vec<_> = input::entries(folder).filter_map(number).collect();
     numbered.sort_unstable();
-    numbered.into_iter().map(|(_, name)| name).collect()
+    numbered.into_iter().map(|(_, path)| path).collect()
 }
 
 /// Reads the model and finds its photos.

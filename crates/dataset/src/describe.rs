@@ -4,12 +4,12 @@ use super::colmap::{numbered, with_photos};
 use super::found::with_extension;
 use super::posed::{Dataset, DatasetKind, Reprojection, View};
 use super::realityscan;
-use glam::Vec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use trisplat_scene::input::{self, files_below};
+use trisplat_scene::math::geometry;
 use trisplat_scene::{Limits, Result};
 
 /// A data set in figures.
@@ -78,6 +78,7 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
     let count = |keep: &dyn Fn(&View) -> bool| views.iter().filter(|v| keep(v)).count() as u64;
     let pixels = |v: &View| u64::from(v.camera.size.x) * u64::from(v.camera.size.y);
     let origin = dataset.origin;
+    let around = geometry::bounds(views.iter().map(|v| v.camera.position()));
     Ok(Description {
         kind: dataset.kind,
         train: count(&|v| !v.test),
@@ -87,7 +88,7 @@ pub fn describe(dataset: &Dataset, limits: &Limits) -> Result<Description> {
         cut: count(&|v| v.photo.is_cut()),
         undistorted: count(&|v| v.photo.undistort.is_some()),
         decoded_bytes: views.iter().map(|v| pixels(v) * if v.photo.mask.is_some() { 4 } else { 3 }).sum(),
-        camera_extent: extent(views.iter().map(|v| v.camera.position())),
+        camera_extent: around.map_or(0.0, |[low, high]| low.distance(high).into()),
         points: dataset.points.len() as u64,
         point_bounds: bounds(dataset),
         stated_error_px: (!stated.is_empty()).then(|| stated.iter().sum::<f64>() / stated.len() as f64),
@@ -118,12 +119,6 @@ fn cameras(views: &[View]) -> Vec<CameraGroup> {
     }
     groups.sort_by_key(|group| std::cmp::Reverse(group.photos));
     groups
-}
-
-fn extent(positions: impl Iterator<Item = Vec3> + Clone) -> f64 {
-    let low = positions.clone().fold(Vec3::INFINITY, Vec3::min);
-    let high = positions.fold(Vec3::NEG_INFINITY, Vec3::max);
-    f64::from(low.distance(high))
 }
 
 /// From the 1st to the 99th percentile along each axis: a few outliers must not determine it.
@@ -183,7 +178,7 @@ impl Dataset {
     pub fn pose_files(root: &Path) -> Vec<PathBuf> {
         let mut files = Vec::from_iter(realityscan::locate(root));
         for folder in FOLDERS.map(|folder| root.join(folder)) {
-            numbered(&folder).iter().for_each(|model| files.extend(poses(&folder.join(model))));
+            numbered(&folder).iter().for_each(|model| files.extend(poses(model)));
             files.extend(poses(&folder));
         }
         files.sort();
@@ -193,11 +188,9 @@ impl Dataset {
 
 /// The files of poses in `folder` itself.
 fn poses(folder: &Path) -> Vec<PathBuf> {
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let is_one = |name: &str| NAMES.iter().any(|start| name.starts_with(start));
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let found = entries.filter(|entry| entry.file_name().to_str().is_some_and(is_one));
-    found.map(|entry| entry.path()).filter(|path| path.is_file()).collect()
+    let named = |name: &str| NAMES.iter().any(|start| name.starts_with(start));
+    let is_one = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).is_some_and(named);
+    input::entries(folder).filter(|path| is_one(path) && path.is_file()).collect()
 }
 
 /// A JSON file; null if it cannot be read.

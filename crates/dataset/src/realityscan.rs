@@ -37,18 +37,14 @@ const COLUMNS: [&[&str]; 15] = [
 
 /// The file of a folder: its only table that begins as this one does.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
-    let here = if root.as_os_str().is_empty() { Path::new(".") } else { root };
     let is_table = |path: &PathBuf| {
         let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
         let mut start = [0; 5];
         let read = |mut file: std::fs::File| std::io::Read::read_exact(&mut file, &mut start).is_ok();
         is_csv && std::fs::File::open(path).is_ok_and(read) && &start == b"#name"
     };
-    let entries = std::fs::read_dir(here).into_iter().flatten().flatten();
-    let mut tables: Vec<PathBuf> = entries
-        .map(|entry| root.join(entry.file_name()))
-        .filter(|path| path.is_file() && is_table(path))
-        .collect();
+    let mut tables: Vec<PathBuf> =
+        input::entries(root).filter(|path| path.is_file() && is_table(path)).collect();
     tables.sort();
     (tables.len() == 1).then(|| tables.remove(0))
 }

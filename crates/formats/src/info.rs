@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use trisplat_scene::math::color::srgb_from_linear;
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{FaceTexture, ImportedScene, Provenance, Result, Scene, Soup, Splats, StoredPicture};
@@ -266,9 +267,8 @@ fn is_zero(number: &u64) -> bool {
 
 impl BoundingBox {
     fn of(points: impl Iterator<Item = Vec3>) -> Self {
-        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (min, max) = points.fold(empty, |(min, max), p| (min.min(p), max.max(p)));
-        Self { min: min.to_array(), max: max.to_array() }
+        let [min, max] = bounds(points).unwrap_or_default().map(|corner| corner.to_array());
+        Self { min, max }
     }
 }
 

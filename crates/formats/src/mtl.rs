@@ -241,11 +241,9 @@ fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
     for part in relative.components() {
         let exact = path.join(part);
         let wanted = part.as_os_str().to_string_lossy().to_lowercase();
-        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-        let entries = if exact.exists() { None } else { std::fs::read_dir(here).ok() };
-        let names = entries.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name()));
-        let alike = names.filter(|name| name.to_string_lossy().to_lowercase() == wanted).min();
-        path = alike.map_or(exact, |name| path.join(name));
+        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let alike = || input::entries(&path).filter(|path| name(path) == wanted).min();
+        path = if exact.exists() { exact } else { alike().unwrap_or(exact) };
     }
     path
 }

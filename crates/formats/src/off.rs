@@ -15,10 +15,10 @@ use crate::finish::{FarPositions, finish};
 use crate::lines::{Lines, clip, number};
 use crate::{ReadOptions, Source};
 use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, input};
 
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
@@ -76,9 +76,8 @@ pub fn read(source: Source, options: &ReadOptions) -> Result<ImportedScene> {
 /// Names a checkpoint in the folder of an OFF file: the authors' scripts make OFF files of such, without softness.
 fn softness_beside(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|_| path.as_os_str() != "-")?;
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let files = std::fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
-    let checkpoints = files.filter(|file| file.extension().is_some_and(|e| e == "pt") && file.is_file());
+    let is_checkpoint = |file: &PathBuf| file.extension().is_some_and(|e| e == "pt") && file.is_file();
+    let checkpoints = input::entries(folder).filter(is_checkpoint);
     // That of the same name first.
     let found = checkpoints.min_by_key(|file| (file.file_stem() != path.file_stem(), file.clone()))?;
     let name = found.file_name()?.to_string_lossy().into_owned();

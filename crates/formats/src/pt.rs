@@ -25,11 +25,11 @@
 
 use crate::finish::finish;
 use crate::source::is_packed;
+use crate::splats::sog::names;
 use crate::{ReadOptions, Source, format};
 use bytemuck::Pod;
 use glam::{DVec3, Vec3};
 use pytorch_reader::{DType, PickleValue, PytorchError, PytorchReader};
-use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -284,7 +284,7 @@ fn check_archive(source: &mut Source) -> Result<()> {
     }
     let zip_error = |e: zip::result::ZipError| Error::malformed(&path, "zip directory", e.to_string());
     let mut archive = zip::ZipArchive::new(io::BufReader::new(&*source.file)).map_err(zip_error)?;
-    let names: Vec<String> = archive.file_names().flatten().map(Cow::into_owned).collect();
+    let names = names(&archive);
     if format::is_sog(&names) {
         return Err(format::refusal(&path, "SOG"));
     }

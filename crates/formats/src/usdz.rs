@@ -4,8 +4,9 @@
 //! every file begin at a multiple of 64.
 
 use crate::lines::{push_float, push_integer, write_blocks};
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use std::io::{self, Cursor, Write};
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::report::generator;
 use trisplat_scene::{Asset, FaceTexture};
@@ -68,9 +69,7 @@ fn write_mesh(out: &mut dyn Write, mesh: &Mesh, texture: Option<&FaceTexture>) -
     )?;
     writeln!(out, "        rel material:binding = </scene/material>")?;
     let corners = (0..faces).flat_map(|face| mesh.corners(face));
-    let (low, high) =
-        corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-    let extent = [low, high];
+    let extent = bounds(corners).unwrap_or_default();
     list(out, "float3[] extent", "", 2, |i, block| push_tuple(block, &extent[i].to_array()))?;
     list(out, "int[] faceVertexCounts", "", faces, |_, block| block.push(b'3'))?;
     list(out, "int[] faceVertexIndices", "", 3 * faces, |i, block| {

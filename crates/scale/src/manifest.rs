@@ -402,13 +402,12 @@ pub(super) fn write(
 /// The finished coarse scene that was begun as `path`, if it is there and unchanged.
 pub fn find_coarse(path: &Path, limits: &Limits) -> Option<PathBuf> {
     let begin = format!("{}-", path.file_stem().unwrap_or_default().to_string_lossy());
-    let entries = std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
     let is_it = |found: &PathBuf| {
         let name = found.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let named = name.strip_prefix(&begin).and_then(|rest| rest.strip_suffix(".ply"));
         named.is_some_and(|named| hash_of_file(found, limits).is_ok_and(|hash| hash == named))
     };
-    entries.map(|entry| entry.path()).filter(is_it).min()
+    input::entries(folder_of(path)).filter(is_it).min()
 }
 
 /// Reads a soup of the plan, which must be as it was written.

@@ -136,14 +136,19 @@ pub fn leaves_folder(relative: &Path) -> bool {
     })
 }
 
+/// The paths in `folder`, none if it cannot be listed; the empty path is the working folder.
+pub fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    std::fs::read_dir(here).into_iter().flatten().flatten().map(|entry| folder.join(entry.file_name()))
+}
+
 /// All files below `folder`, also through links; each folder once. What cannot be listed is left out.
 pub fn files_below(folder: &Path) -> Vec<PathBuf> {
     let (mut files, mut seen, mut folders) = (Vec::new(), HashSet::new(), vec![folder.to_owned()]);
     while let Some(folder) = folders.pop() {
         // Links may lead in a circle.
         let is_new = std::fs::canonicalize(&folder).is_ok_and(|full| seen.insert(full));
-        let entries = is_new.then(|| std::fs::read_dir(&folder).ok()).flatten();
-        for path in entries.into_iter().flatten().flatten().map(|entry| entry.path()) {
+        for path in is_new.then(|| entries(&folder)).into_iter().flatten() {
             match path.is_dir() {
                 true => folders.push(path),
                 false => files.push(path),

@@ -4,6 +4,7 @@ use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::math::color::srgb_from_linear;
+use crate::math::geometry::bounds;
 use crate::mesh::Mesh;
 use crate::report::Counts;
 use crate::soup::{Soup, sh0_from_rgb};
@@ -50,8 +51,7 @@ impl Scene {
 
     /// Lowest and highest corner of the first `count` triangles; none when there are none.
     pub fn bounds(&self, count: usize) -> Option<[Vec3; 2]> {
-        let corners = (0..count).flat_map(|i| self.corners(i)).map(|corner| [corner, corner]);
-        corners.reduce(|[low, high], [p, _]| [low.min(p), high.max(p)])
+        bounds((0..count).flat_map(|i| self.corners(i)))
     }
 
     /// True for a triangle of the shell, which belongs to the backdrop instead of the scene.

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::atomic::{AtomicFile, folder_of};
 use trisplat_scene::input::{self, guarded};
 use trisplat_scene::{Error, Limits, Result, SceneNormalization};
 use xxhash_rust::xxh3::Xxh3Default;
@@ -296,14 +296,12 @@ fn of_step(path: &Path, step: u64) -> PathBuf {
 
 /// Steps and names of the numbered checkpoints of `path`.
 pub fn kept(path: &Path) -> Vec<(u64, PathBuf)> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let step = |found: PathBuf| {
         let digits = found.file_stem()?.to_str()?.rsplit_once(STEP)?.1.to_owned();
         let step = digits.parse().ok()?;
         (of_step(path, step).file_name() == found.file_name()).then_some((step, found))
     };
-    entries.filter_map(|entry| step(entry.path())).collect()
+    input::entries(folder_of(path)).filter_map(step).collect()
 }
 
 /// The newest whole checkpoint of a folder, and the faults of newer ones.

@@ -7,6 +7,7 @@
 
 use super::options::InitOptions;
 use glam::Vec3;
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::{Rng, Soup, parallel, sh0_from_rgb};
 
@@ -110,19 +111,8 @@ fn build(points: &[Vec3], order: &mut [u32], axes: &mut [u8]) {
 
 /// The axis along which these points spread most.
 fn widest_axis(points: &[Vec3], order: &[u32]) -> usize {
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &i in order {
-        low = low.min(points[i as usize]);
-        high = high.max(points[i as usize]);
-    }
-    let size = high - low;
-    if size.x >= size.y && size.x >= size.z {
-        0
-    } else if size.y >= size.z {
-        1
-    } else {
-        2
-    }
+    let [low, high] = bounds(order.iter().map(|&i| points[i as usize])).unwrap_or_default();
+    (high - low).max_position()
 }
 
 impl KdTree<'_> {

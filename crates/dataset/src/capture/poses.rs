@@ -306,8 +306,7 @@ fn pairing(photos: &TakenPhotos, options: &CaptureOptions) -> (Pairing, Option<B
 
 /// The largest of the models that `mapper` has written to `output`; the program's first one of equals.
 fn largest(output: &Path, mapper: Mapper, photos: &TakenPhotos) -> Result<Option<FoundModel>> {
-    let entries = std::fs::read_dir(output).into_iter().flatten().flatten();
-    let mut folders: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    let mut folders: Vec<PathBuf> = input::entries(output).collect();
     folders.sort();
     let models = folders.into_iter().filter_map(|folder| Some((colmap::locate(&folder)?, folder)));
     let registered = |(files, folder): (colmap::ModelFiles, _)| {

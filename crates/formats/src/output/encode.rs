@@ -168,19 +168,13 @@ impl Output {
     ) -> Result<Vec<String>> {
         let path = self.main.as_path();
         let io = |e| Error::io(path, e);
-        let name_of = |p: &Option<PathBuf>| {
-            p.as_ref()
-                .and_then(|p| p.file_name())
-                .map(|n| n.to_string_lossy().into_owned())
-                .unwrap_or_default()
-        };
-        let name = name_of(&self.second);
-        let sky = asset.sky.as_ref().and(self.sky.as_ref()).map(|_| name_of(&self.sky));
+        let name = self.second.as_deref().map(name_of).unwrap_or_default();
+        let sky = asset.sky.as_ref().and(self.sky.as_deref()).map(name_of);
         let named =
             |encoding| GltfOptions { node_name: self.node.to_owned(), sky_name: sky.clone(), ..encoding };
         let written = match (self.format, second) {
             (OutputFormat::Obj, Some(mtl)) => {
-                let picture = self.picture.as_ref().map(|_| name_of(&self.picture));
+                let picture = self.picture.as_deref().map(name_of);
                 obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
                 let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
                 let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
@@ -221,6 +215,10 @@ impl Output {
     }
 }
 
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// The scene for a phone: without its backdrop, since the room is around it.
 fn encode_usdz(main: &mut AtomicFile, asset: &Asset, options: &OutputOptions) -> Result<Vec<String>> {
     let apart = asset.apart();
@@ -245,16 +243,12 @@ impl Output {
         std::iter::once((asset, self)).chain(asset.levels.iter().zip(&self.levels))
     }
 
-    fn file_name(&self) -> String {
-        self.main.file_name().unwrap_or_default().to_string_lossy().into_owned()
-    }
-
     /// The tileset of an asset and its levels.
     fn tileset_text(&self, asset: &Asset) -> String {
         let level = |(i, (asset, output)): (usize, (&Asset, &Output))| {
             let bounds = tiles::bounds(&asset.mesh, asset.scene_faces());
             let error = if i == 0 { 0.0 } else { Tile::error_of(asset.detail()) };
-            let uri = Some(from_file_name(&output.file_name()));
+            let uri = Some(from_file_name(&name_of(&output.main)));
             TilesetTile { uri, bounds, error, replaced: true, children: Vec::new() }
         };
         let root = TilesetTile::chain(self.levels_of(asset).enumerate().map(level));
@@ -268,7 +262,7 @@ impl Output {
         let file = |(asset, output): (&'_ Asset, &Output)| {
             let [nodes, within] = node_names(asset, output.node)?;
             let backdrop = if self.backdrop.is_none() { within } else { Vec::new() };
-            Ok(LevelFile { name: output.file_name(), nodes, backdrop })
+            Ok(LevelFile { name: name_of(&output.main), nodes, backdrop })
         };
         let files: Vec<LevelFile> = self.levels_of(asset).map(file).collect::<Result<_>>()?;
         let scene = EngineScene::new(self.levels_of(asset).map(|(asset, _)| asset).zip(files));

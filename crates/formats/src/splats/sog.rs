@@ -108,10 +108,8 @@ pub(crate) fn is_sog(source: &mut Source) -> Result<bool> {
     Ok(format::is_sog(&names))
 }
 
-fn names<R>(zip: &zip::ZipArchive<R>) -> Vec<String>
-where
-    R: std::io::Read + std::io::Seek,
-{
+/// The names of an archive's entries.
+pub(crate) fn names(zip: &zip::ZipArchive<BufReader<&File>>) -> Vec<String> {
     zip.file_names().flatten().map(Cow::into_owned).collect()
 }
 

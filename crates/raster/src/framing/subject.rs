@@ -5,6 +5,7 @@ use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::camera::{self, Camera, OrbitRange, Viewpoint};
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
@@ -54,9 +55,7 @@ impl Subject {
 
     /// The ball around the box of `points`; `None` without extent.
     pub fn around(points: &[Vec3]) -> Option<Self> {
-        let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| {
-            (low.min(*point), high.max(*point))
-        });
+        let [low, high] = bounds(points.iter().copied())?;
         let center = (low + high) / 2.0;
         let radius = points.iter().map(|point| point.distance(center)).fold(0.0, f32::max);
         (radius > 0.0 && radius.is_finite()).then_some(Self { center, radius, is_alone: false })

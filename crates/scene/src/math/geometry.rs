@@ -1,7 +1,12 @@
-//! Geometry: a sphere of triangles, eigenvectors of a matrix, and an order of points along a curve.
+//! Geometry: boxes around points, a sphere of triangles, eigenvectors of a matrix, and an order of points along a curve.
 
 use glam::{DMat3, DVec3, Vec3};
 use std::collections::HashMap;
+
+/// Lowest and highest corner of the box around points; `None` of no points.
+pub fn bounds(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
+    points.map(|point| [point, point]).reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
+}
 
 // ---- A sphere of triangles: an octahedron whose faces are repeatedly subdivided into four ----
 
