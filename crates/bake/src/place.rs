@@ -10,8 +10,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::framing::{Scenery, viewpoint};
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::geometry::bounds;
-use trisplat_scene::math::lists::{all_finite, median};
+use trisplat_scene::math::geometry::{bounds, central};
+use trisplat_scene::math::lists::all_finite;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::ranges::{self, Called};
 use trisplat_scene::report::Outcome;
@@ -132,7 +132,9 @@ pub fn placement(
             usable.map_or(said.unwrap_or_default().into(), |e| UpDirection::near(DVec3::from(e.direction)))
         }
     };
-    let mut center = if options.center { middle(scene.vertices()).as_dvec3() } else { DVec3::ZERO };
+    // Unlike the middle of the bounds the median does not follow a far background.
+    let middle = if options.center { central(scene.vertices()) } else { None };
+    let mut center = middle.unwrap_or_default().as_dvec3();
     if options.ground {
         let axis = up.vector();
         details.ground = ground::ground(scene, known.cameras, axis);
@@ -175,12 +177,6 @@ pub fn place(
         false => Err(Error::invalid("scale", placement.scale, "a factor that keeps every position finite")),
         true => Ok(Outcome::Changed(())),
     }
-}
-
-/// Median along each axis: unlike the middle of the bounds it does not follow a far background.
-fn middle(positions: &[Vec3]) -> Vec3 {
-    let along = |axis: usize| median(positions.iter().map(|p| p[axis]).collect(), f32::total_cmp);
-    Vec3::from_array([0, 1, 2].map(|axis| along(axis).unwrap_or(0.0)))
 }
 
 // ---- Where a subject stands: the origin is under it, and it faces the viewer -------------------------

@@ -9,6 +9,7 @@ use trisplat_raster::soft::{Frame, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::geometry::spread;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Result, Scene, SceneNormalization, Soup, Splats, placed,
@@ -387,9 +388,7 @@ fn space_of(dataset: &Dataset) -> SceneNormalization {
 
 /// A space centred on the mean of some points, with their mean distance from it as unit.
 fn space_around(points: &[Vec3]) -> SceneNormalization {
-    let count = points.len().max(1) as f64;
-    let center = points.iter().map(|v| v.as_dvec3()).sum::<DVec3>() / count;
-    let spread = points.iter().map(|v| v.as_dvec3().distance(center)).sum::<f64>() / count;
+    let (center, spread) = spread(points);
     let scale = if spread > 0.0 { (1.0 / spread) as f32 } else { 1.0 };
     SceneNormalization { center: center.as_vec3(), scale }
 }

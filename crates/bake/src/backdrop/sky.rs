@@ -5,6 +5,7 @@
 
 use super::known::{KnownColors, fill};
 use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
+use crate::shell::middle_of;
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
@@ -71,14 +72,7 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
 
 /// The colours of a shell, blurred, for a scene without photos that `cameras` may have looked at.
 fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
-    let mean = |points: &mut dyn ExactSizeIterator<Item = Vec3>| {
-        let count = points.len().max(1) as f32;
-        points.sum::<Vec3>() / count
-    };
-    let center = match cameras.is_empty() {
-        true => mean(&mut shell.positions.iter().copied()),
-        false => mean(&mut cameras.iter().map(Camera::position)),
-    };
+    let center = middle_of(shell.positions.iter().copied(), cameras);
     let mut known = KnownColors::nothing(ROWS[0] as usize);
     known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
     filled(known)

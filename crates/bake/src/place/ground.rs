@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use trisplat_scene::camera::{self, Camera};
+use trisplat_scene::math::geometry::central;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 
@@ -129,9 +130,7 @@ impl<'a> Foreground<'a> {
 pub(crate) fn region(scene: Foreground, cameras: &[Camera]) -> Option<Region> {
     let vertices = scene.vertices();
     let vertices: Vec<Vec3> = vertices.iter().step_by(step(vertices.len())).copied().collect();
-    let along = |axis: usize| median(vertices.iter().map(|v| v[axis]).collect(), f32::total_cmp);
-    let middle = || Some(Vec3::new(along(0)?, along(1)?, along(2)?));
-    let center = camera::focus(cameras.iter()).or_else(middle)?.as_dvec3();
+    let center = camera::focus(cameras.iter()).or_else(|| central(&vertices))?.as_dvec3();
     let radius = match cameras.is_empty() {
         true => {
             let mut away: Vec<f64> = vertices.iter().map(|v| v.as_dvec3().distance(center)).collect();

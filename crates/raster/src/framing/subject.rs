@@ -5,7 +5,7 @@ use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::camera::{self, Camera, OrbitRange, Viewpoint};
-use trisplat_scene::math::geometry::bounds;
+use trisplat_scene::math::geometry::{bounds, central};
 use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
@@ -103,8 +103,7 @@ fn dense(points: &[Vec3]) -> Option<Subject> {
 
 /// The ball around the median of `points` that contains this share of them.
 fn ball(points: &[Vec3], share: f32) -> Option<Subject> {
-    let along = |axis: usize| median(points.iter().map(|p| p[axis]).collect(), f32::total_cmp);
-    let center = Vec3::new(along(0)?, along(1)?, along(2)?);
+    let center = central(points)?;
     let radius = quantile(points.iter().map(|p| p.distance(center)).collect(), share)?;
     (radius > 0.0 && radius.is_finite()).then_some(Subject { center, radius, is_alone: false })
 }

@@ -4,7 +4,7 @@ use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
 use std::ops::Range;
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::lists::median;
+use trisplat_scene::math::geometry::central;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Provenance, Scene};
 
@@ -104,8 +104,7 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
     };
     let sampled: Vec<Vec3> =
         (0..count).step_by(count.div_ceil(SAMPLE)).map(middle).filter(|p| p.is_finite()).collect();
-    let along = |axis: usize| median(sampled.iter().map(|p| p[axis]).collect(), f32::total_cmp);
-    let center = Vec3::new(along(0)?, along(1)?, along(2)?);
+    let center = central(&sampled)?;
     let mut distances: Vec<f32> = sampled.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f32::total_cmp);
     let from = begin(&distances)?;

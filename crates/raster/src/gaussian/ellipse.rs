@@ -3,8 +3,9 @@
 use crate::kernel::sh;
 use crate::soft::splats::{DepthKey, by_depth};
 use crate::soft::{MARGIN, TILE, tile_count};
-use glam::{DVec3, Mat3, UVec2, Vec2, Vec3};
+use glam::{Mat3, UVec2, Vec2, Vec3};
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::spread;
 use trisplat_scene::math::real::V3;
 use trisplat_scene::{Splats, parallel};
 
@@ -33,16 +34,10 @@ impl GaussianOptions {
     /// For `splats` of any size, over a background, sRGB-encoded.
     pub fn suited_to(splats: &Splats, background: [f32; 3]) -> Self {
         let usual = Self::default().near;
-        let near = usual.min((size_of(splats) * NEAR_PER_SIZE) as f32).max(f32::MIN_POSITIVE);
+        let (_, size) = spread(&splats.positions);
+        let near = usual.min((size * NEAR_PER_SIZE) as f32).max(f32::MIN_POSITIVE);
         Self { background, near }
     }
-}
-
-/// Mean distance of the Gaussians from their middle.
-fn size_of(splats: &Splats) -> f64 {
-    let count = splats.len().max(1) as f64;
-    let middle = splats.positions.iter().map(|p| p.as_dvec3()).sum::<DVec3>() / count;
-    splats.positions.iter().map(|p| p.as_dvec3().distance(middle)).sum::<f64>() / count
 }
 
 impl Default for GaussianOptions {

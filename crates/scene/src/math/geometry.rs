@@ -1,11 +1,25 @@
-//! Geometry: boxes around points, a sphere of triangles, eigenvectors of a matrix, and an order of points along a curve.
+//! Geometry: extents of points, a sphere of triangles, eigenvectors of a matrix, and an order of points along a curve.
 
+use super::lists::median;
 use glam::{DMat3, DVec3, Vec3};
 use std::collections::HashMap;
 
 /// Lowest and highest corner of the box around points; `None` of no points.
 pub fn bounds(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
     points.map(|point| [point, point]).reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
+}
+
+/// The median of points along each axis, which a few far ones do not move; `None` of no points.
+pub fn central(points: &[Vec3]) -> Option<Vec3> {
+    let along = |axis: usize| median(points.iter().map(|point| point[axis]).collect(), f32::total_cmp);
+    Some(Vec3::new(along(0)?, along(1)?, along(2)?))
+}
+
+/// The middle of points, and their mean distance from it.
+pub fn spread(points: &[Vec3]) -> (DVec3, f64) {
+    let count = points.len().max(1) as f64;
+    let middle = points.iter().map(|point| point.as_dvec3()).sum::<DVec3>() / count;
+    (middle, points.iter().map(|point| point.as_dvec3().distance(middle)).sum::<f64>() / count)
 }
 
 // ---- A sphere of triangles: an octahedron whose faces are repeatedly subdivided into four ----
