@@ -1,14 +1,14 @@
 //! Which photos each block gets: those that show it in drawings of the coarse scene, each cropped to the part that shows it.
 
 use super::manifest::{Block, BlockPhoto};
-use super::region::{Region, middle};
+use super::region::Region;
 use crate::manifest::PlanOptions;
 use glam::{Mat3, UVec2, Vec2, Vec3};
 use std::ops::Range;
 use trisplat_dataset::View;
 use trisplat_raster::soft::{Importance, SoftOptions, SoftRasterizer, SoupRef};
 use trisplat_scene::camera::Camera;
-use trisplat_scene::math::geometry::along_curve;
+use trisplat_scene::math::geometry::{along_curve, centroid};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Error, Result, SceneNormalization, Soup, sh0_from_rgb};
 
@@ -246,7 +246,7 @@ pub(super) fn owners(middles: &[Vec3], cores: &[Region]) -> Vec<u32> {
 
 /// The middles of a soup's triangles.
 pub(super) fn middles(soup: &Soup) -> Vec<Vec3> {
-    parallel::collect(soup.len(), GRAIN, |i| middle(&soup.vertices[i]))
+    parallel::collect(soup.len(), GRAIN, |i| centroid(soup.vertices[i]))
 }
 
 /// Triangles, neighbours beside each other, and the box around each run of them.

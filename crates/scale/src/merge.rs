@@ -1,7 +1,7 @@
 //! Blocks become one scene again: of each, the triangles whose middle is in its core. One block is in memory at a time.
 
 use crate::manifest::{self, Manifest, NAME};
-use crate::region::{halves, middle};
+use crate::region::halves;
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,7 @@ use trisplat_formats::ply::SoupWriter;
 use trisplat_formats::{self as formats, ReadOptions, TilesetTile, TilesetWriter, bounds};
 use trisplat_scene::atomic::AtomicFile;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::{
     Asset, Error, ImportedScene, Limits, Placement, Provenance, Result, Scene, Soup, Tile, UpAxis, placed,
@@ -78,7 +79,7 @@ impl Blocks {
             Provenance { source: source.map(|name| name.to_string_lossy().into_owned()), ..provenance };
         let block = &self.manifest.blocks[index];
         let shell = soup.take_shell();
-        let owned = |i: usize| block.core.contains(middle(&soup.vertices[i]));
+        let owned = |i: usize| block.core.contains(centroid(soup.vertices[i]));
         let keep: Vec<bool> = (0..soup.len()).map(owned).collect();
         soup.retain(|i| keep[i]);
         Ok(OwnedBlock { shell, rest: soup, provenance, cameras })

@@ -60,11 +60,6 @@ impl Region {
     }
 }
 
-/// Where a triangle is: in the region that holds the middle of its corners.
-pub(crate) fn middle(corners: &[Vec3; 3]) -> Vec3 {
-    (corners[0] + corners[1] + corners[2]) / 3.0
-}
-
 /// How far nearly all of these reach along each axis.
 pub(super) fn extent(middles: &[Vec3]) -> Vec3 {
     Vec3::from([0, 1, 2].map(|a| {

@@ -14,6 +14,7 @@ use super::visibility::VisibilityStats;
 use glam::Vec3;
 use rayon::prelude::*;
 use trisplat_scene::Rng;
+use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::parallel::{self, GRAIN};
 
 /// Triangles visible in fewer photos than this are pruned (2, Held et al. 2025, section 3.2).
@@ -206,8 +207,7 @@ fn repair(
 
 /// True for a triangle near a camera that only a few photos show, from much farther away.
 fn is_unsupported(params: &Params, visibility: &VisibilityStats, i: usize, eyes: &[Vec3]) -> bool {
-    let [a, b, c] = params.vertices[i];
-    let middle = (a + b + c) / 3.0;
+    let middle = centroid(params.vertices[i]);
     let near = |eye: &Vec3| middle.distance(*eye) * visibility.nearness[i] * FARTHEST_VIEW < 1.0;
     visibility.views[i] < FIRM_VIEWS && eyes.iter().any(near)
 }

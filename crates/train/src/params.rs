@@ -10,6 +10,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use trisplat_raster::kernel::window::mean_window;
 use trisplat_scene::Soup;
+use trisplat_scene::math::geometry::centroid;
 
 /// The lowest σ the activation gives before the anneal (`0.01 + exp(x)` in the paper's code).
 pub(crate) const SIGMA_MIN: f32 = 0.01;
@@ -245,8 +246,7 @@ pub struct Core {
 impl Core {
     /// Whether triangle `i` has its middle in the box.
     pub(super) fn holds(&self, params: &Params, i: usize) -> bool {
-        let [a, b, c] = params.vertices[i];
-        let middle: Vec3 = (a + b + c) / 3.0;
+        let middle = centroid(params.vertices[i]);
         (0..3).all(|k| {
             self.low[k].is_none_or(|low| middle[k] >= low) && self.high[k].is_none_or(|high| middle[k] < high)
         })

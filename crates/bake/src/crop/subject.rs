@@ -12,6 +12,7 @@ use std::collections::HashMap;
 use trisplat_raster::framing::Subject;
 use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::{self, Camera};
+use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::{Sets, median};
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
@@ -88,7 +89,7 @@ pub(super) fn subject(
 /// What stands out: the thing in the middle of the pictures of `cameras`, or what they show there.
 fn find(scene: &Scene, cameras: &[Camera], up: Option<UpAxis>) -> Option<Standing> {
     let count = scene.triangle_count();
-    let middle = |i: usize| scene.corners(i).into_iter().sum::<Vec3>() / 3.0;
+    let middle = |i: usize| centroid(scene.corners(i));
     let middles: Vec<Vec3> = (0..count).filter(|i| !scene.is_shell(*i)).map(middle).collect();
     let ball = Subject::of(&middles, cameras)?;
     let inner = (0..count).filter(|i| !scene.is_shell(*i)).flat_map(|i| scene.corners(i));

@@ -5,7 +5,7 @@ use crate::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
 use glam::{DVec3, UVec2, Vec3};
 use std::f64::consts::TAU;
 use trisplat_scene::camera::{self, Camera, OrbitRange, Viewpoint};
-use trisplat_scene::math::geometry::{bounds, central};
+use trisplat_scene::math::geometry::{bounds, central, centroid};
 use trisplat_scene::math::lists::{median, quantile};
 use trisplat_scene::mesh::{Colors, Mesh};
 
@@ -151,7 +151,7 @@ impl Survey {
         for face in (0..count).step_by(step) {
             let corners = corners(face);
             if corners.iter().all(|p| p.is_finite()) {
-                let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+                let middle = centroid(corners);
                 positions.extend(corners.map(|p| middle + (p - middle) * growth));
                 of_subject.push(subject.holds(middle));
             }

@@ -4,7 +4,7 @@ use super::viewpoint::{Scenery, viewpoint};
 use glam::Vec3;
 use std::ops::Range;
 use trisplat_scene::camera::{Camera, Viewpoint};
-use trisplat_scene::math::geometry::central;
+use trisplat_scene::math::geometry::{central, centroid};
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{Provenance, Scene};
 
@@ -98,10 +98,7 @@ pub fn far_shell(corners: &(dyn Fn(usize) -> [Vec3; 3] + Sync), count: usize) ->
     if count < LEAST_TRIANGLES {
         return None;
     }
-    let middle = |face: usize| {
-        let [a, b, c] = corners(face);
-        (a + b + c) / 3.0
-    };
+    let middle = |face: usize| centroid(corners(face));
     let sampled: Vec<Vec3> =
         (0..count).step_by(count.div_ceil(SAMPLE)).map(middle).filter(|p| p.is_finite()).collect();
     let center = central(&sampled)?;

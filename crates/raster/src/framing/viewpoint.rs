@@ -5,6 +5,7 @@ use super::subject::{MOST_POINTS, Sight, Subject, Survey, orbit_range};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use std::f32::consts::TAU;
 use trisplat_scene::camera::{Camera, Viewpoint};
+use trisplat_scene::math::geometry::centroid;
 
 /// Share of the picture that a subject should fill at least.
 const LARGE: f32 = 0.25;
@@ -48,10 +49,7 @@ pub struct Scenery<'a> {
 
 /// The first viewpoint of a scene; `None` without extent.
 pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
-    let middle = |face: usize| {
-        let [a, b, c] = (scenery.corners)(face);
-        (a + b + c) / 3.0
-    };
+    let middle = |face: usize| centroid((scenery.corners)(face));
     // The subject uses no more of them.
     let step = scenery.count.div_ceil(MOST_POINTS).max(1);
     let middles: Vec<Vec3> = (0..scenery.count).step_by(step).map(middle).collect();

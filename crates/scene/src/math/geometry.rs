@@ -4,6 +4,11 @@ use super::lists::median;
 use glam::{DMat3, DVec3, Vec3};
 use std::collections::HashMap;
 
+/// The middle of a triangle's corners.
+pub fn centroid([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (a + b + c) / 3.0
+}
+
 /// Lowest and highest corner of the box around points; `None` of no points.
 pub fn bounds(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
     points.map(|point| [point, point]).reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
