@@ -257,7 +257,6 @@ enum Job {
         #[serde(default)]
         harden: bool,
         /// Limit on the bytes of all files together.
-        #[serde(default)]
         max_bytes: Option<u64>,
     },
 }

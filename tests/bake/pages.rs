@@ -3,7 +3,7 @@
 use super::texture::{DRAWING, ON, baked, cameras, grey, painted, photos, psnr, read, textured};
 use glam::Vec3;
 use std::path::Path;
-use trisplat_bake::{Bake, BakeOptions, BakePreset, TextureOptions, UpChoice, merge};
+use trisplat_bake::{Bake, BakeOptions, BakePreset, TextureOptions, TextureWhen, UpChoice, merge};
 use trisplat_formats::{
     self as formats, OutputOptions, ReadOptions,
     gltf::{GltfOptions, TextureFormat, to_glb_bytes},
@@ -87,7 +87,7 @@ fn tiles_have_pages_of_their_own() {
     let write = |views: bool, input: Mesh| {
         let mut options = BakeOptions { output: EXACT, ..upright() };
         options.tiles.tile_triangles = 1000;
-        options.texture.texture = views.into();
+        options.texture.texture = if views { TextureWhen::On } else { TextureWhen::Off };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("wall.tileset.json");
         options.plan_output(&path, None).unwrap();

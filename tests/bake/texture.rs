@@ -170,16 +170,6 @@ fn auto_takes_detail_that_costs_a_little_psnr() {
 }
 
 #[test]
-fn the_switch_of_older_option_files_still_works() {
-    let read = |text: &str| serde_json::from_str::<TextureOptions>(text).map(|options| options.texture);
-    assert_eq!(read(r#"{"texture": true}"#).unwrap(), TextureWhen::On);
-    assert_eq!(read(r#"{"texture": false}"#).unwrap(), TextureWhen::Off);
-    assert_eq!(read(r#"{"texture": "auto"}"#).unwrap(), TextureWhen::Auto);
-    let refused = read(r#"{"texture": 3}"#).unwrap_err().to_string();
-    assert!(refused.contains("`off`, `on` or `auto`"), "{refused}");
-}
-
-#[test]
 fn colours_that_have_seen_the_held_out_photos_are_no_measure() {
     // The mesh has learnt photos by heart; what was fitted without them is grey.
     let (mut mesh, mut details) = (painted(), TextureDetails::default());
@@ -318,15 +308,15 @@ fn what_holds_no_texture_is_refused_before_any_work() {
 
 #[test]
 fn levels_have_textures_of_their_own() {
-    let bake = |texture: bool| {
+    let bake = |texture: TextureWhen| {
         let mut views = Views::drawn(cameras(), photos());
         let mut options = BakeOptions::preset(trisplat_bake::BakePreset::Fast);
-        (options.texture.texture, options.lod.lod) = (texture.into(), vec![0.5]);
+        (options.texture.texture, options.lod.lod) = (texture, vec![0.5]);
         // The wall stays where the cameras see it.
         options.place.up = UpChoice::Given(UpDirection::Axis(UpAxis::Y));
         Bake::new(&options).photos(&mut views).run([ImportedScene::from(Scene::Mesh(grey(8)))]).unwrap()
     };
-    let [plain, textured] = [bake(false), bake(true)];
+    let [plain, textured] = [TextureWhen::Off, TextureWhen::On].map(bake);
     let level = |asset: &Asset| asset.levels[0].mesh.clone();
     let (before, after) = (psnr(&level(&plain)), psnr(&level(&textured)));
     assert!(after > before + 6.0, "{before} {after}");

@@ -105,10 +105,8 @@ struct StoredTraining {
     #[serde(default)]
     effort: f64,
     /// PSNR of its file, dB.
-    #[serde(default)]
     psnr: Option<f64>,
     /// That of a run before with less effort.
-    #[serde(default)]
     earlier: Option<f64>,
 }
 

@@ -33,12 +33,6 @@ pub enum TextureWhen {
     Auto,
 }
 
-impl From<bool> for TextureWhen {
-    fn from(wanted: bool) -> Self {
-        if wanted { Self::On } else { Self::Off }
-    }
-}
-
 /// Whether the scene gets a texture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -48,7 +42,6 @@ pub struct TextureOptions {
     /// .usdz (without being asked, as phones show no colours there) and .tileset.json files
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t = TextureOptions::DEFAULT.texture, num_args = 0..=1,
           require_equals = true, default_missing_value = "on", value_name = "WHEN"))]
-    #[serde(deserialize_with = "when")]
     pub texture: TextureWhen,
     /// Largest width and height of the texture, texels; where they do not suffice, all triangles have fewer
     #[cfg_attr(feature = "cli", arg(skip = TextureOptions::DEFAULT.texture_size))]
@@ -96,20 +89,6 @@ impl TextureOptions {
     pub(crate) fn validate(&self) -> Result<()> {
         ranges::check(self, Called::ByFlag)
     }
-}
-
-/// A [`TextureWhen`], or the `true` and `false` of older files.
-fn when<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<TextureWhen, D::Error> {
-    #[derive(serde::Deserialize)]
-    #[serde(untagged, expecting = "expected `off`, `on` or `auto`")]
-    enum Stored {
-        Flag(bool),
-        When(TextureWhen),
-    }
-    Ok(match <Stored as serde::Deserialize>::deserialize(from)? {
-        Stored::Flag(flag) => flag.into(),
-        Stored::When(when) => when,
-    })
 }
 
 trisplat_scene::default!(TextureOptions);

@@ -39,7 +39,6 @@ struct SplatMesh {
 
 #[derive(Deserialize)]
 struct SplatPrimitive {
-    #[serde(default)]
     mode: Option<u32>,
     #[serde(default)]
     attributes: BTreeMap<String, usize>,
@@ -56,7 +55,6 @@ struct SplatExtensions {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Splatting {
-    #[serde(default)]
     color_space: Option<String>,
     #[serde(default)]
     extensions: BTreeMap<String, Packing>,
@@ -65,7 +63,6 @@ struct Splatting {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Packing {
-    #[serde(default)]
     buffer_view: Option<usize>,
 }
 
