@@ -230,17 +230,9 @@ pub(super) fn check_mask(path: &Path, photo: &Path, size: UVec2, wanted: UVec2) 
     Err(Error::malformed(path, "size", format!("{reason}; a mask must be as large as its photo")))
 }
 
-/// A temporary file without a name, made for the first picture.
+/// A temporary file without a name, made for the first picture, and where it ends.
 #[derive(Debug, Default)]
-pub struct PictureFile {
-    state: Mutex<PictureFileState>,
-}
-
-#[derive(Debug, Default)]
-struct PictureFileState {
-    file: Option<File>,
-    end: u64,
-}
+pub struct PictureFile(Mutex<(Option<File>, u64)>);
 
 /// The place of a picture in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -253,23 +245,23 @@ pub struct StoredPicture {
 impl PictureFile {
     /// Adds a picture. Fails when the disk is full.
     pub fn put(&self, pixels: &RgbImage) -> io::Result<StoredPicture> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let at = state.end;
-        let file = match &mut state.file {
+        let (file, end) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let at = *end;
+        let file = match file {
             Some(file) => file,
             empty => empty.insert(tempfile::tempfile()?),
         };
         file.seek(SeekFrom::Start(at))?;
         file.write_all(bytemuck::cast_slice(&pixels.rgb))?;
         file.write_all(pixels.alpha.as_deref().unwrap_or_default())?;
-        state.end = at + pixels.bytes();
+        *end = at + pixels.bytes();
         Ok(StoredPicture { at, size: pixels.size, alpha: pixels.alpha.is_some() })
     }
 
     /// A picture of this file.
     pub fn get(&self, place: StoredPicture) -> io::Result<RgbImage> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let file = state.file.as_mut().ok_or(io::ErrorKind::NotFound)?;
+        let (file, _) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let file = file.as_mut().ok_or(io::ErrorKind::NotFound)?;
         let count = place.size.x as usize * place.size.y as usize;
         let mut rgb = vec![[0u8; 3]; count];
         let mut alpha = place.alpha.then(|| vec![0u8; count]);

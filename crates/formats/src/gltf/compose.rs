@@ -253,7 +253,7 @@ fn viewpoint_node(viewpoint: &Viewpoint) -> Node {
 /// The viewpoint's camera; near and far planes enclose the scene.
 fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
     let eye = DVec3::from(viewpoint.eye);
-    let corners = content.parts.iter().flat_map(|part| [part.bounds.min, part.bounds.max]);
+    let corners = content.parts.iter().flat_map(|part| part.bounds);
     let farthest = corners.map(|corner| corner.as_dvec3().distance(eye)).fold(0.0, f64::max);
     let near = (f64::from(viewpoint.distance()) * NEAR).max(f64::from(f32::MIN_POSITIVE)) as f32;
     Camera {
@@ -330,8 +330,8 @@ fn accessor(view: usize, part: &ScenePart, stream: Stream, options: &GltfOptions
         extensions: None,
         extras: None,
         type_: Valid(shape),
-        min: bounds.map(|b| bound(b.min)).transpose()?,
-        max: bounds.map(|b| bound(b.max)).transpose()?,
+        min: bounds.map(|[low, _]| bound(low)).transpose()?,
+        max: bounds.map(|[_, high]| bound(high)).transpose()?,
         name: None,
         normalized: matches!(stream, Stream::Colors | Stream::Normals | Stream::TexCoords)
             && component_type != ComponentType::F32,

@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
+use trisplat_scene::math::geometry;
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
@@ -45,7 +46,8 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) vertex_uvs: Arc<Vec<Vec2>>,
     /// Whether normals are written.
     pub(crate) lit: bool,
-    pub(crate) bounds: PartBounds,
+    /// Lowest and highest corner of the box around its vertices.
+    pub(crate) bounds: [Vec3; 2],
     /// The grid of 16-bit positions; none when positions are floats, for example because no grid is fine
     /// enough.
     pub(crate) grid: Option<PositionGrid>,
@@ -59,13 +61,6 @@ pub(crate) enum PartVertices<'a> {
     Run(Range<usize>),
     /// Those of these numbers.
     Picked(Cow<'a, [u32]>),
-}
-
-/// The smallest box around some vertices.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PartBounds {
-    pub(crate) min: Vec3,
-    pub(crate) max: Vec3,
 }
 
 /// One array of a part, in its own buffer view.
@@ -155,22 +150,6 @@ impl ScenePart<'_> {
             PartVertices::Run(run) => vertex as usize - run.start,
             PartVertices::Picked(ids) => ids.partition_point(|&id| id < vertex),
         }
-    }
-}
-
-impl PartBounds {
-    const EMPTY: PartBounds = PartBounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-
-    /// PartBounds of `points`; not finite when any of them is not.
-    fn of(points: impl Iterator<Item = Vec3>) -> Self {
-        points.fold(Self::EMPTY, |b, p| {
-            let p = if p.is_finite() { p } else { Vec3::INFINITY };
-            b.and(Self { min: p, max: p })
-        })
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 }
 
@@ -293,7 +272,7 @@ fn part<'a>(
         PartVertices::Picked(Cow::Borrowed(&mesh.indices[corners]))
     };
     let bounds = bounds(mesh, &vertices);
-    if !bounds.min.is_finite() || !bounds.max.is_finite() {
+    if !bounds.iter().all(|corner| corner.is_finite()) {
         return Err(Error::invalid(
             format!("position of a vertex in {name}"),
             "not finite",
@@ -322,7 +301,8 @@ fn part<'a>(
 }
 
 fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
-    let extent = part.bounds.max - part.bounds.min;
+    let [low, high] = part.bounds;
+    let extent = high - low;
     if !extent.is_finite() {
         return Err(Error::invalid(
             format!("extent of {}", part.name),
@@ -333,8 +313,8 @@ fn quantise(part: &mut ScenePart, mesh: &Mesh) -> Result<()> {
     // If steps differ between axes, an engine corrects normals by the scale of the node, and 8 bits do not
     // suffice.
     let grid = match part.lit {
-        true => PositionGrid::even(part.bounds.min, part.bounds.max),
-        false => PositionGrid::new(part.bounds.min, part.bounds.max),
+        true => PositionGrid::even(low, high),
+        false => PositionGrid::new(low, high),
     };
     const BLOCK: usize = 1 << 14;
     let (first, count) = (part.faces.start, part.faces.len());
@@ -363,14 +343,17 @@ fn used<'a>(indices: &[u32]) -> PartVertices<'a> {
     }
 }
 
-fn bounds(mesh: &Mesh, vertices: &PartVertices) -> PartBounds {
+/// The box around these vertices; not finite when any of them is not.
+fn bounds(mesh: &Mesh, vertices: &PartVertices) -> [Vec3; 2] {
+    let position = |i| mesh.positions[vertices.id(i)];
+    let finite = |p: Vec3| if p.is_finite() { p } else { Vec3::INFINITY };
     let bounds = parallel::ranges(vertices.len(), 1 << 16, |range| {
-        PartBounds::of(range.map(|i| mesh.positions[vertices.id(i)]))
+        geometry::bounds(range.map(|i| finite(position(i))))
     });
-    let bounds = bounds.into_iter().fold(PartBounds::EMPTY, PartBounds::and);
+    let bounds = geometry::bounds(bounds.into_iter().flatten().flatten()).unwrap_or_default();
     // -0.0 and 0.0 are equal, so the minimum could be either, depending on the order. Adding zero makes both
     // 0.0, and the file independent of the number of threads.
-    PartBounds { min: bounds.min + Vec3::ZERO, max: bounds.max + Vec3::ZERO }
+    bounds.map(|corner| corner + Vec3::ZERO)
 }
 
 /// The faces of each chunk that has any; the chunks must hold every face once and in order. Those from `scene` on are
