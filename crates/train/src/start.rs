@@ -337,7 +337,6 @@ fn centers(scene: &ImportedScene, placement: &Placement, origin: DVec3) -> Vec<V
     (0..scene.scene.triangle_count()).map(center).collect()
 }
 
-/// A box of training space with its own limit of triangles. The surroundings grow with it, and stop when it
 #[cfg(test)]
 mod tests {
     use super::*;
