@@ -5,6 +5,7 @@ use glam::{DVec3, DVec4, Vec3};
 use std::ops::Range;
 use trisplat_gpu::{Gpu, buffer};
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Asset, Chunk, Error, FaceTexture, Result, Texture, parallel};
 use wgpu::*;
@@ -15,7 +16,7 @@ pub struct Model {
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
     /// Runs of faces that are drawn or culled as a whole, and their boxes.
-    pub chunks: Vec<(Chunk, Aabb)>,
+    pub chunks: Vec<(Chunk, [Vec3; 2])>,
     vertices: Buffer,
     indices: Option<Buffer>,
     texture: Option<BindGroup>,
@@ -241,36 +242,15 @@ pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
     r | g << 10 | b << 20
 }
 
-/// An axis-aligned bounding box.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Aabb {
-    /// Least coordinates.
-    pub min: Vec3,
-    /// Largest coordinates.
-    pub max: Vec3,
-}
-
-impl Aabb {
-    /// The empty box.
-    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-
-    /// The box around both.
-    pub fn union(self, other: Self) -> Self {
-        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    /// The box around the corners of a run of faces.
-    pub fn of(mesh: &Mesh, chunk: &Chunk) -> Self {
-        let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
-        faces.flat_map(|f| mesh.corners(f)).fold(Self::EMPTY, |b, v| b.union(Aabb { min: v, max: v }))
-    }
-}
-
 /// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
-pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, Aabb)> {
+pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, [Vec3; 2])> {
     let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
-    parallel::map(chunks, |_, chunk| (*chunk, Aabb::of(&asset.mesh, chunk)))
+    parallel::map(chunks, |_, chunk| {
+        let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
+        let corners = faces.flat_map(|face| asset.mesh.corners(face));
+        (*chunk, geometry::bounds(corners).unwrap_or_default())
+    })
 }
 
 /// The view pyramid of a camera, cut off at the near plane.
@@ -299,8 +279,8 @@ impl Frustum {
     }
 
     /// False only when the box is outside the view.
-    pub(crate) fn sees(&self, bounds: &Aabb) -> bool {
-        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    pub(crate) fn sees(&self, bounds: &[Vec3; 2]) -> bool {
+        let [min, max] = bounds.map(|corner| corner.as_dvec3());
         self.planes.iter().all(|plane| {
             let normal = plane.truncate();
             let farthest = DVec3::select(normal.cmpge(DVec3::ZERO), max, min);
@@ -348,11 +328,10 @@ mod tests {
             let camera = base.looking(vec(k * 100, 4.0), vec(k * 100 + 3, 4.0), Vec3::NEG_Y);
             let frustum = Frustum::new(&camera, 0.1);
             let (a, b) = (vec(k * 100 + 6, 6.0), vec(k * 100 + 9, 1.0));
-            let bounds = Aabb { min: a.min(a + b), max: a.max(a + b) };
+            let bounds @ [min, max] = [a.min(a + b), a.max(a + b)];
             let visible = (0..27u32).any(|i| {
                 let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) / 2.0;
-                let seen =
-                    camera.rotation * (bounds.min + at * (bounds.max - bounds.min)) + camera.translation;
+                let seen = camera.rotation * (min + at * (max - min)) + camera.translation;
                 let pixel = seen.truncate() / seen.z * camera.focal + camera.center;
                 seen.z >= 0.1 && pixel.cmpge(Vec2::ZERO).all() && pixel.cmple(camera.size.as_vec2()).all()
             });
@@ -362,6 +341,6 @@ mod tests {
             dropped += u32::from(!sees);
         }
         assert!(kept > 300 && dropped > 1500, "{kept} kept, {dropped} dropped");
-        assert!(!Frustum::new(&base, 0.1).sees(&Aabb { min: Vec3::splat(-2.0), max: Vec3::splat(-1.0) }));
+        assert!(!Frustum::new(&base, 0.1).sees(&[Vec3::splat(-2.0), Vec3::splat(-1.0)]));
     }
 }

@@ -1,6 +1,5 @@
 //! The camera that the user controls: orbit around a pivot, or fly.
 
-use crate::model::Aabb;
 use glam::{DVec3, Mat3, Quat, UVec2, Vec2, Vec3};
 use std::collections::HashSet;
 use std::f32::consts::FRAC_PI_2;
@@ -41,7 +40,7 @@ pub(super) struct CameraControls {
 
 impl CameraControls {
     /// A camera that sees `bounds` from a little above; `up` is the world's axis that points up.
-    pub(super) fn new(bounds: &Aabb, up: Vec3) -> Self {
+    pub(super) fn new(bounds: &[Vec3; 2], up: Vec3) -> Self {
         let up = up.normalize_or(Vec3::Y);
         let ahead = up.any_orthonormal_vector() - 0.45 * up;
         let intrinsics = Camera::look_at(Vec3::ZERO, ahead, up, FIELD_OF_VIEW, UVec2::splat(1000));
@@ -59,8 +58,8 @@ impl CameraControls {
     }
 
     /// Moves back along the view until `bounds` is visible, with the default field of view.
-    pub(super) fn frame(&mut self, bounds: &Aabb) {
-        let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    pub(super) fn frame(&mut self, bounds: &[Vec3; 2]) {
+        let [min, max] = bounds.map(|corner| corner.as_dvec3());
         let radius = (0.5 * (max - min).length()) as f32;
         let finite = radius.is_finite() && radius > 0.0;
         self.extent = if finite { radius } else { 1.0 };
@@ -73,7 +72,7 @@ impl CameraControls {
     /// Moves back along the view until a ball is visible. If the scene is closed, it stays within `room` of
     /// the ball's middle and widens the lens instead.
     pub(super) fn frame_ball(&mut self, target: Vec3, radius: f32, room: f32) {
-        self.frame(&Aabb { min: target - radius / 3f32.sqrt(), max: target + radius / 3f32.sqrt() });
+        self.frame(&[target - radius / 3f32.sqrt(), target + radius / 3f32.sqrt()]);
         let room = ROOM * room;
         if self.pivot_distance > room {
             let half_sine = (radius / room).min(MOST_SINE);
@@ -249,7 +248,7 @@ pub(super) struct Pane {
 mod tests {
     use super::*;
 
-    const BOX: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
+    const BOX: [Vec3; 2] = [Vec3::new(-1.0, 0.0, 2.0), Vec3::new(3.0, 1.0, 4.0)];
     const PANE: Pane = Pane { min: Vec2::ZERO, size: Vec2::new(800.0, 600.0) };
     const SIZE: UVec2 = UVec2::new(800, 600);
 
@@ -265,14 +264,13 @@ mod tests {
             let camera = CameraControls::new(&BOX, up).camera(SIZE, PANE);
             camera.validate(&trisplat_scene::Limits::DEFAULT).unwrap();
             for i in 0..8 {
-                let pick =
-                    |bit: usize, axis: usize| if i >> bit & 1 == 0 { BOX.min[axis] } else { BOX.max[axis] };
+                let pick = |bit: usize, axis: usize| BOX[i >> bit & 1][axis];
                 let at = pixel(&camera, Vec3::new(pick(0, 0), pick(1, 1), pick(2, 2)));
                 assert!(at.cmpge(Vec2::ZERO).all() && at.cmple(SIZE.as_vec2()).all(), "{at}");
             }
             assert!((camera.rotation * up).y < 0.0, "up is up");
         }
-        CameraControls::new(&Aabb::EMPTY, Vec3::Y)
+        CameraControls::new(&[Vec3::INFINITY, Vec3::NEG_INFINITY], Vec3::Y)
             .camera(SIZE, PANE)
             .validate(&trisplat_scene::Limits::DEFAULT)
             .unwrap();
@@ -296,7 +294,7 @@ mod tests {
     #[test]
     fn an_orbit_keeps_the_pivot_in_the_middle_and_never_turns_over() {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
-        let target = 0.5 * (BOX.min + BOX.max);
+        let target = 0.5 * (BOX[0] + BOX[1]);
         for i in 0..400 {
             controls.orbit(Vec2::new(0.03, if i < 200 { 0.05 } else { -0.07 }));
             let camera = controls.camera(SIZE, PANE);
@@ -370,14 +368,14 @@ mod tests {
     #[test]
     fn dragging_to_the_right_shows_what_was_on_the_left() {
         let mut controls = CameraControls::new(&BOX, Vec3::Y);
-        let (before, point) = (controls.camera(SIZE, PANE), BOX.min);
+        let (before, point) = (controls.camera(SIZE, PANE), BOX[0]);
         controls.orbit(Vec2::new(0.01, 0.0));
-        let near = controls.position + (0.5 * (BOX.min + BOX.max) - controls.position) * 0.5;
+        let near = controls.position + (0.5 * (BOX[0] + BOX[1]) - controls.position) * 0.5;
         let moved = pixel(&controls.camera(SIZE, PANE), near).x - pixel(&before, near).x;
         assert!(moved > 0.0, "what is in front follows the mouse, not {moved}");
         let mut panned = CameraControls::new(&BOX, Vec3::Y);
         panned.pan(Vec2::new(0.1, 0.05));
-        let target = 0.5 * (BOX.min + BOX.max);
+        let target = 0.5 * (BOX[0] + BOX[1]);
         let at = pixel(&panned.camera(SIZE, PANE), target) - SIZE.as_vec2() / 2.0;
         assert!(at.distance(Vec2::new(60.0, 30.0)) < 1.0, "{at}");
         assert!(pixel(&before, point).is_finite());

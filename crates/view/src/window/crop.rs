@@ -1,6 +1,5 @@
 //! The region of `trisplat bake --crop`, set in the panel and drawn over the picture.
 
-use crate::model::Aabb;
 use egui::{DragValue, Ui};
 use glam::{DVec3, Vec3};
 use trisplat_scene::Region;
@@ -24,9 +23,9 @@ pub(super) enum CropClick {
 
 impl CropEditor {
     /// Switched off; a box around `bounds`, which are in the frame of the window. `to_file` leads to that of the file.
-    pub(super) fn around(bounds: &Aabb, to_file: impl Fn(Vec3) -> DVec3) -> Self {
+    pub(super) fn around(bounds: &[Vec3; 2], to_file: impl Fn(Vec3) -> DVec3) -> Self {
         let corner = |i: usize| {
-            let pick = |axis: usize| if i >> axis & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            let pick = |axis: usize| bounds[i >> axis & 1][axis];
             to_file(Vec3::new(pick(0), pick(1), pick(2)))
         };
         let low = (0..8).map(corner).fold(DVec3::INFINITY, DVec3::min);
@@ -108,7 +107,7 @@ fn number(value: &mut f64, size: f64) -> DragValue<'_> {
 mod tests {
     use super::*;
 
-    const BOUNDS: Aabb = Aabb { min: Vec3::new(-1.0, 0.0, 2.0), max: Vec3::new(3.0, 1.0, 4.0) };
+    const BOUNDS: [Vec3; 2] = [Vec3::new(-1.0, 0.0, 2.0), Vec3::new(3.0, 1.0, 4.0)];
 
     #[test]
     fn a_box_has_twelve_edges() {

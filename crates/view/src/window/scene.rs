@@ -1,7 +1,7 @@
 //! How a window looks, its content, and what loads it.
 
 use super::crop::CropEditor;
-use crate::model::{Aabb, Model};
+use crate::model::Model;
 use crate::renderer::{Canvas, FrameParams, Renderer};
 use glam::{UVec2, Vec3};
 use std::path::{Path, PathBuf};
@@ -159,7 +159,7 @@ pub(super) struct ShownScene {
     pub(super) scene: WindowScene,
     pub(super) model: Arc<Model>,
     /// The box of most of it, without outliers.
-    pub(super) bounds: Aabb,
+    pub(super) bounds: [Vec3; 2],
     /// The first viewpoint, if the file has one, and the distance from its target at which the scene is closed.
     pub(super) viewpoint: Option<(Viewpoint, f32)>,
     pub(super) crop: CropEditor,
@@ -274,7 +274,7 @@ pub(super) fn cropped(
 }
 
 /// The box that holds the middle 96% of the scene's corners on each axis, without the backdrop, estimated from a sample of them.
-fn central_box(asset: &Asset) -> Aabb {
+fn central_box(asset: &Asset) -> [Vec3; 2] {
     let faces = asset.scene_faces();
     let step = (faces / 33_333).max(1);
     let corners = || (0..faces).step_by(step).flat_map(|face| asset.mesh.corners(face));
@@ -286,7 +286,7 @@ fn central_box(asset: &Asset) -> Aabb {
         (at(last / 50), at(last - last / 50))
     };
     let [x, y, z] = [0, 1, 2].map(axis);
-    Aabb { min: Vec3::new(x.0, y.0, z.0), max: Vec3::new(x.1, y.1, z.1) }
+    [Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1)]
 }
 
 /// Draws the scene again, without the panel.

@@ -4,7 +4,6 @@ use super::super::model::Model;
 use super::super::renderer::{DrawStats, FrameParams};
 use super::controls::{CameraControls, Pane};
 use super::scene::{SceneFiles, ShownScene, WindowOptions};
-use crate::model::Aabb;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use glam::{UVec2, Vec2, Vec3};
 use std::collections::HashSet;
@@ -13,6 +12,7 @@ use std::time::{Duration, Instant};
 use trisplat_scene::Region;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::geometry::bounds;
 use winit::keyboard::KeyCode;
 
 /// Duration of a note.
@@ -88,10 +88,9 @@ pub(super) struct Session {
 
 impl Session {
     pub(super) fn new(gpu_name: String, files: SceneFiles) -> Self {
-        let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
         Self {
             settings: Settings::default(),
-            controls: CameraControls::new(&bounds, Vec3::Y),
+            controls: CameraControls::new(&[Vec3::NEG_ONE, Vec3::ONE], Vec3::Y),
             keys: HashSet::new(),
             shown: None,
             files,
@@ -220,7 +219,7 @@ impl Session {
             let of_crop = || {
                 let ends = shown.crop.lines().into_iter().flatten();
                 let at = |p: glam::DVec3| shown.scene.placement.to_file(p.as_vec3());
-                ends.map(at).fold(Aabb::EMPTY, |all, p| all.union(Aabb { min: p, max: p }))
+                bounds(ends.map(at)).unwrap_or_default()
             };
             let subject = shown.viewpoint.and_then(|(v, room)| Some((v.target, v.radius? as f32, room)));
             match subject.filter(|_| !shown.crop.on) {
