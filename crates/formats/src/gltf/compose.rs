@@ -7,7 +7,7 @@ use super::encode::{self, Content};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
 use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
-use glam::{DVec3, Mat3, Quat, UVec2, Vec3};
+use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
 use gltf_json::camera::{Camera, Perspective, Type as CameraType};
@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Map, Result};
 use trisplat_scene::camera::Viewpoint;
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::{Provenance, UpAxis};
 
 /// The text of the document for `content`: compact in a GLB, indented beside a buffer of the name `bin_name`.
@@ -232,9 +233,8 @@ fn node(mesh: usize, part: &ScenePart) -> Node {
 /// file frame cameras too, and the thing becomes small.
 fn is_within(content: &Content, viewpoint: &Viewpoint) -> bool {
     let eye = DVec3::from(viewpoint.eye).as_vec3();
-    let low = content.parts.iter().map(|part| part.bounds.min).fold(eye, Vec3::min);
-    let high = content.parts.iter().map(|part| part.bounds.max).fold(eye, Vec3::max);
-    low.cmplt(eye).all() && eye.cmplt(high).all()
+    let around = bounds(content.parts.iter().flat_map(|part| part.bounds));
+    around.is_some_and(|[low, high]| low.cmplt(eye).all() && eye.cmplt(high).all())
 }
 
 /// The node of the camera at the first viewpoint: it looks along -z, with +y up in the picture.
