@@ -193,12 +193,9 @@ fn frame(
 
 /// World to camera from camera to world.
 fn pose(matrix: &[Vec<f64>]) -> Result<(DMat3, DVec3), String> {
-    let shape = "transform_matrix must have 3 or 4 rows of 4 finite numbers";
-    if !(3..=4).contains(&matrix.len()) || matrix.iter().any(|row| row.len() != 4) {
-        return Err(shape.into());
-    }
-    if matrix.iter().flatten().any(|x| !x.is_finite()) {
-        return Err(shape.into());
+    let is_row = |row: &Vec<f64>| row.len() == 4 && row.iter().all(|x| x.is_finite());
+    if !(3..=4).contains(&matrix.len()) || !matrix.iter().all(is_row) {
+        return Err("transform_matrix must have 3 or 4 rows of 4 finite numbers".into());
     }
     if matrix.get(3).is_some_and(|last| last[..] != [0.0, 0.0, 0.0, 1.0]) {
         return Err("the last row of transform_matrix is not 0 0 0 1".into());
