@@ -63,11 +63,9 @@ pub fn order(asset: &mut Asset, options: &OrderOptions, details: &mut OrderDetai
 
 /// Faces along a curve through their centroids.
 pub(super) fn faces_along_curve(mesh: &Mesh, faces: &[u32]) -> Vec<u32> {
-    let centroid = |face: &u32| {
-        let [a, b, c] = mesh.corners(*face as usize).map(|v| v.as_dvec3());
-        (a + b + c) / 3.0
-    };
-    let centroids: Vec<DVec3> = faces.iter().map(centroid).collect();
+    let corners = |face: &u32| mesh.corners(*face as usize).map(|v| v.as_dvec3());
+    let centroids: Vec<DVec3> =
+        faces.iter().map(|face| corners(face).into_iter().sum::<DVec3>() / 3.0).collect();
     along_curve(&centroids).into_iter().map(|place| faces[place as usize]).collect()
 }
 
