@@ -184,9 +184,9 @@ fn prune(
     alive
 }
 
-/// Removes triangles before known points; returns the points that photos see through, while triangles may be added.
+/// Removes triangles before known points and moves others to theirs; returns the points that photos see through, while triangles may be added.
 fn repair(
-    state: &TrainState,
+    state: &mut TrainState,
     visibility: &VisibilityStats,
     alive: &mut [bool],
     plan: &DensifyPlan<'_>,

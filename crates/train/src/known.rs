@@ -2,7 +2,7 @@
 //!
 //! Each gives rays of known length from the photos that show it. In a solid scene, a triangle that stands before such points in most
 //! of its photos goes. A point that most photos see through gets a triangle, where the photos agree on its colour: what shines
-//! looks better from what seems to lie behind it.
+//! looks better from what seems to lie behind it. A triangle that lies a little off its points moves towards them.
 
 use super::grow::{Grey, KnownPoint, Seed, grow};
 use super::init::nearest;
@@ -23,6 +23,10 @@ const MOST_ERROR: f32 = 2.0;
 const LEAST_PHOTOS: u32 = 2;
 /// Depths that differ by more are of different surfaces, as a share.
 const SAME_SURFACE: f32 = 0.02;
+/// A triangle that is off its points by less, as a share of the depth, moves ...
+const NEARLY_RIGHT: f32 = 0.03;
+/// ... by this share of it at a time: training moves it too.
+const PULL: f32 = 0.5;
 /// Largest deviation of the photos' colours at a point that is filled, root mean square in [0, 1].
 const MOST_SPREAD: f32 = 0.03;
 /// Longest side of the photos that points grow in, px.
@@ -218,10 +222,11 @@ impl KnownDepth {
         });
     }
 
-    /// What to change in a solid scene, of the triangles that are `alive`; `eyes` are the places of the photos. Pinned ones do not block.
+    /// Moves the triangles of a solid scene that are `alive` towards their points, and says what else to change; `eyes` are the places of
+    /// the photos. Pinned ones neither move nor block.
     pub(crate) fn repair(
         &self,
-        state: &TrainState,
+        state: &mut TrainState,
         alive: &[bool],
         visibility: &VisibilityStats,
         eyes: &[Vec3],
@@ -229,6 +234,7 @@ impl KnownDepth {
         let seen = self.cast(&state.params, alive, eyes);
         let mut blocks = self.blockers(&seen, &visibility.views);
         blocks.iter_mut().take(state.pinned).for_each(|blocks| *blocks = false);
+        self.pull(&seen, &mut state.params.vertices, state.pinned, eyes);
         DepthRepair { blocks, holes: self.holes(&seen) }
     }
 
@@ -265,6 +271,23 @@ impl KnownDepth {
             face.photos >= LEAST_PHOTOS && face.rays > face.right && 2 * face.photos >= *views
         };
         found.iter().zip(views).map(blocks).collect()
+    }
+
+    /// Moves triangles along their normals towards the points that photos see them before or behind, by the mean over their rays.
+    fn pull(&self, seen: &[Seen], vertices: &mut [[Vec3; 3]], pinned: usize, eyes: &[Vec3]) {
+        let mut moves = vec![(Vec3::ZERO, 0.0f32); vertices.len()];
+        for (&(photo, point), seen) in self.rays.iter().zip(seen) {
+            let Some((face, error)) = seen.filter(|(_, error)| error.abs() <= NEARLY_RIGHT) else { continue };
+            let (sum, count) = &mut moves[face as usize];
+            *sum -= error * (self.points[point as usize].position - eyes[photo as usize]);
+            *count += 1.0;
+        }
+        for (corners, (sum, count)) in vertices.iter_mut().zip(moves).skip(pinned).filter(|(_, m)| m.1 > 0.0) {
+            let [a, b, c] = *corners;
+            // Along its plane a triangle may stay where it is.
+            let by = PULL / count * sum.project_onto_normalized((b - a).cross(c - a).normalize_or_zero());
+            *corners = corners.map(|corner| corner + by);
+        }
     }
 
     /// The points that most of their photos see through, and whose colour is the same in all.
@@ -367,7 +390,18 @@ mod tests {
         let mut visibility = VisibilityStats::new(state.params.len(), 3);
         visibility.views.fill(views);
         let eyes = [Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2];
-        known.repair(state, &vec![true; state.params.len()], &visibility, &eyes)
+        known.repair(&mut state.clone(), &vec![true; state.params.len()], &visibility, &eyes)
+    }
+
+    #[test]
+    fn a_triangle_that_is_a_little_off_its_points_moves_half_of_the_way() {
+        let (known, eyes) = (known(), [Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2]);
+        for (z, pinned, wanted) in [(2.04, 0, 2.02), (1.96, 0, 1.98), (2.2, 0, 2.2), (2.04, 1, 2.04)] {
+            let mut state = TrainState { pinned, ..state(&[across(z)]) };
+            known.repair(&mut state, &[true], &VisibilityStats::new(1, 3), &eyes);
+            let moved = across(wanted).into_iter().zip(state.params.vertices[0]);
+            assert!(moved.into_iter().all(|(a, b)| a.distance(b) < 1e-5), "{z}: {:?}", state.params.vertices);
+        }
     }
 
     #[test]
