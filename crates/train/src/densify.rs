@@ -184,7 +184,8 @@ fn prune(
     alive
 }
 
-/// Removes triangles before known points and moves others to theirs; returns the points that photos see through, while triangles may be added.
+/// Removes triangles before known points. While triangles may be added, it moves those near their points, and returns the points that photos
+/// see through.
 fn repair(
     state: &mut TrainState,
     visibility: &VisibilityStats,
@@ -193,7 +194,7 @@ fn repair(
     done: &mut Densified,
 ) -> Vec<u32> {
     let Some(known) = plan.known else { return Vec::new() };
-    let DepthRepair { blocks, holes } = known.repair(state, alive, visibility, plan.eyes);
+    let DepthRepair { blocks, holes, moves } = known.repair(state, alive, visibility, plan.eyes);
     let stays = |i: usize| alive[i] && !blocks[i];
     if (state.frozen..alive.len()).any(stays) {
         let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
@@ -202,7 +203,13 @@ fn repair(
             done.blocking += 1;
         }
     }
-    if plan.grow { holes } else { Vec::new() }
+    if !plan.grow {
+        return Vec::new();
+    }
+    for (corners, by) in state.params.vertices.iter_mut().zip(moves) {
+        *corners = corners.map(|corner| corner + by);
+    }
+    holes
 }
 
 /// True for a triangle near a camera that only a few photos show, from much farther away.
