@@ -42,6 +42,8 @@ pub(crate) struct DensifyPlan<'a> {
     pub core: Option<Core>,
     /// Triangles may be added.
     pub grow: bool,
+    /// Known depth may move triangles.
+    pub pull: bool,
     /// τ_prune of this densification.
     pub prune_weight: f32,
     /// Triangles fainter than this are pruned.
@@ -184,8 +186,7 @@ fn prune(
     alive
 }
 
-/// Removes triangles before known points. While triangles may be added, it moves those near their points, and returns the points that photos
-/// see through.
+/// Removes triangles before known points and moves those near theirs; returns the points that photos see through, while triangles may be added.
 fn repair(
     state: &mut TrainState,
     visibility: &VisibilityStats,
@@ -203,13 +204,10 @@ fn repair(
             done.blocking += 1;
         }
     }
-    if !plan.grow {
-        return Vec::new();
-    }
-    for (corners, by) in state.params.vertices.iter_mut().zip(moves) {
+    for (corners, by) in state.params.vertices.iter_mut().zip(moves).filter(|_| plan.pull) {
         *corners = corners.map(|corner| corner + by);
     }
-    holes
+    if plan.grow { holes } else { Vec::new() }
 }
 
 /// True for a triangle near a camera that only a few photos show, from much farther away.
@@ -359,6 +357,7 @@ mod tests {
             max_triangles: 1000,
             core: None,
             grow: true,
+            pull: true,
             prune_weight: 0.022,
             prune_opacity: 0.014,
             densification: 1,

@@ -272,6 +272,12 @@ impl<'a> Schedule<'a> {
         step < self.scaled(self.options.densify.until)
     }
 
+    /// True while known depth moves triangles after `step` steps: in the first half of the solid part. Later it costs more sharpness than it
+    /// gains depth.
+    pub fn pulls_after(&self, step: u64) -> bool {
+        !self.is_past(step, (self.options.solid.opacity_until + REFERENCE_STEPS) / 2.0)
+    }
+
     /// Number of the densification after `step` steps, counted over the whole run.
     pub fn densification(&self, step: u64) -> u64 {
         self.passed(step, self.options.densify.every)

@@ -293,6 +293,7 @@ impl<'a> Training<'a> {
             max_triangles: usize::try_from(o.max_triangles).unwrap_or(usize::MAX),
             core: self.meta.core,
             grow: schedule.grows_after(self.meta.step),
+            pull: schedule.pulls_after(self.meta.step),
             prune_weight: schedule.prune_weight(last) as f32,
             prune_opacity: schedule.prune_opacity(last),
             densification: schedule.densification(self.meta.step),
