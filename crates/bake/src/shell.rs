@@ -12,6 +12,7 @@ use glam::Vec3;
 use std::collections::HashMap;
 use trisplat_raster::framing::far_shell;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::mean;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Result, Scene};
 
@@ -78,16 +79,10 @@ pub(super) fn cut(shell: &Mesh) -> Mesh {
 
 /// The middle of `cameras`, or that of `shell`: where it is open to one side, this may lie behind some of it.
 pub(super) fn middle(shell: &Mesh, cameras: &[Camera]) -> Vec3 {
-    middle_of((0..shell.face_count()).map(|face| shell.centroid(face)), cameras)
-}
-
-/// The middle of `cameras`, or else that of `places`.
-pub(super) fn middle_of(places: impl ExactSizeIterator<Item = Vec3>, cameras: &[Camera]) -> Vec3 {
-    fn mean(points: impl ExactSizeIterator<Item = Vec3>) -> Vec3 {
-        let count = points.len().max(1) as f32;
-        points.sum::<Vec3>() / count
+    match cameras.is_empty() {
+        true => mean((0..shell.face_count()).map(|face| shell.centroid(face))),
+        false => mean(cameras.iter().map(Camera::position)),
     }
-    if cameras.is_empty() { mean(places) } else { mean(cameras.iter().map(Camera::position)) }
 }
 
 /// The backdrop of the input with the shell of the scene.

@@ -5,7 +5,6 @@
 
 use super::known::{KnownColors, fill};
 use super::surface::{LEAST_COVERED, MOST_SUBDIVISIONS, RADIUS_FACTOR, direction, place, surface};
-use crate::shell::middle_of;
 use crate::views::Views;
 use crate::weld::place_bits;
 use glam::{Mat3, UVec2, Vec2, Vec3};
@@ -14,7 +13,7 @@ use trisplat_raster::solid::{SolidRasterOptions, SolidRasterizer};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_from_srgb;
-use trisplat_scene::math::geometry::face_count;
+use trisplat_scene::math::geometry::{face_count, mean};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::parallel::{self, GRAIN};
@@ -72,7 +71,10 @@ fn photographed(mesh: &Mesh, shell: Option<&Mesh>, views: &mut Views) -> Result<
 
 /// The colours of a shell, blurred, for a scene without photos that `cameras` may have looked at.
 fn blurred(shell: &Mesh, cameras: &[Camera]) -> RgbImage {
-    let center = middle_of(shell.positions.iter().copied(), cameras);
+    let center = match cameras.is_empty() {
+        true => mean(shell.positions.iter().copied()),
+        false => mean(cameras.iter().map(Camera::position)),
+    };
     let mut known = KnownColors::nothing(ROWS[0] as usize);
     known.add(&panorama(shell, center, ROWS[0]), shell_weight(ROWS[0]));
     filled(known)

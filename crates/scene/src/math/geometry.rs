@@ -14,6 +14,12 @@ pub fn bounds(points: impl Iterator<Item = Vec3>) -> Option<[Vec3; 2]> {
     points.map(|point| [point, point]).reduce(|[low, high], [point, _]| [low.min(point), high.max(point)])
 }
 
+/// The mean of points; the origin without any.
+pub fn mean(points: impl ExactSizeIterator<Item = Vec3>) -> Vec3 {
+    let count = points.len().max(1) as f32;
+    points.sum::<Vec3>() / count
+}
+
 /// The median of points along each axis, which a few far ones do not move; `None` of no points.
 pub fn central(points: &[Vec3]) -> Option<Vec3> {
     let along = |axis: usize| median(points.iter().map(|point| point[axis]).collect(), f32::total_cmp);
