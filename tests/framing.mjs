@@ -46,6 +46,7 @@ const open = {
     };
   },
   babylon: async () => {
+    BABYLON.SceneLoader.ShowLoadingScreen = false;
     const engine = new BABYLON.Engine(document.querySelector("canvas"), false, { preserveDrawingBuffer: true });
     const world = new BABYLON.Scene(engine);
     world.clearColor = new BABYLON.Color4(1, 0, 1, 1);
