@@ -11,12 +11,12 @@ use std::process::{Command, Output, Stdio};
 const STEPS: [&str; 2] = ["--steps", "200"];
 
 fn make(folder: &Path, more: &[&str]) -> Output {
-    command(folder, STEPS, more).output().unwrap()
+    command(folder, "scene.glb", STEPS, more).output().unwrap()
 }
 
-fn command(folder: &Path, effort: [&str; 2], more: &[&str]) -> Command {
+fn command(folder: &Path, output: &str, effort: [&str; 2], more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.current_dir(folder).arg("make").arg(dataset()).args(["-o", "scene.glb", "--max-size", "60"]);
+    command.current_dir(folder).arg("make").arg(dataset()).args(["-o", output, "--max-size", "60"]);
     command.args(effort).args(["--max-triangles", "500"]).args(more).stdin(Stdio::null());
     command
 }
@@ -24,7 +24,7 @@ fn command(folder: &Path, effort: [&str; 2], more: &[&str]) -> Command {
 #[test]
 fn a_budget_is_for_the_training_and_twice_as_much_is_the_next_step() {
     let folder = tempfile::tempdir().unwrap();
-    let output = command(folder.path(), ["--budget", "3s"], &[]).output().unwrap();
+    let output = command(folder.path(), "scene.glb", ["--budget", "3s"], &[]).output().unwrap();
     let said = stderr(&output);
     assert!(output.status.success(), "{said}");
     assert!(said.contains("of the 3s of --budget, most are for training"), "{said}");
@@ -38,7 +38,7 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
     let at = |name: &str| folder.path().join(name);
     // The page waits for a reader of this pipe.
     assert!(Command::new("mkfifo").arg(at("scene.html")).status().unwrap().success());
-    let mut killed = command(folder.path(), STEPS, &[]).stderr(Stdio::null()).spawn().unwrap();
+    let mut killed = command(folder.path(), "scene.glb", STEPS, &[]).stderr(Stdio::null()).spawn().unwrap();
     while !at("scene.glb").exists() && killed.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
@@ -117,10 +117,8 @@ fn a_data_set_becomes_a_file_and_a_page_and_its_training_is_not_repeated() {
 
 /// `make` with a number of steps and the name of a file.
 fn steps(folder: &Path, steps: &str, output: &str, more: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.current_dir(folder).arg("make").arg(dataset()).args(["-o", output, "--max-size", "60"]);
-    command.args(["--work", "work", "--steps", steps, "--max-triangles", "500"]).args(more);
-    let output = command.stdin(Stdio::null()).output().unwrap();
+    let mut command = command(folder, output, ["--steps", steps], more);
+    let output = command.args(["--work", "work"]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     stderr(&output)
 }

@@ -162,8 +162,7 @@ fn cropped(
     observer: StageObserver<'_>,
 ) -> Result<(ImportedScene, Option<SubjectVolume>)> {
     let mut volume = None;
-    let counts = |scene: &ImportedScene| scene.scene.counts();
-    let scene = report.stage(observer, scene, counts, |scene, details| {
+    let scene = report.stage(observer, scene, ImportedScene::counts, |scene, details| {
         let up = scene.provenance.up;
         let (outcome, found) = crop(&mut scene.scene, cameras, up, &options.crop, details)?;
         volume = found;

@@ -195,8 +195,7 @@ impl<'a> Recipe<'a> {
         let (options, photos) = (&self.options.background, pictures.photos.is_some());
         let draws_none =
             self.options.teacher.teacher == TeacherWhen::Off && options.background == BackgroundFrom::Auto;
-        let measure = |loaded: &ImportedScene| loaded.scene.counts();
-        self.report.stage(self.observer, loaded, measure, |loaded, details| {
+        self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
             Ok(match draws_none {
                 true => Outcome::Skipped("`teacher` off: no pictures are drawn"),
                 false => background(loaded, photos, options, details),
@@ -208,13 +207,13 @@ impl<'a> Recipe<'a> {
     fn crop(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let options = &self.options.crop;
         let of_file = named_cameras(&loaded.provenance);
-        let counts = |loaded: &ImportedScene| loaded.scene.counts();
-        let mut loaded = self.report.stage(self.observer, loaded, counts, |loaded, details| {
-            let stored = if loaded.cameras.is_empty() { &of_file } else { &loaded.cameras };
-            let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
-            let cropped = crop(&mut loaded.scene, seen_by, loaded.provenance.up, options, details);
-            cropped.map(|(outcome, _)| outcome)
-        })?;
+        let mut loaded =
+            self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
+                let stored = if loaded.cameras.is_empty() { &of_file } else { &loaded.cameras };
+                let seen_by = pictures.photos.as_deref().map_or(&stored[..], Views::cameras);
+                let cropped = crop(&mut loaded.scene, seen_by, loaded.provenance.up, options, details);
+                cropped.map(|(outcome, _)| outcome)
+            })?;
         if let Scene::Mesh(Mesh { texture: Some(texture), .. }) = &mut loaded.scene
             && !options.crop.is_empty()
         {
@@ -228,8 +227,7 @@ impl<'a> Recipe<'a> {
     fn arrange(&mut self, loaded: ImportedScene, pictures: &Pictures<'_>) -> Result<ImportedScene> {
         let has_pictures = pictures.photos.is_some() || pictures.drawn.is_some();
         let order = self.options.order.order;
-        let counts = |loaded: &ImportedScene| loaded.scene.counts();
-        self.report.stage(self.observer, loaded, counts, |loaded, details| {
+        self.report.stage(self.observer, loaded, ImportedScene::counts, |loaded, details| {
             let is_drawn = has_pictures || !loaded.cameras.is_empty();
             Ok(arrange(&mut loaded.scene, is_drawn, order, details))
         })

@@ -9,6 +9,7 @@ use trisplat_bake::{BakePreset, Views};
 use trisplat_dataset::exposure::ExposureUse;
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::evenly_spaced;
 use trisplat_scene::{Error, ImportedSplats, Result, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
@@ -143,7 +144,7 @@ pub(super) fn solid(
         let view = |view: &View| View { camera: to_file(&view.camera), ..view.clone() };
         let views: Vec<View> = dataset.train().map(view).collect();
         // What lies far behind few viewpoints would else be painted close in front of them.
-        let middles: Vec<Vec3> = first.vertices.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
+        let middles: Vec<Vec3> = first.vertices.iter().copied().map(centroid).collect();
         let behind = shell_around(&middles, &views.iter().collect::<Vec<_>>(), &options, how.photo_bytes())?;
         first.append(behind);
     }

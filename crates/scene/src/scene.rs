@@ -117,6 +117,11 @@ pub struct ImportedScene {
 }
 
 impl ImportedScene {
+    /// Triangles and vertices, for reports.
+    pub fn counts(&self) -> Counts {
+        self.scene.counts()
+    }
+
     /// Takes the backdrop out of the mesh, when it has one.
     pub fn take_backdrop(&mut self) -> Option<Mesh> {
         let count = std::mem::take(&mut self.provenance.backdrop) as usize;

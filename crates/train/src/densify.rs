@@ -195,7 +195,7 @@ fn repair(
     done: &mut Densified,
 ) -> Vec<u32> {
     let Some(known) = plan.known else { return Vec::new() };
-    let DepthRepair { blocks, holes, moves } = known.repair(state, alive, visibility, plan.eyes);
+    let DepthRepair { blocks, holes, moves } = known.repair(state, alive, visibility, plan.eyes, plan.pull);
     let stays = |i: usize| alive[i] && !blocks[i];
     if (state.frozen..alive.len()).any(stays) {
         let removed = |(alive, blocks): &(&mut bool, bool)| **alive && *blocks;
@@ -204,7 +204,7 @@ fn repair(
             done.blocking += 1;
         }
     }
-    for (corners, by) in state.params.vertices.iter_mut().zip(moves).filter(|_| plan.pull) {
+    for (corners, by) in state.params.vertices.iter_mut().zip(moves) {
         *corners = corners.map(|corner| corner + by);
     }
     if plan.grow { holes } else { Vec::new() }

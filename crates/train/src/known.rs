@@ -68,7 +68,7 @@ pub(crate) struct DepthRepair {
     pub(crate) blocks: Vec<bool>,
     /// Points that most of their photos see through.
     pub(crate) holes: Vec<u32>,
-    /// How far triangles that are a little off their points are to move. `[N]`
+    /// How far triangles that are a little off their points are to move; empty unless they may. `[N]`
     pub(crate) moves: Vec<Vec3>,
 }
 
@@ -225,18 +225,20 @@ impl KnownDepth {
     }
 
     /// What to change in a solid scene, of the triangles that are `alive`; `eyes` are the places of the photos. Pinned ones neither block nor
-    /// move.
+    /// move, and others move only if `pull`.
     pub(crate) fn repair(
         &self,
         state: &TrainState,
         alive: &[bool],
         visibility: &VisibilityStats,
         eyes: &[Vec3],
+        pull: bool,
     ) -> DepthRepair {
         let seen = self.cast(&state.params, alive, eyes);
         let mut blocks = self.blockers(&seen, &visibility.views);
         blocks.iter_mut().take(state.pinned).for_each(|blocks| *blocks = false);
-        DepthRepair { blocks, holes: self.holes(&seen), moves: self.moves(&seen, state, eyes) }
+        let moves = if pull { self.moves(&seen, state, eyes) } else { Vec::new() };
+        DepthRepair { blocks, holes: self.holes(&seen), moves }
     }
 
     /// What each ray meets first among the triangles that are `alive`.
@@ -392,7 +394,7 @@ mod tests {
         let mut visibility = VisibilityStats::new(state.params.len(), 3);
         visibility.views.fill(views);
         let eyes = [Vec3::ZERO, Vec3::X * 0.2, Vec3::Y * 0.2];
-        known.repair(state, &vec![true; state.params.len()], &visibility, &eyes)
+        known.repair(state, &vec![true; state.params.len()], &visibility, &eyes, true)
     }
 
     #[test]

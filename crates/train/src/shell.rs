@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use trisplat_dataset::View;
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::geometry::{face_count, octasphere};
+use trisplat_scene::math::geometry::{centroid, face_count, octasphere};
 use trisplat_scene::math::lists::median;
 use trisplat_scene::{Result, SceneNormalization, Soup, sh0_from_rgb};
 
@@ -188,8 +188,8 @@ fn colors(
             return Ok(None);
         }
         let camera = camera.resized(photo.size);
-        for (shown, [a, b, c]) in shown.iter_mut().zip(corners) {
-            shown.extend(pixel(&camera, &photo, (a + b + c) / 3.0));
+        for (shown, corners) in shown.iter_mut().zip(corners) {
+            shown.extend(pixel(&camera, &photo, centroid(*corners)));
         }
     }
     let channel = |shown: &[[u8; 3]], c: usize| {
@@ -349,10 +349,9 @@ mod tests {
         soup.validate().unwrap();
         let (mut same, mut seen) = (0, 0);
         for i in 0..soup.len() {
-            let [a, b, c] = soup.vertices[i];
             for (k, camera) in cameras.iter().enumerate() {
                 let photo = photos.take(k, LEVEL).unwrap();
-                if let Some(rgb) = pixel(&camera.resized(photo.size), &photo, (a + b + c) / 3.0) {
+                if let Some(rgb) = pixel(&camera.resized(photo.size), &photo, centroid(soup.vertices[i])) {
                     let near = |c: usize| (soup.rgb(i)[c] - f32::from(rgb[c]) / 255.0).abs() < 0.2;
                     (same, seen) = (same + usize::from((0..3).all(near)), seen + 1);
                 }

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec2, Vec3};
 use trisplat_raster::framing::Subject;
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::median;
 
 /// What is farther from the middle than this many radii of the subject's ball is not looked at.
@@ -221,7 +222,7 @@ impl Frame {
     pub(super) fn piece(&self, number: usize, corners: [Vec3; 3], seen: f32) -> Option<Piece> {
         let corners = corners.map(|corner| self.within(corner));
         let [a, b, c] = corners;
-        let (middle, area) = ((a + b + c) / 3.0, (b - a).cross(c - a).length() / 2.0);
+        let (middle, area) = (centroid(corners), (b - a).cross(c - a).length() / 2.0);
         let near = middle.truncate().length() < REACH && middle.z.abs() < REACH;
         near.then_some(Piece { number, corners, middle, area, seen })
     }
