@@ -330,19 +330,25 @@ mod tests {
         for preset in [TrainPreset::Solid, TrainPreset::Indoor] {
             let options =
                 |steps, milestones| TrainOptions { steps, milestones, ..TrainOptions::preset(preset) };
-            let (planned, corrected) =
-                (options(1003, [401, 669, 802, 903]), options(700, [401, 669, 670, 680]));
+            let planned = options(1003, [401, 669, 802, 903]);
             let at = |options: &TrainOptions, step: u64| {
                 let plan = Schedule::new(options);
                 let densifies = (
                     plan.densifies_after(step + 1),
                     plan.densification(step + 1),
                     plan.grows_after(step + 1),
+                    plan.pulls_after(step + 1),
                 );
                 let pruned = (plan.prune_weight(step), plan.prune_opacity(step));
                 (plan.rates(step), plan.level(step), densifies, pruned)
             };
-            assert!((0..669).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
+            for (until, corrected) in [
+                (669, options(700, [401, 669, 670, 680])),
+                (669, options(672, [401, 669, 670, 671])),
+                (802, options(804, [401, 669, 802, 803])),
+            ] {
+                assert!((0..until).all(|step| at(&planned, step) == at(&corrected, step)), "{preset:?}");
+            }
         }
     }
 

@@ -54,8 +54,10 @@ impl Timeline {
         }
         match self.parts().into_iter().flatten().find(|part| position <= part.positions[1]) {
             Some(Part { positions: [from, until], steps: [first, last] }) => {
-                let done = (position - from) / (until - from);
-                first + (done * (last - first) as f64).round() as u64
+                let steps = (position - from) / (until - from) * (last - first) as f64;
+                // What is not yet reached at a milestone must not become reached when the next part is shortened there.
+                let begun = u64::from(position > from && last > first);
+                first + (steps.round() as u64).max(begun)
             }
             None => in_proportion(self.steps),
         }
@@ -125,6 +127,10 @@ mod tests {
         }
         for position in 0..20_000 {
             assert_eq!(before.step_at(position.into()), after.step_at(position.into()));
+        }
+        // At the milestone itself neither: all of the next part is still to come, if it is one step.
+        for position in 20_001..24_000 {
+            assert!(before.step_at(position.into()) > 669 && after.step_at(position.into()) > 669);
         }
     }
 
