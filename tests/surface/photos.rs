@@ -10,7 +10,7 @@ use trisplat_surface::SurfaceOptions;
 use trisplat_synthetic::SyntheticOptions;
 
 const PHOTOS: SyntheticOptions =
-    SyntheticOptions { views: 24, width: 160, points: 800, seed: 0, transparent: false, phone: false };
+    SyntheticOptions { views: 24, width: 112, points: 800, seed: 0, transparent: false, phone: false };
 
 #[test]
 fn photos_alone_become_a_textured_surface() {
@@ -22,7 +22,7 @@ fn photos_alone_become_a_textured_surface() {
     let options = MeshOptions { surface, texture, ..MeshOptions::default() };
     let mut job = MeshJob::new(None, Some(dataset.clone()), options);
     // By steps, not by time: a slow machine makes the same surface.
-    (job.train.steps, job.train.max_triangles, job.budget) = (400, 4000, None);
+    (job.train.steps, job.train.max_triangles, job.budget) = (250, 3000, None);
     let mut report = Report::new("mesh");
     let asset = job.run(&mut report, &mut |_| Continue(())).unwrap().unwrap();
     asset.mesh.validate().unwrap();

@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn points_lie_on_the_surfaces_that_their_photos_show_and_train_better_than_a_random_cloud() {
-        let (_folder, dataset) = hidden(30, 160);
+        let (_folder, dataset) = hidden(24, 128);
         let found = found_by(1, &dataset);
         let (mut right, mut all) = (0u32, 0u32);
         for view in found.train() {
@@ -152,7 +152,7 @@ mod tests {
         assert!(again.views.iter().zip(&found.views).all(|(a, b)| a.tracked == b.tracked));
         assert_eq!(found_by(1, &again).points, found.points, "points stay as they are");
 
-        let options = TrainOptions { steps: 400, max_triangles: 3000, ..TrainOptions::default() };
+        let options = TrainOptions { steps: 200, max_triangles: 2000, ..TrainOptions::default() };
         let [random, found] = [&dataset, &found].map(|dataset| {
             let trained = TrainRun::new(dataset, &options).run(&mut |_| Continue(())).unwrap();
             assert!(trained.soup.shell_count() >= 128, "closed all around");
