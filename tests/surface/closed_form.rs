@@ -58,6 +58,22 @@ fn a_ball_is_round_to_half_a_voxel() {
     }
 }
 
+/// Trained triangles hardly touch: rays pass between them.
+#[test]
+fn a_ball_of_triangles_with_cracks_between_them_is_closed() {
+    let mut mesh = coarse_ball(Vec3::ZERO, 12);
+    for corners in mesh.positions.chunks_exact_mut(3) {
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        corners.iter_mut().for_each(|corner| *corner = middle + 0.85 * (*corner - middle));
+    }
+    let (surface, details) = made(&mesh.into(), &around(24, 4.0, 240), &OPTIONS);
+    let (surface, voxel) = (surface.unwrap(), details.voxel as f32);
+    let worst = surface.positions.iter().map(|p| (p.length() - RADIUS).abs()).fold(0.0, f32::max);
+    println!("ball with cracks: worst {:.3} voxels", worst / voxel);
+    assert!(worst < 0.5 * voxel, "{worst} of {voxel}");
+    assert_eq!(2 * (surface.vertex_count() - 2), surface.face_count(), "Euler's formula for a ball");
+}
+
 #[test]
 fn a_cube_is_flat_to_half_a_voxel() {
     // Surface nets cut edges and corners off, by less than a voxel.

@@ -7,9 +7,9 @@ use glam::{IVec3, Vec3};
 use std::sync::LazyLock;
 use trisplat_scene::math::color::{linear_from_srgb, srgb8_from_linear};
 
-/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and full
-/// weight would eat it away.
-const PASSING: f32 = 0.2;
+/// Relative weight of rays that pass far before a surface: at outlines they pass near a surface that they do not hit, and between
+/// unconnected triangles through one. With more, half of a shining table is eaten away (docs/benchmarks/surface.md).
+const PASSING: f32 = 0.02;
 /// Distances behind a surface count fully up to this share of the truncation.
 const BEHIND: f32 = 0.25;
 /// Linear light of every code.

@@ -6,6 +6,7 @@ use trisplat_raster::solid::{Barycentrics, NO_FACE, SolidRasterOptions, SolidRas
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::color::srgb8_from_linear;
 use trisplat_scene::mesh::Mesh;
+use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::report::StageProgress;
 use trisplat_scene::{Scene, SceneNormalization, Soup};
 use trisplat_teacher::Teacher;
@@ -151,6 +152,16 @@ impl<'a> Observer<'a> {
 const MOST_PIXELS: f64 = 48_000_000.0;
 /// From this transmittance on a pixel counts as empty.
 const FREE_FROM: f32 = 0.9;
+/// Pixels to each side of a pixel that tell whether it shows a crack.
+const CRACK_PX: i32 = 3;
+/// Pairs of opposite ones.
+const PAIRS: usize = (2 * CRACK_PX * (CRACK_PX + 1)) as usize;
+/// Share of the pairs that are before a crack, ...
+const CRACK_SHARE: f32 = 0.25;
+/// ... by this share of the depth, ...
+const CRACK_BEHIND: f32 = 0.02;
+/// ... and whose depths differ by less than this share: two things beside each other have no crack between them.
+const SAME_SURFACE: f32 = 0.05;
 /// Depth of the near plane in units of training space, as in training.
 const NEAR: f32 = 0.01;
 
@@ -176,6 +187,39 @@ pub(super) fn pictures(
             of_mesh(&mesh, &cameras, progress)
         }
     }
+}
+
+/// Closes the cracks of a surface of unconnected triangles. Where many pairs of opposite pixels around a pixel are before it, it becomes as
+/// far as a surface through the pairs: on a slope one of a pair is behind, beyond a straight outline both are, and a thin thing is before.
+fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
+    let [width, height] = size.as_ivec2().to_array();
+    let offsets: Vec<(i32, i32, isize)> = (0..=CRACK_PX)
+        .flat_map(|y| (-CRACK_PX..=CRACK_PX).map(move |x| (x, y, (y * width + x) as isize)))
+        .filter(|(x, y, _)| *y > 0 || *x > 0)
+        .collect();
+    let within = |x: i32, y: i32| (0..width).contains(&x) && (0..height).contains(&y);
+    parallel::collect(depth.len(), GRAIN, |pixel| {
+        let (x, y, here) = (pixel as i32 % width, pixel as i32 / width, depth[pixel]);
+        let inside = within(x - CRACK_PX, y - CRACK_PX) && within(x + CRACK_PX, y + CRACK_PX);
+        let before = here / (1.0 + CRACK_BEHIND);
+        let (mut pairs, mut found, mut through) = (0, 0, [0.0; PAIRS]);
+        for &(dx, dy, step) in &offsets {
+            if !inside && !(within(x - dx, y - dy) && within(x + dx, y + dy)) {
+                continue;
+            }
+            let [a, b] = [-step, step].map(|step| depth[pixel.wrapping_add_signed(step)]);
+            pairs += 1;
+            if a < before && b < before && a.max(b) < (1.0 + SAME_SURFACE) * a.min(b) {
+                // 1/z is linear on a plane.
+                through[found] = 2.0 * a * b / (a + b);
+                found += 1;
+            }
+        }
+        if found == 0 || (found as f32) < CRACK_SHARE * pairs as f32 {
+            return here;
+        }
+        *through[..found].select_nth_unstable_by(found / 2, f32::total_cmp).1
+    })
 }
 
 /// Median depths of the soft drawing.
@@ -204,7 +248,8 @@ fn of_soup(
                 UNKNOWN
             }
         });
-        DepthPicture { camera: *camera, depth: depth.collect(), rgb: frame.to_pixels().rgb }
+        let depth = close_cracks(&depth.collect::<Vec<_>>(), camera.size);
+        DepthPicture { camera: *camera, depth, rgb: frame.to_pixels().rgb }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -230,7 +275,7 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
             linear.to_array().map(srgb8_from_linear)
         };
         let rgb = seen.face.iter().enumerate().map(color).collect();
-        DepthPicture { camera: *camera, depth: seen.depth.clone(), rgb }
+        DepthPicture { camera: *camera, depth: close_cracks(&seen.depth, camera.size), rgb }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -265,6 +310,32 @@ mod tests {
             let seen = picture.observe(point, 1.0).unwrap();
             let (got, wants) = ((seen.depth - point.z) * seen.slant, 2.0 - normal.dot(point));
             assert!((got - wants).abs() < 1e-4, "{got} is not {wants}");
+        }
+    }
+
+    #[test]
+    fn a_crack_is_closed_and_outlines_and_thin_things_stay() {
+        let whole = before(Vec3::new(0.3, 0.0, 0.9).normalize(), 3.0);
+        let size = whole.camera.size;
+        let changed = |change: &dyn Fn(usize, usize) -> Option<f32>| -> Vec<f32> {
+            let at = |(i, depth): (usize, &f32)| change(i % 32, i / 32).unwrap_or(*depth);
+            whole.depth.iter().enumerate().map(at).collect()
+        };
+        let cracked = changed(&|x, y| {
+            ((9..12).contains(&x) || (x > 18 && x < 26 && y == x)).then_some([9.0, FREE][y % 2])
+        });
+        for (closed, wants) in close_cracks(&cracked, size).iter().zip(&whole.depth) {
+            assert!((closed / wants - 1.0).abs() < 0.05, "{closed} is not {wants}");
+        }
+        for stays in [
+            changed(&|x, _| (x >= 16).then_some(FREE)),
+            changed(&|x, y| ((12..20).contains(&x) && (12..20).contains(&y)).then_some(9.0)),
+            changed(&|x, _| (x == 7).then_some(1.0)),
+            changed(&|x, _| (x != 7).then_some(UNKNOWN)),
+        ] {
+            let closed = close_cracks(&stays, size);
+            let same = closed.iter().zip(&stays).filter(|(a, b)| a == b).count();
+            assert!(same > stays.len() - 13, "{same} of {}: only corners are rounded", stays.len());
         }
     }
 
