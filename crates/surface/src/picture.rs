@@ -204,7 +204,8 @@ fn close_cracks(depth: &[f32], size: UVec2) -> Vec<f32> {
         let before = here / (1.0 + CRACK_BEHIND);
         let (mut pairs, mut found, mut through) = (0, 0, [0.0; PAIRS]);
         for &(dx, dy, step) in &offsets {
-            if !inside && !(within(x - dx, y - dy) && within(x + dx, y + dy)) {
+            let is_pair = inside || (within(x - dx, y - dy) && within(x + dx, y + dy));
+            if !is_pair {
                 continue;
             }
             let [a, b] = [-step, step].map(|step| depth[pixel.wrapping_add_signed(step)]);
