@@ -35,7 +35,7 @@ fn presets() -> Vec<Preset> {
     };
     let with = |solid, order| Preset {
         name: "everything on",
-        prune: PruneOptions { max_edge: 20.0, max_triangles: Some(200), ..PruneOptions::DEFAULT },
+        prune: PruneOptions { max_triangles: Some(200), ..PruneOptions::DEFAULT },
         solid: SolidOptions { solid, ..SolidOptions::DEFAULT },
         weld: WeldOptions { weld: WeldWhen::On },
         chunk: ChunkOptions { chunk_triangles: 7 },

@@ -32,9 +32,8 @@ fn prune_counts_by_cause() {
     soup.opacity[7] = 0.013;
     soup.opacity[8] = 0.0;
     soup.sigma[9] = 50.0;
-    soup.vertices[10] = random_triangle(1, Vec3::ZERO, 5000.0);
     soup.vertices[11] = [Vec3::X, Vec3::Y, Vec3::splat(2e15)];
-    let options = PruneOptions { max_edge: 100.0, max_triangles: Some(80), ..PruneOptions::DEFAULT };
+    let options = PruneOptions { max_triangles: Some(80), ..PruneOptions::DEFAULT };
     let (left, details) = pruned(soup, &options);
     assert_eq!(left.len(), 80);
     let wants = PruneDetails {
@@ -43,8 +42,7 @@ fn prune_counts_by_cause() {
         degenerate: 1,
         faint: 3,
         soft: 1,
-        huge: 1,
-        over_budget: 11,
+        over_budget: 12,
     };
     assert_eq!(details, wants);
     let told = details.warning().unwrap();
@@ -108,7 +106,6 @@ fn prune_says_which_option_left_nothing() {
     let cases = [
         (PruneOptions { min_opacity: 1.0, ..PruneOptions::DEFAULT }, "min_opacity is"),
         (PruneOptions { max_sigma: 1e-3, ..PruneOptions::DEFAULT }, "max_sigma is"),
-        (PruneOptions { max_edge: 1e-9, ..PruneOptions::DEFAULT }, "max_edge is"),
         (PruneOptions { min_opacity: f64::NAN, ..PruneOptions::DEFAULT }, "min_opacity is"),
         (PruneOptions { max_sigma: -1.0, ..PruneOptions::DEFAULT }, "max_sigma is"),
         (PruneOptions { max_triangles: Some(0), ..PruneOptions::DEFAULT }, "max_triangles is"),

@@ -3,9 +3,7 @@
 //! It comes first because every later stage costs per triangle. Geometry after it is finite and within
 //! ±[`REACH`], as the hierarchy and engines' culling require.
 
-use glam::{DVec3, Vec3};
-use std::sync::atomic::{AtomicBool, Ordering};
-use trisplat_scene::math::lists::median;
+use glam::Vec3;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::ranges::{self, Called};
@@ -24,9 +22,6 @@ const STRAYS: f32 = 1e-3;
 /// that edge.
 const FLAT: f64 = f32::EPSILON as f64;
 
-/// Most passes that remove huge triangles, each with the radius of the remaining scene.
-const HUGE_PASSES: usize = 32;
-
 /// Which triangles to drop.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
 #[cfg_attr(feature = "cli", derive(clap::Args))]
@@ -40,11 +35,6 @@ pub struct PruneOptions {
     #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_sigma))]
     #[schemars(range(min = 0.0, max = 1e9))]
     pub max_sigma: f64,
-    /// Drop triangles with an edge longer than this many scene radii (median distance from the median
-    /// centre; 0 keeps all)
-    #[cfg_attr(feature = "cli", arg(skip = PruneOptions::DEFAULT.max_edge))]
-    #[schemars(range(min = 0.0, max = 1e9))]
-    pub max_edge: f64,
     /// Keep at most this many triangles: those with the largest opacity times area times mean window
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[schemars(range(min = 1, max = 1_000_000_000))]
@@ -55,8 +45,7 @@ impl PruneOptions {
     /// The authors' trainer drops triangles of opacity 0.014 (`opacity_dead`). At σ = 10 an opaque triangle
     /// covers as little, 2 / ((σ + 1)(σ + 2)) = 0.015 of its area. Removing either changes nothing visible in
     /// a soft scene.
-    pub const DEFAULT: Self =
-        Self { min_opacity: 0.014, max_sigma: 10.0, max_edge: 0.0, max_triangles: None };
+    pub const DEFAULT: Self = Self { min_opacity: 0.014, max_sigma: 10.0, max_triangles: None };
     /// Also removes triangles that are hardly visible, to save bytes.
     pub const SMALL: Self = Self { min_opacity: 0.05, max_sigma: 5.0, ..Self::DEFAULT };
 
@@ -82,8 +71,6 @@ pub struct PruneDetails {
     pub faint: u64,
     /// Triangles above `max_sigma`.
     pub soft: u64,
-    /// Triangles with an edge above `max_edge`.
-    pub huge: u64,
     /// Triangles beyond `max_triangles`.
     pub over_budget: u64,
 }
@@ -92,9 +79,7 @@ trisplat_scene::stage!(PruneDetails, "prune");
 
 /// Drops triangles by the rules of `options` and counts them by cause in `details`.
 ///
-/// Most rules look at one triangle. Two look at the scene: *huge* is relative to its radius, and is repeated
-/// until nothing more is dropped; the budget of `max_triangles` applies to the result of all other rules. So
-/// a second run finds nothing to drop.
+/// The rules look at one triangle each; the budget of `max_triangles` applies to their result. So a second run finds nothing to drop.
 ///
 /// Errors: an option out of range; nothing left; a scene that reaches farther than [`REACH`].
 pub fn prune(scene: &mut Scene, options: &PruneOptions, details: &mut PruneDetails) -> Result<Outcome<()>> {
@@ -160,7 +145,6 @@ impl PruneDetails {
                 Verdict::Degenerate => &mut counts.degenerate,
                 Verdict::Faint => &mut counts.faint,
                 Verdict::Soft => &mut counts.soft,
-                Verdict::Huge => &mut counts.huge,
                 Verdict::OverBudget => &mut counts.over_budget,
             } += 1;
         }
@@ -177,7 +161,6 @@ enum Verdict {
     Degenerate,
     Faint,
     Soft,
-    Huge,
     OverBudget,
 }
 
@@ -206,10 +189,7 @@ fn mesh_face(mesh: &Mesh, i: usize) -> Face {
 /// The verdict on every face. `[N]`
 fn classify(count: usize, face: impl Fn(usize) -> Face + Sync, options: &PruneOptions) -> Vec<Verdict> {
     let mut verdicts: Vec<Verdict> = parallel::collect(count, GRAIN, |i| classify_alone(&face(i), options));
-    drop_huge(&mut verdicts, &face, options);
-    if drop_over_budget(&mut verdicts, &face, options) {
-        drop_huge(&mut verdicts, &face, options);
-    }
+    drop_over_budget(&mut verdicts, &face, options);
     verdicts
 }
 
@@ -264,65 +244,23 @@ fn is_degenerate_f64(corners: &[Vec3; 3]) -> bool {
     !((b - a).cross(c - a).length_squared() > (FLAT * longest2).powi(2))
 }
 
-/// Drops the faces with an edge longer than `max_edge` scene radii, until none is left: the radius is a
-/// median, so it hardly moves, but it does move.
-fn drop_huge(verdicts: &mut [Verdict], face: &(impl Fn(usize) -> Face + Sync), options: &PruneOptions) {
-    if options.max_edge <= 0.0 {
-        return;
-    }
-    for _ in 0..HUGE_PASSES {
-        let radius = scene_radius(verdicts, face);
-        if !(radius > 0.0) {
-            return;
-        }
-        let limit2 = (options.max_edge * radius).powi(2);
-        let huge = |[a, b, c]: [DVec3; 3]| {
-            (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared()) > limit2
-        };
-        let found = AtomicBool::new(false);
-        parallel::for_each_mut(verdicts, GRAIN, |i, verdict| {
-            if *verdict == Verdict::Keep && huge(face(i).corners.map(|v| v.as_dvec3())) {
-                *verdict = Verdict::Huge;
-                found.store(true, Ordering::Relaxed);
-            }
-        });
-        if !found.into_inner() {
-            return;
-        }
-    }
-}
-
-/// Median distance of the kept faces' centroids from the median centroid.
-fn scene_radius(verdicts: &[Verdict], face: &(impl Fn(usize) -> Face + Sync)) -> f64 {
-    let kept = |i: usize| (verdicts[i] == Verdict::Keep).then(|| centroid(&face(i).corners));
-    let centroids: Vec<DVec3> = parallel::filter_map(verdicts.len(), GRAIN, kept);
-    let median = |values| median(values, f64::total_cmp).unwrap_or(0.0);
-    let axis = |k: usize| median(centroids.iter().map(|c| c[k]).collect());
-    let center = DVec3::new(axis(0), axis(1), axis(2));
-    median(centroids.iter().map(|c| c.distance(center)).collect())
-}
-
-/// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face. True when this
-/// dropped any.
+/// Keeps the `max_triangles` faces that add most to the picture; ties go to the earlier face.
 fn drop_over_budget(
     verdicts: &mut [Verdict],
     face: &(impl Fn(usize) -> Face + Sync),
     options: &PruneOptions,
-) -> bool {
-    let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else {
-        return false;
-    };
+) {
+    let Some(budget) = options.max_triangles.and_then(|n| usize::try_from(n).ok()) else { return };
     let kept = |i: usize| (verdicts[i] == Verdict::Keep).then(|| (contribution(&face(i)) as f32, i as u32));
     let mut contributions: Vec<(f32, u32)> = parallel::filter_map(verdicts.len(), GRAIN, kept);
     if contributions.len() <= budget {
-        return false;
+        return;
     }
     let largest_first = |a: &(f32, u32), b: &(f32, u32)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
     contributions.select_nth_unstable_by(budget, largest_first);
     for &(_, i) in &contributions[budget..] {
         verdicts[i as usize] = Verdict::OverBudget;
     }
-    true
 }
 
 /// The contribution of a face to a picture: its alpha, integrated over its area.
@@ -334,10 +272,6 @@ fn contribution(face: &Face) -> f64 {
     let [a, b, c] = face.corners.map(|v| v.as_dvec3());
     let sigma = f64::from(face.sigma);
     0.5 * (b - a).cross(c - a).length() * f64::from(face.opacity) * 2.0 / ((sigma + 1.0) * (sigma + 2.0))
-}
-
-fn centroid(corners: &[Vec3; 3]) -> DVec3 {
-    (corners[0].as_dvec3() + corners[1].as_dvec3() + corners[2].as_dvec3()) / 3.0
 }
 
 /// Names the rule that dropped most and what to do about it.
@@ -353,7 +287,6 @@ fn nothing_left(options: &PruneOptions, counts: &PruneDetails, total: usize) -> 
     match cause {
         "faint" => Error::invalid("min_opacity", options.min_opacity, format!("a lower value: {dropped}")),
         "soft" => Error::invalid("max_sigma", options.max_sigma, format!("a higher value, or 0: {dropped}")),
-        "huge" => Error::invalid("max_edge", options.max_edge, format!("a higher value, or 0: {dropped}")),
         cause => {
             let what = format!("{count} of {total} triangles {cause}");
             Error::invalid("the scene", what, "at least one triangle of finite, non-zero size")
