@@ -36,14 +36,8 @@ fn prune_counts_by_cause() {
     let options = PruneOptions { max_triangles: Some(80), ..PruneOptions::DEFAULT };
     let (left, details) = pruned(soup, &options);
     assert_eq!(left.len(), 80);
-    let wants = PruneDetails {
-        non_finite: 2,
-        out_of_reach: 1,
-        degenerate: 1,
-        faint: 3,
-        soft: 1,
-        over_budget: 12,
-    };
+    let wants =
+        PruneDetails { non_finite: 2, out_of_reach: 1, degenerate: 1, faint: 3, soft: 1, over_budget: 12 };
     assert_eq!(details, wants);
     let told = details.warning().unwrap();
     assert!(told.starts_with("dropped 1 triangle farther than 1e15"), "{told}");

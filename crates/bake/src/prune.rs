@@ -4,6 +4,7 @@
 //! ±[`REACH`], as the hierarchy and engines' culling require.
 
 use glam::Vec3;
+use trisplat_scene::math::lists::median;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::ranges::{self, Called};
