@@ -29,7 +29,7 @@ fn photos_alone_become_a_file_through_pycolmap() {
     let make = || {
         let words = ["make", "photos", "-o", "scene.glb", "--steps", "200", "--max-triangles", "2000"];
         let mut command = trisplat(folder.path(), &words);
-        // pycolmap finds 170 to 300 points in them, some time too few for a training without being told.
+        // pycolmap finds another number of points each time, and now and then too few for a training that is not told to go on.
         command.args(["--max-size", "200", "--anyway"]).env("TRISPLAT_POSES", &python).stderr(Stdio::piped());
         command
     };
