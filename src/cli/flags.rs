@@ -63,7 +63,7 @@ pub fn as_flags(text: &str, command: &Command) -> String {
     out
 }
 
-/// How a field is typed: `--max-edge`, or `IN` when it has no flag; `None` when it is no argument of `command`.
+/// How a field is typed: `--max-triangles`, or `IN` when it has no flag; `None` when it is no argument of `command`.
 fn typed(command: &Command, field: &str) -> Option<String> {
     let argument = command.get_arguments().find(|a| a.get_id() == field)?;
     match argument.get_long() {
@@ -228,24 +228,32 @@ mod tests {
     use super::*;
 
     fn command() -> Command {
-        let edge = clap::Arg::new("max_edge").long("max-edge");
-        Command::new("bake").arg(edge).arg(clap::Arg::new("inputs").value_name("IN"))
+        let most = clap::Arg::new("max_triangles").long("max-triangles");
+        Command::new("bake").arg(most).arg(clap::Arg::new("inputs").value_name("IN"))
     }
 
     #[test]
     fn fields_become_flags_and_other_words_stay() {
-        let error = Error::invalid("max_edge", -1, "0 or more; see `max_edge`, `photo` and `trisplat bake`");
-        let wants = "--max-edge is -1: expected 0 or more; see --max-edge, `photo` and `trisplat bake`";
+        let error = Error::invalid(
+            "max_triangles",
+            -1,
+            "0 or more; see `max_triangles`, `photo` and `trisplat bake`",
+        );
+        let wants =
+            "--max-triangles is -1: expected 0 or more; see --max-triangles, `photo` and `trisplat bake`";
         assert_eq!(message(&error, &command()), wants);
         assert_eq!(message(&Error::invalid("inputs", "-", "a file"), &command()), "IN is -: expected a file");
         assert_eq!(
             message(&Error::invalid("draw.near", 0, "> 0"), &command()),
             "draw.near is 0: expected > 0"
         );
-        assert_eq!(as_flags("a lone ` stays, `max_edge` too", &command()), "a lone ` stays, `max_edge` too");
         assert_eq!(
-            as_flags("the key ``max_edge``, `max_edge`", &command()),
-            "the key `max_edge`, --max-edge"
+            as_flags("a lone ` stays, `max_triangles` too", &command()),
+            "a lone ` stays, `max_triangles` too"
+        );
+        assert_eq!(
+            as_flags("the key ``max_triangles``, `max_triangles`", &command()),
+            "the key `max_triangles`, --max-triangles"
         );
     }
 }
