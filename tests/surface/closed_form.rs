@@ -6,6 +6,7 @@ use std::ops::ControlFlow::Continue;
 use trisplat_scene::{
     ImportedScene, Limits, Scene,
     camera::Camera,
+    math::geometry::centroid,
     mesh::{Colors, Mesh},
     report::{StageEvent, StageProgress},
 };
@@ -63,7 +64,7 @@ fn a_ball_is_round_to_half_a_voxel() {
 fn a_ball_of_triangles_with_cracks_between_them_is_closed() {
     let mut mesh = coarse_ball(Vec3::ZERO, 12);
     for corners in mesh.positions.chunks_exact_mut(3) {
-        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let middle = centroid([corners[0], corners[1], corners[2]]);
         corners.iter_mut().for_each(|corner| *corner = middle + 0.85 * (*corner - middle));
     }
     let (surface, details) = made(&mesh.into(), &around(24, 4.0, 240), &OPTIONS);

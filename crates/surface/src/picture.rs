@@ -178,7 +178,7 @@ pub(super) fn pictures(
     let smaller =
         |camera: &Camera| camera.resized((camera.size.as_dvec2() * ratio).as_uvec2().max(UVec2::ONE));
     let cameras: Vec<Camera> = cameras.iter().map(|c| if ratio < 1.0 { smaller(c) } else { *c }).collect();
-    match scene {
+    let mut pictures = match scene {
         Scene::Soup(soup) => of_soup(soup, shell, &cameras, progress),
         Scene::Mesh(mesh) if shell || mesh.shell.is_empty() => of_mesh(mesh, &cameras, progress),
         Scene::Mesh(mesh) => {
@@ -186,7 +186,11 @@ pub(super) fn pictures(
             mesh.take_shell();
             of_mesh(&mesh, &cameras, progress)
         }
+    };
+    for DepthPicture { camera, depth, .. } in &mut pictures {
+        *depth = close_cracks(depth, camera.size);
     }
+    pictures
 }
 
 /// Closes the cracks of a surface of unconnected triangles. Where many pairs of opposite pixels around a pixel are before it, it becomes as
@@ -249,8 +253,7 @@ fn of_soup(
                 UNKNOWN
             }
         });
-        let depth = close_cracks(&depth.collect::<Vec<_>>(), camera.size);
-        DepthPicture { camera: *camera, depth, rgb: frame.to_pixels().rgb }
+        DepthPicture { camera: *camera, depth: depth.collect(), rgb: frame.to_pixels().rgb }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
@@ -276,7 +279,7 @@ fn of_mesh(mesh: &Mesh, cameras: &[Camera], mut progress: StageProgress<'_>) -> 
             linear.to_array().map(srgb8_from_linear)
         };
         let rgb = seen.face.iter().enumerate().map(color).collect();
-        DepthPicture { camera: *camera, depth: close_cracks(&seen.depth, camera.size), rgb }
+        DepthPicture { camera: *camera, depth: seen.depth.clone(), rgb }
     };
     cameras.iter().enumerate().map(&mut one).collect()
 }
