@@ -10,7 +10,7 @@ use trisplat_bake::{BackdropDetails, TeacherDetails, TextureDetails};
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
-use trisplat_job::watched::TrialRun;
+use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_scene::report::{Report, StageDetails, StageEvent, StageReport, counted};
 use trisplat_train::TrainDetails;
 
@@ -226,8 +226,8 @@ fn row(stage: &StageReport) -> String {
     if let Some(text) = capture_row(stage) {
         return format!("{name:<11}{text:<55} {:>8.2} s", stage.seconds);
     }
-    if let Some(watched) = stage.details_as::<TrialRun>() {
-        let text = format!("{} left out of short trainings", counted(watched.photos.len() as u64, "photo"));
+    if let Some(evidence) = stage.details_as::<ExposureEvidence>() {
+        let text = format!("{} left out of short trainings", counted(evidence.photos, "photo"));
         return format!("{name:<11}{text:<36}{:>8.2} s", stage.seconds);
     }
     let (before, after) = (stage.before.triangles, stage.after.triangles);
@@ -350,10 +350,10 @@ mod tests {
     fn the_parts_of_a_training_are_rows_that_a_person_understands() {
         let counts = |triangles| trisplat_scene::report::Counts { triangles, vertices: 3 * triangles };
         let done = |name: &str| StageReport { skipped: None, ..StageReport::skipped(name, String::new()) };
-        let watched = TrialRun { photos: vec!["a.jpg".into()], ..TrialRun::default() };
-        let details = trisplat_scene::report::to_json(&watched);
-        let watched = row(&StageReport { details, ..done("watched") });
-        assert!(watched.contains("1 photo left out of short trainings"), "{watched}");
+        let evidence = ExposureEvidence { photos: 1, ..ExposureEvidence::default() };
+        let details = trisplat_scene::report::to_json(&evidence);
+        let evidence = row(&StageReport { details, ..done(ExposureEvidence::STAGE) });
+        assert!(evidence.contains("1 photo left out of short trainings"), "{evidence}");
         let teacher = row(&StageReport { before: counts(4803), after: counts(15_438), ..done("teacher") });
         assert!(teacher.contains("a soft scene of 15,438 triangles") && !teacher.contains('%'), "{teacher}");
     }

@@ -15,11 +15,11 @@ use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
     FeaturesDetails, MatchesDetails, ModelDetails, PhotosDetails, VerdictDetails,
 };
+use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_formats::check::Checked;
 use trisplat_formats::info::Info;
 use trisplat_formats::output::WriteDetails;
 use trisplat_job::EvalReport;
-use trisplat_job::watched::TrialRun;
 use trisplat_scale::Manifest;
 use trisplat_scene::atomic::AtomicFolder;
 use trisplat_scene::report::{Report, stage_schema};
@@ -92,7 +92,7 @@ fn report_schema() -> schemars::Schema {
     macro_rules! schemas { ($($details:ty),*) => { [$(stage_schema::<$details>(&mut generator)),*] } }
     let stages = schemas!(
         PhotosDetails, FeaturesDetails, MatchesDetails, ModelDetails, VerdictDetails, BackgroundDetails,
-        CropDetails, ArrangeDetails, TrialRun, TeacherDetails, CollisionDetails, SurfaceDetails,
+        CropDetails, ArrangeDetails, ExposureEvidence, TeacherDetails, CollisionDetails, SurfaceDetails,
         TilesDetails, PruneDetails, SolidDetails, ColorDetails, UnseenDetails, ExposureDetails,
         BackdropDetails, ReshapeDetails, RefitDetails, TextureDetails, LitDetails, WeldDetails, PlaceDetails,
         ViewpointDetails, ChunkDetails, OrderDetails, LodDetails, WriteDetails, TrainDetails

@@ -8,6 +8,7 @@ use super::train_progress::Bar;
 use clap::Command;
 use std::ops::ControlFlow;
 use std::path::Path;
+use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_job::{Event, MakePart, TrainBegins, TrainPart};
 use trisplat_scene::Result;
 use trisplat_scene::report::{StageEvent, counted};
@@ -23,6 +24,7 @@ pub(super) struct Terminal<'a> {
     captures: bool,
     /// Teachers that have begun.
     teachers: usize,
+    trials: usize,
     drawing: Option<Progress>,
     stages: Option<Progress>,
     /// The bar of the last training.
@@ -33,7 +35,18 @@ impl<'a> Terminal<'a> {
     /// Spells the fields named in reasons and warnings as the flags of `command`.
     pub(super) fn new(global: &'a Global, command: Command) -> Self {
         let (drawing, stages, bar) = (None, None, None);
-        Self { global, command, hint: "", stop: None, captures: false, teachers: 0, drawing, stages, bar }
+        Self {
+            global,
+            command,
+            hint: "",
+            stop: None,
+            captures: false,
+            teachers: 0,
+            trials: 0,
+            drawing,
+            stages,
+            bar,
+        }
     }
 
     /// Shows an event; `Break` after a request to stop, where nothing is lost.
@@ -52,7 +65,7 @@ impl<'a> Terminal<'a> {
                     return bar.tell(event);
                 }
             }
-            Event::Watched(watched) => self.line(&watched.summary()),
+            Event::Exposure(evidence) => self.line(&exposure(evidence)),
             Event::Teacher(_) => {}
             Event::Drew { done, all } => {
                 let progress = self.drawing.get_or_insert_with(|| Progress::new(self.global));
@@ -96,9 +109,14 @@ impl<'a> Terminal<'a> {
         bar.lost = lost;
         let (count, hint) = (counted(steps, "step"), self.hint);
         match part {
-            TrainPart::Trial => bar.line(&format!(
-                "a short training leaves some photos out, to see what more steps gain: {count}{hint}"
-            )),
+            TrainPart::Trial => {
+                self.trials += 1;
+                if self.trials == 1 {
+                    bar.line(&format!(
+                        "a short training leaves some photos out, to see whether exposures are to be corrected: {count}{hint}"
+                    ));
+                }
+            }
             TrainPart::Teacher => {
                 self.teachers += 1;
                 bar.line(&match self.teachers {
@@ -151,5 +169,23 @@ impl<'a> Terminal<'a> {
     fn stages(&mut self) -> &mut Progress {
         let (global, command) = (self.global, &self.command);
         self.stages.get_or_insert_with(|| Progress::new(global).with_flags_of(command.clone()))
+    }
+}
+
+/// What left-out photos showed of the exposures that were estimated.
+fn exposure(evidence: &ExposureEvidence) -> String {
+    let ExposureEvidence { photos, slopes, strengths } = evidence;
+    let percent = |share: f32| format!("{:.0}%", 100.0 * share);
+    let [gain, balance, falloff] = slopes.to_array().map(percent);
+    let shown = format!(
+        "{} left out show {gain} of their estimated exposure, {balance} of their white balance and {falloff} of the falloff",
+        counted(*photos, "photo")
+    );
+    let [gain, balance, falloff] = strengths.to_array().map(percent);
+    match strengths.is_none() {
+        true => format!("{shown}: photos are taken as they are (--set exposure=on corrects them)"),
+        false => format!(
+            "{shown}: {gain}, {balance} and {falloff} are corrected (--set exposure=off takes photos as they are)"
+        ),
     }
 }

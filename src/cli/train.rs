@@ -401,10 +401,6 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
     {
         let spent = Seconds(spent_secs);
         let teacher = match teacher {
-            // Without a budget, the run might have one.
-            TeacherPlan::Without(_) if args.dataset.is_some() && args.from.is_none() => {
-                " --teacher off".into()
-            }
             TeacherPlan::Without(_) => String::new(),
             TeacherPlan::Read(path) => format!(" --teacher {}", path.display()),
             TeacherPlan::Train => format!(" --teacher {}", train_args::beside(&args.output).display()),
@@ -414,13 +410,16 @@ fn summary(args: &TrainArgs, (teacher, share): (&TeacherPlan, Option<f64>), trai
             "spent {spent} of the budget {budget}; the same run without it: {repeat}{teacher}{share}"
         ));
     }
-    if let Some(ExposureDetails { verdict: Some(verdict), exposures }) =
-        trained.exposure.as_ref().filter(|exposure| !exposure.exposures.gains.is_empty())
-    {
-        let (count, balance) = (counted(exposures.gains.len() as u64, "photo"), 100.0 * verdict.balance);
+    if let Some(ExposureDetails { verdict: Some(verdict), exposures }) = &trained.exposure {
+        let photos = counted(exposures.gains.len() as u64 - verdict.unknown, "photo");
+        let unknown = match verdict.unknown {
+            0 => String::new(),
+            count => format!(", the light of {} is unknown", counted(count, "photo")),
+        };
         bar.line(&format!(
-            "{} and by {balance:.0}% in white balance: {count} corrected (--set exposure=off leaves them unchanged)",
-            differ(verdict.exposure)
+            "{} and by {:.0}% in white balance: {photos} corrected{unknown}",
+            differ(verdict.exposure),
+            100.0 * verdict.balance
         ));
     }
     let (all, shell) = (trained.soup.len(), trained.soup.shell_count());

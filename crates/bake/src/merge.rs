@@ -103,6 +103,7 @@ fn merge_provenance(a: Provenance, b: Provenance) -> Result<Provenance> {
         placement: if a.placement == b.placement { a.placement } else { Placement::IDENTITY },
         viewpoint: a.viewpoint.or(b.viewpoint),
         backdrop: 0,
+        exposure: a.exposure.filter(|exposure| b.exposure == Some(*exposure)),
         cameras: Vec::new(),
     })
 }

@@ -82,7 +82,7 @@ impl<'a> Recipe<'a> {
         let mesh = self.few_shell(mesh, apart, &cameras.watching)?;
         let mesh = self.unseen(mesh, given.as_ref(), pictures.any(), &cameras, traits.is_soft)?;
         self.misfit(&mesh, pictures.photos.as_deref_mut())?;
-        let mesh = self.exposure(mesh, pictures.photos.as_deref_mut())?;
+        let mesh = self.exposure(mesh, provenance.exposure, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
         let (mesh, shell) = self.part_shell(mesh, &cameras.watching);
         let shell = match is_single {
@@ -430,11 +430,16 @@ impl<'a> Recipe<'a> {
         Err(Error::invalid("dataset", misfit, wants))
     }
 
-    /// As soon as drawings resemble the photos, and before anything is fitted to them.
-    fn exposure(&mut self, mesh: Mesh, photos: Option<&mut Views>) -> Result<Mesh> {
+    /// Before anything is fitted to the photos.
+    fn exposure(
+        &mut self,
+        mesh: Mesh,
+        trained: Option<[f32; 3]>,
+        photos: Option<&mut Views>,
+    ) -> Result<Mesh> {
         let options = &self.options.exposure;
-        self.report.stage(self.observer, mesh, Mesh::counts, |mesh, details| {
-            exposure(mesh, photos, options, details)
+        self.report.stage(self.observer, mesh, Mesh::counts, |_, details| {
+            exposure(trained, photos, options, details)
         })
     }
 

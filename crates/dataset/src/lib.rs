@@ -14,13 +14,13 @@ pub mod exposure {
     //! How photos differ in exposure, white balance, and falloff towards the corners.
 
     mod correction;
+    mod evidence;
     mod solve;
 
-    pub(crate) use correction::SPREAD;
     pub use correction::{
-        ExposureDetails, ExposureUse, Exposures, Solved, Verdict, compared_size, differ, judge,
+        ExposureDetails, ExposureUse, Exposures, Solved, Strengths, Verdict, compared_size, differ,
     };
-    pub(crate) use solve::spread;
+    pub use evidence::{ExposureEvidence, LeftOutPhoto};
     pub use solve::{Light, compared_points, solve};
 }
 mod found;

@@ -103,6 +103,13 @@ impl Dataset {
         index.is_multiple_of(5)
     }
 
+    /// The training photos alone, those of them held out whose number `is_left_out`.
+    pub fn leaving_out(&self, is_left_out: impl Fn(usize) -> bool) -> Self {
+        let views = self.train().enumerate();
+        let views = views.map(|(i, view)| View { test: is_left_out(i), ..view.clone() }).collect();
+        Self { views, ..self.clone() }
+    }
+
     /// Number of photos, held-out ones included.
     pub fn len(&self) -> usize {
         self.views.len()

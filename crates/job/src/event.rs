@@ -1,8 +1,8 @@
 //! One stream of events for a program that shows a job and may stop it.
 
-use super::watched::TrialRun;
 use std::ops::ControlFlow;
 use trisplat_dataset::Dataset;
+use trisplat_dataset::exposure::ExposureEvidence;
 use trisplat_scene::report::{Report, StageEvent, StageReport, counted};
 use trisplat_scene::{Error, Result};
 use trisplat_train::{TrainEvent, TrainSample, Trained};
@@ -10,7 +10,7 @@ use trisplat_train::{TrainEvent, TrainSample, Trained};
 /// The part of a training that a step belongs to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TrainPart {
-    /// A short training on some of the photos; the others decide how the scene is trained.
+    /// A short training on some of the photos; the others show how far exposures are corrected.
     Trial,
     /// A soft scene whose pictures the scene is trained on too.
     Teacher,
@@ -66,8 +66,8 @@ pub enum Event<'a> {
     Begins(&'a TrainBegins<'a>),
     /// In a training.
     Train(TrainPart, TrainEvent<'a>),
-    /// The result of the short trainings.
-    Watched(&'a TrialRun),
+    /// What photos showed that short trainings left out.
+    Exposure(&'a ExposureEvidence),
     /// The teacher is trained: time to write its file.
     Teacher(&'a Trained),
     /// Soft pictures are drawn.

@@ -6,7 +6,6 @@ use glam::{UVec2, Vec3};
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{BakePreset, Views};
-use trisplat_dataset::exposure::ExposureUse;
 use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
@@ -131,10 +130,6 @@ pub(super) fn solid(
     let surroundings = teacher.shows_surroundings();
     let work = if surroundings { effort.surroundings } else { effort.object };
     let mut options = work.training(most);
-    if photos.is_none() {
-        // Drawings do not differ in exposure.
-        options.exposure = ExposureUse::Off;
-    }
     let mut first = teacher.first_triangles((options.max_triangles as f64 * FIRST_SHARE) as usize);
     if first.is_empty() {
         return Err(shows_nothing(path));

@@ -10,6 +10,7 @@
 mod baking;
 mod evaluate;
 mod event;
+mod exposure;
 mod fitted;
 mod gaussians;
 mod harden;
@@ -24,7 +25,6 @@ mod scores;
 mod steps;
 mod teacher;
 mod training;
-pub mod watched;
 
 pub use baking::{BakeDone, BakeInput, BakeJob};
 pub use evaluate::{EvalJob, ReadyEval};

@@ -20,8 +20,6 @@ const TRIANGLES_SHARE: f64 = 0.67;
 const BUDGET_SHARE: f64 = 0.4;
 /// Default share of the steps on the teacher's pictures.
 pub(super) const PICTURE_SHARE: f64 = 2.0 / 3.0;
-/// Gain on watched photos (`watched.rs`), dB, below which a run has a teacher: more steps without one would memorise photos.
-const LITTLE_GAIN: f64 = 0.2;
 /// Steps per training photo after which a teacher, and its run, only memorise these photos.
 const TEACHER_STEPS_PER_PHOTO: u64 = 85;
 const STEPS_PER_PHOTO: u64 = 180;
@@ -61,16 +59,6 @@ pub enum TeacherPlan {
     Train,
 }
 
-/// The reason for having no teacher; `None`: a teacher is trained first. A plain run is solid and starts from photos and their points.
-pub(super) fn needless(is_plain: bool, watched_gain: Option<f64>) -> Option<String> {
-    match watched_gain {
-        _ if !is_plain => Some("by default only solid scenes that start from photos have one".into()),
-        None => Some("by default only runs that watch photos can have one".into()),
-        Some(gain) if gain < LITTLE_GAIN => None,
-        Some(gain) => Some(format!("more steps gain {gain:.1} dB on watched photos without one")),
-    }
-}
-
 /// Limits of a run on `photos` with a teacher.
 pub(super) fn enough(photos: usize) -> StepLimit {
     StepLimit { steps: Some(STEPS_PER_PHOTO * photos as u64), ..StepLimit::default() }
@@ -106,7 +94,8 @@ pub(super) fn teacher_options(run: &Layered<TrainOptions>, has_budget: bool) -> 
         false => share(run.options.max_triangles, TRIANGLES_SHARE),
     };
     let steps = share(run.options.steps, STEPS_SHARE);
-    let options = TrainOptions { steps, max_triangles, seed: run.options.seed, ..preset };
+    let TrainOptions { seed, exposure, .. } = run.options;
+    let options = TrainOptions { steps, max_triangles, seed, exposure, ..preset };
     let layered = Layered::over(&options, options.clone());
     if triangles_given { layered.giving(&["max_triangles"]) } else { layered }
 }
@@ -182,19 +171,6 @@ pub(super) fn soft_scene(path: &Path, how: &DatasetOptions) -> Result<ImportedSc
 mod tests {
     use super::*;
     use trisplat_scene::layered::Layers;
-
-    #[test]
-    fn solid_scenes_have_a_teacher_where_more_steps_gain_nothing_on_watched_photos() {
-        assert_eq!([-0.5, 0.1].map(|gain| needless(true, Some(gain))), [None, None]);
-        for (is_plain, gain, why) in [
-            (true, None, "that watch photos"),
-            (true, Some(1.5), "gain 1.5 dB"),
-            (false, Some(-0.5), "only solid scenes"),
-        ] {
-            let reason = needless(is_plain, gain);
-            assert!(reason.as_ref().is_some_and(|reason| reason.contains(why)), "{reason:?}");
-        }
-    }
 
     #[test]
     fn runs_with_a_teacher_and_teachers_have_an_end() {

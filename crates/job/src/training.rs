@@ -1,20 +1,19 @@
 //! A training job, from options to the trained scene: plan, preparation, run, report.
 
 use super::event::{Event, Observer, TrainBegins, TrainPart, begin, stopped};
+use super::exposure::{self, ExposureDecision};
 use super::teacher::{self, TeacherPlan, TeacherSource};
-use super::watched::{self, TrialRun};
 use std::path::PathBuf;
 use std::time::Instant;
 use trisplat_bake::TeacherDetails;
+use trisplat_dataset::exposure::{ExposureEvidence, ExposureUse, Strengths};
 use trisplat_dataset::{Dataset, DatasetKind, DatasetOptions, View};
 use trisplat_scene::layered::{Layered, Origin};
 use trisplat_scene::process::cpu_secs;
-use trisplat_scene::report::{Report, StageDetails, StageReport};
+use trisplat_scene::report::{Counts, Report, StageDetails, StageReport, to_json};
 use trisplat_scene::{Budget, Error, ImportedScene, Result, Seconds, Spending};
 use trisplat_train::budget::{self, Pace, Paced, PlanInput, StepLimit, WholeBudget};
-use trisplat_train::{
-    BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainPreset, TrainRun, Trained, find_points,
-};
+use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, TrainRun, Trained, find_points};
 
 /// A training as it is asked for. [`TrainJob::new`] has the plain values; any field can be set before the run.
 ///
@@ -49,7 +48,7 @@ pub struct TrainJob {
     pub options: Layered<TrainOptions>,
     /// Scene to start from instead of the data set's points; best with the options of [`TrainOptions::from_scene`].
     pub from: Option<ImportedScene>,
-    /// The requested teacher; `None`: short trainings decide.
+    /// The requested teacher; `None`: none, or that of the resumed run.
     pub teacher: Option<TeacherSource>,
     /// Share of the steps on pictures of the teacher, 0 to 0.9; `None`: two thirds.
     pub teacher_share: Option<f64>,
@@ -59,10 +58,6 @@ pub struct TrainJob {
     pub budget: Option<Budget>,
     /// What it is a part of.
     pub(super) whole: Option<WholeBudget>,
-    /// Result of the short trainings; `None` before [`TrainJob::watch`], and without them.
-    pub watched: Option<TrialRun>,
-    /// Wall-clock time of the short trainings.
-    pub watch_secs: f64,
     /// Start of the budget's clock; `None`: the moment the job runs.
     pub began: Option<Instant>,
     /// Training backend.
@@ -103,8 +98,6 @@ impl TrainJob {
             teacher_file: None,
             budget: None,
             whole: None,
-            watched: None,
-            watch_secs: 0.0,
             began: None,
             backend: BackendOptions::default(),
             outputs: RunOptions::default(),
@@ -136,10 +129,11 @@ impl TrainJob {
         if self.from.is_none() {
             find_points(&mut self.dataset, self.dataset_options.photo_bytes())?;
         }
-        self.watch(observer)?;
+        if self.resume.is_none() {
+            check(self.budget, &self.options)?;
+        }
         let plan = self.teacher_plan();
-        let mut stages: Vec<StageReport> =
-            self.watched.iter().map(|watched| watched.stage(self.watch_secs)).collect();
+        let mut stages: Vec<StageReport> = self.decide_exposure(observer)?.into_iter().collect();
         let mut enough = StepLimit::default();
         let mut warnings: Vec<String> = self.from.iter().flat_map(|scene| scene.warnings.clone()).collect();
         let teacher = match &plan {
@@ -217,49 +211,52 @@ impl TrainJob {
         pace.summary() + end
     }
 
-    /// Runs short trainings that leave some photos out, if there is time. They decide about a teacher.
-    /// [`TrainJob::run`] calls this unless it was called before.
+    /// Decides how far photos are corrected in exposure, unless the options say it or the scene to start from does; returns the stage of
+    /// the report.
     ///
-    /// Errors: options that the budget chooses, undecodable photos, a stopped training.
-    pub fn watch(&mut self, observer: Observer<'_>) -> Result<()> {
-        if self.resume.is_none() {
-            check(self.budget, &self.options)?;
+    /// # Errors
+    ///
+    /// Photos that cannot be decoded; a stopped training.
+    fn decide_exposure(&mut self, observer: Observer<'_>) -> Result<Option<StageReport>> {
+        let options = &self.options.options;
+        let is_asked = options.exposure == ExposureUse::Auto && self.resume.is_none();
+        if !is_asked || self.dataset.kind == DatasetKind::Drawn {
+            return Ok(None);
         }
-        let unsure = self.teacher.is_none() && self.is_plain();
-        // Small photos kept in memory lose the crop of the full ones.
-        let cut = self.dataset.train().any(|view| view.photo.is_cut());
-        let is_over = self.resume.is_some() || self.watched.is_some();
-        if !unsure || !self.has_time_to_watch() || cut || is_over {
-            return Ok(());
+        if let Some(scene) = &self.from {
+            let strengths = scene.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
+            self.options.options.exposure = strengths.to_use();
+            return Ok(None);
         }
         let clock = Instant::now();
-        let (how, seed) = (&self.dataset_options, self.options.options.seed);
-        let watched = TrialRun::of(&self.dataset, seed, |small, options| {
-            let begins =
-                TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
-            // A graphics card gains nothing on small photos.
-            let run = TrainRun::new(small, options).with_dataset_options(how);
-            let trained = run.run(&mut begin(observer, &begins)?)?;
-            match trained.stopped {
-                true => Err(stopped("a short training that leaves some photos out", &trained)),
-                false => Ok(trained),
+        // Short trainings do not obey a limit of the run's own steps.
+        let decision = match self.outputs.max_cpu_secs > 0.0 {
+            true => ExposureDecision::AsTaken("the run may end early (`max_cpu_secs`)"),
+            false => {
+                let budget_secs = self.budget.map(|budget| budget.seconds.0);
+                exposure::decide(&self.dataset, options, budget_secs, &self.dataset_options, observer)?
             }
-        })?;
-        // The teacher or the run, which come next, ask whether to go on.
-        let _ = observer(Event::Watched(&watched));
-        self.watch_secs = clock.elapsed().as_secs_f64();
-        self.watched = Some(watched);
-        Ok(())
-    }
-
-    /// Whether there are photos to watch, and time for short trainings.
-    fn has_time_to_watch(&self) -> bool {
-        match self.budget {
-            // Short trainings do not obey the run's limit.
-            _ if self.outputs.max_cpu_secs > 0.0 => false,
-            Some(budget) => watched::fits(budget.seconds.0, self.dataset.train().count()),
-            None => watched::fits_beside(&self.options.options, &self.dataset),
-        }
+        };
+        let name = ExposureEvidence::STAGE;
+        Ok(Some(match decision {
+            ExposureDecision::AsTaken(why) => {
+                self.options.options.exposure = ExposureUse::Off;
+                StageReport::skipped(name, why.into())
+            }
+            ExposureDecision::Judged(evidence) => {
+                // The teacher or the run, which come next, ask whether to go on.
+                let _ = observer(Event::Exposure(&evidence));
+                self.options.options.exposure = evidence.strengths.to_use();
+                StageReport {
+                    name: name.into(),
+                    seconds: clock.elapsed().as_secs_f64(),
+                    before: Counts::default(),
+                    after: Counts::default(),
+                    skipped: None,
+                    details: to_json(&evidence),
+                }
+            }
+        }))
     }
 
     /// What becomes of the teacher.
@@ -268,17 +265,8 @@ impl TrainJob {
         match (&self.teacher, &self.resume) {
             (Some(source), resume) => TeacherPlan::asked(source, resume.is_some(), kept),
             (None, Some(checkpoint)) => TeacherPlan::resumed(checkpoint, photos, kept),
-            (None, None) => {
-                let gain = self.watched.as_ref().and_then(TrialRun::gain);
-                teacher::needless(self.is_plain(), gain).map_or(TeacherPlan::Train, TeacherPlan::Without)
-            }
+            (None, None) => TeacherPlan::Without("not asked for (`teacher` auto)".into()),
         }
-    }
-
-    /// Whether the run is solid and starts from photos and their points.
-    fn is_plain(&self) -> bool {
-        let from_photos = self.from.is_none() && self.dataset.kind != DatasetKind::Drawn;
-        from_photos && self.options.options.preset == TrainPreset::Solid
     }
 
     /// Trains a teacher, with the report's stage. The limit of CPU seconds is that of the run's own steps.

@@ -393,6 +393,10 @@ pub struct Provenance {
     /// Number of last triangles that are the backdrop: a far sphere outside the scene. Absent when 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub backdrop: u32,
+    /// Shares of the estimated gain, white balance and falloff by which its photos were corrected in training; absent where they were taken
+    /// as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<[f32; 3]>,
     /// Some of its photos' cameras in the frame of this file: position, x, y and z of the quaternion from camera to world over 1 + w,
     /// tangents of half the angles of view across and down.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -33,8 +33,8 @@ pub struct PhotoId {
     pub index: usize,
     /// How often it was halved.
     pub level: u32,
-    /// Number of the correction of its exposure; 0 for none.
-    pub corrected: u32,
+    /// Whether its exposure is corrected.
+    pub corrected: bool,
 }
 
 /// Figures of one step.

@@ -15,6 +15,7 @@ use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_dataset::Dataset;
+use trisplat_dataset::exposure::ExposureUse;
 use trisplat_scene::{Error, Result};
 
 pub use trisplat_scene::{Budget, BudgetClock, Seconds, Spending};
@@ -370,8 +371,16 @@ impl Pace {
     pub(crate) fn details(&self, spent_secs: f64, options: &TrainOptions) -> BudgetDetails {
         let TrainOptions { steps, max_triangles, milestones: [a, b, c, d], .. } = options;
         let size = self.plan.max_size.map_or(String::new(), |px| format!(" --max-size {px}"));
+        // A repeat need not judge exposures again, and might come to other shares without a budget.
+        let exposure = match options.exposure {
+            ExposureUse::Auto | ExposureUse::On => String::new(),
+            ExposureUse::Off => " --set exposure=off".to_owned(),
+            ExposureUse::Shares([gain, balance, falloff]) => {
+                format!(" --set \"exposure=[{gain},{balance},{falloff}]\"")
+            }
+        };
         let repeat = format!(
-            "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\""
+            "--steps {steps} --max-triangles {max_triangles}{size} --set \"milestones=[{a},{b},{c},{d}]\"{exposure}"
         );
         let (plan, corrections) = (self.plan.clone(), self.corrections.clone());
         BudgetDetails { budget: self.budget, plan, corrections, spent_secs, repeat }

@@ -23,7 +23,7 @@ use trisplat_scene::{Error, Limits, Result, SceneNormalization};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: &str = "21";
+const FORMAT: &str = "22";
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
@@ -360,7 +360,7 @@ mod tests {
             pinned: 2,
             frozen: 1,
             core: Some(Core { low: [None, Some(-1.5), None], high: [Some(0.1), None, None], triangles: 7 }),
-            exposure: ExposureEstimates { passed: 3, ..ExposureEstimates::default() },
+            exposure: ExposureEstimates::default(),
             identity: RunIdentity {
                 background: [0.5, 0.0, 1.0],
                 photos: ["a", "b"].map(photo).to_vec(),

@@ -52,6 +52,7 @@ pub use cpu::CpuBackend;
 pub use densify::Densified;
 pub use device::{BackendKind, BackendOptions};
 pub use eval::{EvalScene, PhotoScore, Quality, SOLID_SAMPLES, TrainSample};
+pub use exposure::solve_exposures;
 pub use find::find_points;
 #[cfg(feature = "gpu")]
 pub use gpu::{CardScene, GpuBackend, GpuLimits};

@@ -170,7 +170,6 @@ impl Training<'_> {
             record.tell(TrainEvent::Densified(now.step, densified));
         }
         self.keep_pace(record)?;
-        self.find_exposures()?;
         let is_over = self.is_over();
         let most_secs = self.outputs.max_cpu_secs;
         let spent = most_secs > 0.0 && now.cpu_secs >= most_secs;
@@ -229,7 +228,11 @@ impl Training<'_> {
                 let ours = Some(generator());
                 (Provenance { generator: ours.clone(), trainer: ours, ..provenance }, cameras)
             }
-            None => (provenance(self.dataset), self.dataset.train().map(|view| view.camera).collect()),
+            None => {
+                let exposure = self.meta.exposure.verdict.map(|verdict| verdict.strengths.to_array());
+                let provenance = Provenance { exposure, ..provenance(self.dataset) };
+                (provenance, self.dataset.train().map(|view| view.camera).collect())
+            }
         }
     }
 

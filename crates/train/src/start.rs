@@ -174,7 +174,7 @@ pub(super) fn first(
         None => from_points(views, &not_judging(run.dataset), photos, options)?,
     };
     let level = Schedule::new(options).level(0);
-    let exposure = ExposureEstimates::first(run.dataset, options.exposure, |i| photos.take(i, level))?;
+    let exposure = ExposureEstimates::new(run.dataset, options, |i| photos.take(i, level))?;
     let first_step = run.part.filter(|_| run.from.is_some()).map_or(0, |part| part.first_step);
     let meta = CheckpointMeta {
         generator: generator(),

@@ -180,6 +180,7 @@ pub(super) fn provenance(dataset: &Dataset) -> Provenance {
         // The soup stores its cameras, so viewers can choose among them.
         viewpoint: None,
         backdrop: 0,
+        exposure: None,
         cameras: Vec::new(),
     }
 }

@@ -3,7 +3,7 @@
 use super::backend::{PhotoId, StepPhoto, StepStats, TrainBackend};
 use super::checkpoint::{Checkpoint, CheckpointMeta};
 use super::densify::{self, Densified, densify};
-use super::eval::{EvalScene, TrainSample, solid_samples};
+use super::eval::{TrainSample, solid_samples};
 use super::identity::RunIdentity;
 use super::known::KnownDepth;
 use super::options::TrainOptions;
@@ -12,12 +12,10 @@ use super::pyramid::{MIN_PX, Pyramid, order};
 use super::schedule::Schedule;
 use super::start::{self, RunOptions, TrainRun};
 use super::visibility::VisibilityStats;
-use glam::{UVec2, Vec3};
+use glam::Vec3;
 use std::sync::Arc;
-use trisplat_dataset::exposure::{Light, compared_size, solve};
 use trisplat_dataset::{Dataset, DatasetKind, View};
-use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
-use trisplat_raster::solid::SolidRasterizer;
+use trisplat_raster::soft::{SoftOptions, Window};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::report::generator;
@@ -254,29 +252,6 @@ impl<'a> Training<'a> {
             false => None,
         };
         Ok((densified, pixels.size.x))
-    }
-
-    /// Estimates the photos' exposures again if this is due, by drawing the present scene for each.
-    pub(super) fn find_exposures(&mut self) -> Result<()> {
-        let count = self.cameras.len();
-        let cut = (0..count).any(|i| self.photos.is_cut(i));
-        if cut || !self.meta.exposure.is_due(self.meta.step, &self.meta.options, count) {
-            return Ok(());
-        }
-        let (drawing, level) = (self.drawing(), self.level);
-        let scene = EvalScene::new(&self.soup()?, &self.space(), &drawing);
-        let (mut soft, mut solid) = (SoftRasterizer::new(), SolidRasterizer::new());
-        let mut lights = Vec::with_capacity(count);
-        for i in 0..count {
-            let photo = self.photos.take(i, level)?;
-            let size = compared_size(photo.size);
-            let photo = photo.shared_at(size);
-            let drawn = scene.draw(&self.cameras[i].resized(size), &drawing, &mut soft, &mut solid);
-            lights.push(Light::beside_drawing(&photo, &drawn));
-        }
-        let sizes: Vec<UVec2> = self.cameras.iter().map(|camera| camera.size).collect();
-        self.meta.exposure.update(solve(&lights, &sizes), self.meta.options.exposure);
-        Ok(())
     }
 
     fn densify(&mut self) -> Result<Densified> {

@@ -11,8 +11,9 @@ use serde::Serialize;
 use std::ops::ControlFlow::Continue;
 use std::path::PathBuf;
 use trisplat_dataset::{Dataset, DatasetOptions, ShrunkSize};
-use trisplat_job::{TrainJob, watched};
+use trisplat_job::TrainJob;
 use trisplat_scene::process::cpu_secs;
+use trisplat_scene::report::counted;
 use trisplat_scene::{Error, Result, Seconds};
 use trisplat_train::TrainOptions;
 
@@ -68,7 +69,7 @@ struct CostReport {
 /// Lists that do not ascend; photos that cannot be read, or too few to leave some out.
 pub(crate) fn run(args: &CostArgs) -> Result<()> {
     let grid = Grid::new(&args.steps, &args.max_triangles, args.budget.0)?;
-    let photos = watched::left_out(&Dataset::load(&args.dataset, &args.dataset_options)?)?;
+    let photos = left_out(&Dataset::load(&args.dataset, &args.dataset_options)?)?;
     eprintln!("   steps  triangles     CPU s  PSNR dB    SSIM   of each seed");
     let cell = |steps, max_triangles| {
         let run = |seed| {
@@ -94,6 +95,28 @@ pub(crate) fn run(args: &CostArgs) -> Result<()> {
     };
     summary(&report).iter().for_each(|line| eprintln!("{line}"));
     if args.json { print_json(&report) } else { Ok(()) }
+}
+
+/// With fewer photos, none can be left out.
+const MIN_PHOTOS: usize = 8;
+/// One photo in this many is left out, at least the second number.
+const LEFT_OUT_EVERY: usize = 6;
+const MIN_LEFT_OUT: usize = 3;
+
+/// The training photos of `photos`, some of them, spread evenly, held out: choices never use the real held-out photos.
+///
+/// # Errors
+///
+/// Fewer than eight.
+fn left_out(photos: &Dataset) -> Result<Dataset> {
+    let count = photos.train().count();
+    if count < MIN_PHOTOS {
+        let wants = format!("{MIN_PHOTOS} photos or more, as some are left out of training");
+        let has = format!("{} to train on", counted(count as u64, "photo"));
+        return Err(Error::invalid("dataset", has, wants));
+    }
+    let kept = (count / LEFT_OUT_EVERY).max(MIN_LEFT_OUT);
+    Ok(photos.leaving_out(|i| (0..kept).any(|k| (2 * k + 1) * count / (2 * kept) == i)))
 }
 
 /// Trains once, as the command `train` would.

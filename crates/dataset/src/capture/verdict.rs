@@ -5,7 +5,7 @@ use super::log::tell;
 use super::poses::ModelDetails;
 use super::video::{Grey, sharpness};
 use crate::colmap::{TrackedPhoto, Tracks};
-use crate::exposure::{Light, SPREAD, compared_size, differ, spread};
+use crate::exposure::{Light, Strengths, compared_size, differ, solve};
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,10 @@ const BESIDE: usize = 3;
 const REGISTERED: [f64; 2] = [0.95, 0.6];
 /// ... and reprojection error, px.
 const ERROR_PX: [f64; 2] = [1.0, 2.0];
+/// Spread of exposure beyond which a locked exposure is advised, as a logarithm: a fifth of a stop.
+const MAX_SPREAD: f32 = 0.15;
+/// Minimum photos for a spread.
+const MIN_COMPARED: u64 = 4;
 /// Fewer points for each photo tie no scene together.
 const LEAST_TIES: u64 = 8;
 /// Verdict on a capture.
@@ -147,7 +151,7 @@ pub(super) fn judge(
         points: tracks.points as u64,
         track_length: seen as f64 / tracks.points.max(1) as f64,
         error_px: tracks.error_px,
-        exposure: spread(&lights),
+        exposure: spread(&lights, &names, tracks),
         blurred: listed(blurred(&sharpness).into_iter().map(|i| names[i])),
         weak: listed(weak.map(|photo| photo.name.as_str())),
         gaps: gaps(stored, tracks, &by_name),
@@ -160,6 +164,16 @@ pub(super) fn judge(
 
 fn listed<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     names.take(LISTED).map(str::to_owned).collect()
+}
+
+/// Standard deviation of the photos' exposure, as a logarithm; `None` where too few can be compared.
+fn spread(lights: &[Vec<Light>], names: &[&str], tracks: &Tracks) -> Option<f32> {
+    let sizes: HashMap<&str, UVec2> =
+        tracks.photos.iter().map(|photo| (photo.name.as_str(), photo.size)).collect();
+    let sizes: Vec<UVec2> = names.iter().map(|name| sizes.get(name).copied().unwrap_or(UVec2::ONE)).collect();
+    let verdict = solve(lights, &sizes).verdict(Strengths::NONE);
+    let known = names.len() as u64 - verdict.unknown;
+    (known >= MIN_COMPARED).then_some(verdict.exposure)
 }
 
 /// Measures one photo; `tracked` is its entry in the model.
@@ -280,8 +294,7 @@ fn advice(details: &VerdictDetails, model: &ModelDetails) -> Vec<String> {
     of_photos(&details.weak, ["holds", "hold"], "few points", "more overlap there, or more texture");
     let remedy = "more light, slower steps, or leave them out";
     of_photos(&details.blurred, ["is", "are"], "blurred beside the others", remedy);
-    // Less is left as it is.
-    if let Some(spread) = details.exposure.filter(|spread| *spread > SPREAD[0]) {
+    if let Some(spread) = details.exposure.filter(|spread| *spread > MAX_SPREAD) {
         advice.push(format!("{}: lock the exposure of the camera", differ(spread)));
     }
     if let Some(error) = details.error_px.filter(|error| *error > ERROR_PX[0]) {

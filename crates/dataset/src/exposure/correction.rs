@@ -2,12 +2,12 @@
 //! corners.
 //!
 //! ```text
-//! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · r²)        in linear light
+//! photo(x) = scene(x) · exp(gain of the photo and channel - falloff of the camera · (r² - 1/3))        in linear light
 //! ```
 //!
-//! with r the distance from the middle of the picture, 1 in its corners. Gains of a channel have the mean
-//! zero over all photos. Photos are corrected, not drawings, so training on any device, fitted colours and
-//! textures see the same light.
+//! with r the distance from the middle of the picture, 1 in its corners; the mean of r² over a picture is 1/3, so falloff does not change
+//! its mean. Gains of a channel have the mean zero over all photos. Photos are corrected, not drawings, so training on any device, fitted
+//! colours and textures see the same light.
 
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
@@ -16,17 +16,70 @@ use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 
 /// Whether photos are corrected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureUse {
-    /// Where their light differs.
+    /// As far as photos that a short training leaves out confirm the estimates; a bake follows the training.
     #[default]
     Auto,
-    /// Always.
+    /// In full.
     On,
     /// Never.
     Off,
+    /// By these shares of the estimated gain, white balance and falloff.
+    #[serde(untagged)]
+    Shares(#[schemars(inner(range(min = 0.0, max = 1.0)))] [f32; 3]),
+}
+
+impl ExposureUse {
+    /// The strengths that it sets; `None`: evidence decides.
+    pub fn strengths(self) -> Option<Strengths> {
+        match self {
+            Self::Auto => None,
+            Self::On => Some(Strengths::FULL),
+            Self::Off => Some(Strengths::NONE),
+            Self::Shares(shares) => Some(Strengths::from(shares)),
+        }
+    }
+}
+
+/// Applied shares of the estimated corrections, 0 to 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Strengths {
+    /// Share of each photo's exposure.
+    pub gain: f32,
+    /// Share of each photo's white balance.
+    pub balance: f32,
+    /// Share of the falloff towards the corners.
+    pub falloff: f32,
+}
+
+impl Strengths {
+    /// No correction.
+    pub const NONE: Self = Self { gain: 0.0, balance: 0.0, falloff: 0.0 };
+    /// The estimates as they are.
+    pub const FULL: Self = Self { gain: 1.0, balance: 1.0, falloff: 1.0 };
+
+    /// True when nothing is corrected.
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// Gain, white balance, falloff.
+    pub fn to_array(self) -> [f32; 3] {
+        [self.gain, self.balance, self.falloff]
+    }
+
+    /// The option that sets them.
+    pub fn to_use(self) -> ExposureUse {
+        if self.is_none() { ExposureUse::Off } else { ExposureUse::Shares(self.to_array()) }
+    }
+}
+
+impl From<[f32; 3]> for Strengths {
+    fn from([gain, balance, falloff]: [f32; 3]) -> Self {
+        Self { gain, balance, falloff }
+    }
 }
 
 /// Longer side of the compared pictures, px.
@@ -37,6 +90,8 @@ const SATURATED: u8 = 252;
 const SATURATED_WEIGHT: u8 = 32;
 /// Steps of r² at which the falloff is tabulated.
 const RINGS: usize = 64;
+/// Mean of r² over a picture.
+const MEAN_R2: f32 = 1.0 / 3.0;
 
 /// The size for comparing a photo of `size`.
 pub fn compared_size(size: UVec2) -> UVec2 {
@@ -95,7 +150,7 @@ impl Exposures {
         let ring = |ring: usize| {
             let r2 = ring as f32 / (RINGS - 1) as f32;
             gains.map(|gain| {
-                let by = (falloff * r2 - gain).exp();
+                let by = (falloff * (r2 - MEAN_R2) - gain).exp();
                 std::array::from_fn(|code| {
                     let light = linear_from_srgb(code as f32 / 255.0) * by;
                     (255.0 * srgb_from_linear(light)).round() as u8
@@ -133,44 +188,34 @@ impl Rings {
     }
 }
 
-/// Bounds of the spread of exposure, as a logarithm. Below the first, photos stay unchanged; from the second
-/// on they are corrected in full, between the two by a part. The first is high because neighbouring photos
-/// share exposure, so correction lowers raw scores (docs/benchmarks/exposure.md). White balance does not
-/// decide, because colours of an untrained scene differ from photo to photo.
-pub(crate) const SPREAD: [f32; 2] = [0.15, 0.25];
-/// The same bounds for the falloff, if photos are corrected. A scene can absorb a weak falloff, and its own
-/// edges may look like one.
-const FALLOFF: [f32; 2] = [0.12, 0.3];
-
 /// How far photos differ, in words.
 pub fn differ(exposure: f32) -> String {
     format!("photos differ by {:.0}% in exposure", 100.0 * exposure)
 }
 
-/// The solution and its errors.
+/// Estimated corrections of all photos, and their errors.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Solved {
-    /// As measured, mean zero.
+    /// Estimates; gains have the mean zero.
     pub exposures: Exposures,
-    /// Standard errors of the gains. `[photos]`
+    /// Standard errors of the gains; infinite for photos without a usable estimate. `[photos]`
     pub errors: Vec<[f32; 3]>,
-    /// How far photos that show the same points are apart: the standard deviation of exposure, as a logarithm. `None` beside drawings,
-    /// and where too few points are shown by several photos.
-    pub spread: Option<f32>,
 }
 
-/// The spread of the photos' light.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Spread of the photos' light, and what is corrected of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Verdict {
-    /// Standard deviation of the photos' exposure, as a logarithm: between photos that show the same points, or beside drawings of the
-    /// scene, where photos track no points.
+    /// Standard deviation of the photos' exposure, as a logarithm, at the points that they track.
     pub exposure: f32,
     /// The same of red and blue against green.
     pub balance: f32,
     /// Loss of light in the corners, as a logarithm, the mean over the photos.
     pub corners: f32,
-    /// The share of exposure and balance that is corrected: 0 if photos agree, 1 if they clearly differ.
-    pub strength: f32,
+    /// Photos without a usable estimate, which are not corrected.
+    #[serde(default)]
+    pub unknown: u64,
+    /// Corrected shares.
+    pub strengths: Strengths,
 }
 
 /// How photos differ, and what corrects them.
@@ -179,57 +224,62 @@ pub struct ExposureDetails {
     /// The differences; absent where they were not measured.
     #[serde(default, flatten, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// The correction of each training photo, in order of name; empty where photos agree.
+    /// The correction of each training photo, in order of name; empty where photos are taken as they are.
     #[serde(default, flatten)]
     pub exposures: Exposures,
 }
 
 trisplat_scene::stage!(ExposureDetails, "exposure");
 
-/// The photos' corrections; `None` if they agree. Uncertain estimates count less.
-pub fn judge(solved: Solved, wanted: ExposureUse) -> (Option<Exposures>, Verdict) {
-    let Solved { mut exposures, errors, spread: measured } = solved;
-    let modes: Vec<[f32; 3]> = exposures.gains.iter().map(modes).collect();
-    let noise: Vec<[f32; 3]> = errors.iter().map(mode_errors).collect();
-    let spread: [f32; 3] = [0, 1, 2].map(|m: usize| {
-        let known = || (0..modes.len()).filter(|i| noise[*i][m].is_finite());
-        let count = known().count().max(2) as f32;
-        let variance =
-            known().map(|i| modes[i][m].powi(2) - noise[i][m].powi(2)).sum::<f32>() / (count - 1.0);
-        variance.max(0.0).sqrt()
-    });
-    let falloff = exposures.falloff.iter().sum::<f32>() / exposures.falloff.len().max(1) as f32;
-    let exposure = measured.unwrap_or(spread[0]);
-    let strength = match wanted {
-        ExposureUse::On => 1.0,
-        ExposureUse::Off => 0.0,
-        ExposureUse::Auto => part(exposure, SPREAD),
-    };
-    let dark_corners = strength * part(falloff, FALLOFF);
-    let balance = spread[1].hypot(spread[2]) / std::f32::consts::SQRT_2;
-    let verdict = Verdict { exposure, balance, corners: falloff, strength };
-    if strength == 0.0 {
-        return (None, verdict);
+impl Solved {
+    /// The spread of the photos' light with these `strengths`.
+    pub fn verdict(&self, strengths: Strengths) -> Verdict {
+        let spread = self.spread();
+        let falloff = &self.exposures.falloff;
+        Verdict {
+            exposure: spread[0],
+            balance: spread[1].hypot(spread[2]) / std::f32::consts::SQRT_2,
+            corners: falloff.iter().sum::<f32>() / falloff.len().max(1) as f32,
+            unknown: self.errors.iter().filter(|errors| !errors[1].is_finite()).count() as u64,
+            strengths,
+        }
     }
-    for ((gains, modes), noise) in exposures.gains.iter_mut().zip(&modes).zip(&noise) {
-        let kept = [0, 1, 2].map(|m: usize| {
-            let known = spread[m].powi(2) / (spread[m].powi(2) + noise[m].powi(2)).max(f32::MIN_POSITIVE);
-            strength * known * modes[m]
-        });
-        *gains = channels(kept);
-    }
-    exposures.falloff.iter_mut().for_each(|k| *k = dark_corners * k.max(0.0));
-    (Some(exposures), verdict)
-}
 
-/// 0 below the first bound, 1 above the second, smooth between.
-fn part(value: f32, [least, full]: [f32; 2]) -> f32 {
-    let t = ((value - least) / (full - least)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
+    /// The corrections by these `strengths`; `None` of none. Uncertain gains count less: by the share of their variance that is no error.
+    pub fn corrections(&self, strengths: Strengths) -> Option<Exposures> {
+        if strengths.is_none() || self.exposures.gains.is_empty() {
+            return None;
+        }
+        let spread = self.spread();
+        let of_mode = [strengths.gain, strengths.balance, strengths.balance];
+        let gains = self.exposures.gains.iter().zip(&self.errors).map(|(gains, errors)| {
+            let noise = mode_errors(errors);
+            let modes = modes(gains);
+            channels([0, 1, 2].map(|m: usize| {
+                let variance = spread[m].powi(2);
+                let known = variance / (variance + noise[m].powi(2)).max(f32::MIN_POSITIVE);
+                of_mode[m] * known * modes[m]
+            }))
+        });
+        let falloff = self.exposures.falloff.iter().map(|falloff| strengths.falloff * falloff.max(0.0));
+        Some(Exposures { gains: gains.collect(), falloff: falloff.collect() })
+    }
+
+    /// Standard deviation of each mode over the photos, without the part that is error.
+    fn spread(&self) -> [f32; 3] {
+        let photos =
+            || self.exposures.gains.iter().zip(&self.errors).filter(|(_, errors)| errors[1].is_finite());
+        let count = photos().count().max(2) as f32;
+        [0, 1, 2].map(|m: usize| {
+            let of_photo = |(gains, errors)| modes(gains)[m].powi(2) - mode_errors(errors)[m].powi(2);
+            let variance = photos().map(of_photo).sum::<f32>() / (count - 1.0);
+            variance.max(0.0).sqrt()
+        })
+    }
 }
 
 /// Exposure, and red and blue against green.
-fn modes([red, green, blue]: &[f32; 3]) -> [f32; 3] {
+pub(super) fn modes([red, green, blue]: &[f32; 3]) -> [f32; 3] {
     [(red + green + blue) / 3.0, red - green, blue - green]
 }
 
@@ -258,7 +308,7 @@ mod tests {
             let place = Vec2::new((i % 64) as f32 + 0.5, (i / 64) as f32 + 0.5);
             std::array::from_fn(|c| {
                 let light = linear_from_srgb(f32::from(scene(i)[c]) / 255.0);
-                let light = light * (gains[c] - falloff * rings.square(place)).exp();
+                let light = light * (gains[c] - falloff * (rings.square(place) - MEAN_R2)).exp();
                 (255.0 * srgb_from_linear(light)).round() as u8
             })
         };
@@ -287,37 +337,39 @@ mod tests {
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
         let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };
-        Solved { errors: vec![[error; 3]; 40], exposures, spread: None }
+        Solved { errors: vec![[error; 3]; 40], exposures }
     }
 
     #[test]
-    fn photos_that_agree_are_left_as_they_are() {
-        assert_eq!(judge(solved(0.12, 0.001, 0.1), ExposureUse::Auto).0, None);
-        // What spreads is what is not known.
-        assert_eq!(judge(solved(0.2, 0.2, 0.0), ExposureUse::Auto).0, None);
-        assert_eq!(judge(solved(0.3, 0.01, 0.5), ExposureUse::Off).0, None);
-        assert!(judge(solved(0.001, 0.0001, 0.0), ExposureUse::On).0.is_some());
-    }
-
-    #[test]
-    fn photos_that_differ_are_corrected_by_what_is_known() {
-        let (exposures, verdict) = judge(solved(0.3, 0.01, 0.4), ExposureUse::Auto);
-        let exposures = exposures.unwrap();
-        assert!((exposures.gains[0][1] - 0.3).abs() < 1e-3 && (exposures.gains[1][2] + 0.3).abs() < 1e-3);
-        assert_eq!((exposures.falloff[7], verdict.strength), (0.4, 1.0));
+    fn corrections_are_the_known_part_of_the_estimates_by_their_strengths() {
+        assert_eq!(solved(0.3, 0.01, 0.5).corrections(Strengths::NONE), None);
+        let estimates = solved(0.3, 0.01, 0.4);
+        let full = estimates.corrections(Strengths::FULL).unwrap();
+        assert!((full.gains[0][1] - 0.3).abs() < 1e-3 && (full.gains[1][2] + 0.3).abs() < 1e-3);
+        assert_eq!(full.falloff[7], 0.4);
+        let verdict = estimates.verdict(Strengths::FULL);
         assert!((verdict.exposure - 0.3).abs() < 0.01 && verdict.balance == 0.0, "{verdict:?}");
+        let part = Strengths { gain: 0.5, balance: 0.0, falloff: 0.25 };
+        let half = estimates.corrections(part).unwrap();
+        assert!((half.gains[0][1] - 0.15).abs() < 1e-3 && half.falloff[0] == 0.1, "{half:?}");
         // Half of the spread's square is error: half is believed.
-        let (exposures, _) = judge(solved(0.6, 0.6 / 2f32.sqrt(), 0.0), ExposureUse::Auto);
-        assert!((exposures.unwrap().gains[0][0] - 0.3).abs() < 0.02);
+        let unsure = solved(0.6, 0.6 / 2f32.sqrt(), 0.0).corrections(Strengths::FULL).unwrap();
+        assert!((unsure.gains[0][0] - 0.3).abs() < 0.02);
+        assert_eq!(
+            solved(0.2, 0.2, 0.0).verdict(Strengths::NONE).exposure,
+            0.0,
+            "all of the spread is error"
+        );
     }
 
     #[test]
-    fn there_is_no_cliff_between_the_two() {
-        let gain = |spread: f32| {
-            judge(solved(spread, 1e-4, 0.0), ExposureUse::Auto).0.map_or(0.0, |e| e.gains[0][0])
-        };
-        let all: Vec<f32> = (0..400).map(|i| gain(0.001 * i as f32)).collect();
-        assert!(all.windows(2).all(|two| (0.0..0.006).contains(&(two[1] - two[0]))), "{all:?}");
-        assert!(all[140] == 0.0 && (all[260] - 0.26).abs() < 1e-3);
+    fn shares_are_written_as_a_list_and_words_as_words() {
+        let shares = Strengths { gain: 0.7, balance: 0.0, falloff: 0.25 }.to_use();
+        for (value, text) in [(shares, "[0.7,0.0,0.25]"), (ExposureUse::On, "\"on\"")] {
+            assert_eq!(serde_json::to_string(&value).unwrap(), text);
+            assert_eq!(serde_json::from_str::<ExposureUse>(text).unwrap(), value);
+        }
+        assert!(serde_json::from_str::<ExposureUse>("\"bright\"").is_err());
+        assert_eq!(Strengths::NONE.to_use(), ExposureUse::Off);
     }
 }
