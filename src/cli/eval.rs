@@ -121,6 +121,10 @@ impl Table {
                 format!("{within:.3} within 1%, {before:.3} over 5% before, {behind:.3} over 5% behind");
             self.line(out, &format!("depth   {name:<5} {shares}, of {rays} rays to tracked points"))?;
         }
+        if let Some(psnr) = step.psnr_own_exposure {
+            let what = "at each photo's exposure and white balance as tracked points tell them";
+            self.line(out, &format!("exposed {name:<5} {psnr:.3} dB {what}"))?;
+        }
         let Some(BesideScores { unsupported, empty }) = step.beside else { return Ok(()) };
         let shares = format!("{unsupported:.3} that no photo supports, {empty:.3} empty");
         self.line(out, &format!("beside  {name:<5} {shares}, of the pixels beside the training cameras"))

@@ -3,14 +3,15 @@
 use super::train::{dataset, succeed, train};
 use super::train_teacher::{SHORT, few_photos, read, train_few};
 use super::{sample, trisplat};
+use crate::phone::phone_sample;
 use serde_json::json;
 use std::ops::ControlFlow::{self, Continue};
 use std::path::Path;
 use std::process::Command;
 use trisplat::{BakeJob, BakeOptions, BakePreset, Dataset, DatasetOptions, TrainJob, TrainOptions};
-use trisplat_job::{BakeDone, BakeInput, Event, TeacherSource, TrainDone};
+use trisplat_dataset::exposure::{ExposureEvidence, ExposureUse};
+use trisplat_job::{BakeDone, BakeInput, Event, TeacherSource, TrainDone, TrainPart};
 use trisplat_scene::{Budget, Seconds, layered::Layers};
-use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::Trained;
 
 /// What the flags of [`train`] ask for; `given` are flags of the training.
@@ -65,22 +66,26 @@ fn a_training_with_and_without_a_teacher() {
     let TrainDone { trained, report, .. } = job.run(&mut observer).unwrap();
     assert!(bytes(folder, &trained) == scene);
     assert!(bytes(folder, &teacher.unwrap()) == read(folder, "a.teacher.ply"));
-    assert_eq!(report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(), ["teacher", "train"]);
+    assert_eq!(
+        report.stages.iter().map(|stage| &stage.name).collect::<Vec<_>>(),
+        ["evidence", "teacher", "train"]
+    );
 }
 
-/// Counts the short trainings, and stops one of them.
+/// Counts the short trainings, and stops the first of them or the run after them.
 #[derive(Default)]
-struct Watching {
+struct Trials {
     trainings: usize,
-    said: String,
+    said: Option<ExposureEvidence>,
     stop: bool,
 }
 
-impl Watching {
+impl Trials {
     fn tell(&mut self, event: &Event<'_>) -> ControlFlow<()> {
         match event {
-            Event::Begins(_) => self.trainings += 1,
-            Event::Watched(watched) => self.said = watched.summary(),
+            Event::Begins(begins) if begins.part == TrainPart::Trial => self.trainings += 1,
+            Event::Begins(_) => return ControlFlow::Break(()),
+            Event::Exposure(evidence) => self.said = Some(**evidence),
             Event::Train(..) if self.stop => return ControlFlow::Break(()),
             _ => {}
         }
@@ -88,72 +93,48 @@ impl Watching {
     }
 }
 
-/// A training with a budget on `views` photos of the synthetic scene, one in eight of them held out.
-fn with_budget(folder: &Path, views: u32, seconds: f64) -> TrainJob {
-    let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
-    trisplat_synthetic::write(folder, &options).unwrap();
-    let photos = Dataset::load(folder, &DatasetOptions::default()).unwrap();
-    let mut job = TrainJob::new(photos, TrainOptions::default());
-    job.budget = Some(Budget::cpu(Seconds(seconds)));
-    job
+/// A training on the sample as a phone takes it, which stops where the run itself begins.
+fn of_phone(folder: &Path, change: impl FnOnce(&mut TrainJob)) -> (Trials, String) {
+    let how = DatasetOptions { max_size: Some(96), ..DatasetOptions::default() };
+    let mut job = TrainJob::new(Dataset::load(folder, &how).unwrap(), TrainOptions::default());
+    let mut observer = Trials::default();
+    change(&mut job);
+    let error = job.run(&mut |event| observer.tell(&event)).unwrap_err().to_string();
+    (observer, error)
 }
 
-/// Short trainings leave some of the training photos out, and say whether a teacher helps.
 #[test]
-fn photos_are_watched_where_a_budget_has_time() {
+fn exposure_is_judged_by_left_out_photos_where_a_run_has_time() {
     let folder = tempfile::tempdir().unwrap();
-    let (asked, mut observer) = (with_budget(folder.path(), 20, 120.0), Watching::default());
-    let mut job = asked.clone();
-    job.watch(&mut |event| observer.tell(&event)).unwrap();
-    job.watch(&mut |event| observer.tell(&event)).unwrap();
-    let watched = job.watched.clone().unwrap();
-    assert_eq!((observer.trainings, watched.solid.map(|training| training.steps)), (2, [425, 1275]));
-    assert!(
-        observer.said == watched.summary() && observer.said.contains("on 3 photos left out of training"),
-        "{}",
-        observer.said
-    );
-    let trained: Vec<&String> = job.dataset.train().map(|view| &view.name).collect();
-    assert_eq!((trained.len(), watched.photos.len()), (17, 3));
-    assert!(watched.photos.iter().all(|name| trained.contains(&name)), "{:?}", watched.photos);
-    // Without the time, and without a teacher, nothing is watched.
-    let (mut without, mut hurried) = (asked.clone(), asked);
-    without.teacher = Some(TeacherSource::Off);
-    hurried.budget = Some(Budget::cpu(Seconds(39.0)));
-    for mut job in [without, hurried] {
-        job.watch(&mut |_| Continue(())).unwrap();
-        assert!(job.watched.is_none());
+    phone_sample(folder.path());
+    let (judged, _) = of_phone(folder.path(), |_| ());
+    let evidence = judged.said.unwrap();
+    assert!(evidence.photos >= 12 && judged.trainings >= 1, "{evidence:?}");
+    assert!(evidence.strengths.gain > 0.5, "{evidence:?}");
+    let (again, _) = of_phone(folder.path(), |job| job.budget = Some(Budget::cpu(Seconds(120.0))));
+    assert_eq!(again.said, Some(evidence), "a budget changes nothing but whether there is time");
+    let not_judged: [fn(&mut TrainJob); 4] = [
+        |job| job.budget = Some(Budget::cpu(Seconds(2.0))),
+        |job| job.options.options.steps = 100,
+        |job| job.outputs.max_cpu_secs = 1e6,
+        |job| job.options.options.exposure = ExposureUse::On,
+    ];
+    for change in not_judged {
+        let (trials, _) = of_phone(folder.path(), change);
+        assert!(trials.trainings == 0 && trials.said.is_none());
     }
 }
 
-/// Whether 21 photos need a teacher is asked first. Who stops it is told that nothing was written.
 #[test]
-fn watching_can_be_stopped() {
+fn a_short_training_that_is_stopped_says_that_nothing_was_written() {
     let folder = tempfile::tempdir().unwrap();
-    let mut job = with_budget(folder.path(), 24, 120.0);
-    let mut observer = Watching { stop: true, ..Watching::default() };
-    let error = job.watch(&mut |event| observer.tell(&event)).unwrap_err().to_string();
-    assert!(error.contains("of 525 steps") && error.contains("nothing was written"), "{error}");
-    assert_eq!((observer.trainings, job.watched), (1, None));
-}
-
-/// A long run asks without a budget, too; a short one, and one that may be stopped early, do not.
-#[test]
-fn a_long_run_without_a_budget_watches_photos() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut long = with_budget(folder.path(), 24, 120.0);
-    long.budget = None;
-    let mut short = long.clone();
-    short.options.options.steps = 100;
-    short.options.options.max_triangles = 1000;
-    let mut limited = long.clone();
-    limited.outputs.max_cpu_secs = 1e6;
-    let trainings = |mut job: TrainJob| {
-        let mut observer = Watching { stop: true, ..Watching::default() };
-        let watched = job.watch(&mut |event| observer.tell(&event));
-        (observer.trainings, watched.is_ok())
-    };
-    assert_eq!([long, short, limited].map(trainings), [(1, false), (0, true), (0, true)]);
+    phone_sample(folder.path());
+    let how = DatasetOptions { max_size: Some(96), ..DatasetOptions::default() };
+    let job = TrainJob::new(Dataset::load(folder.path(), &how).unwrap(), TrainOptions::default());
+    let mut observer = Trials { stop: true, ..Trials::default() };
+    let error = job.run(&mut |event| observer.tell(&event)).unwrap_err().to_string();
+    assert!(error.contains("leaves some photos out") && error.contains("nothing was written"), "{error}");
+    assert_eq!((observer.trainings, observer.said), (1, None));
 }
 
 /// Timings choose the numbers of a budget, so the program is given those that the library chose.

@@ -7,12 +7,11 @@ use std::ops::ControlFlow::{self, Continue};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
-use trisplat_job::{Event, TrainPart};
+use trisplat_job::{Event, TeacherSource, TrainPart};
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{TrainEvent, Trained, checkpoint};
 
-/// Photos in `folder/photos`: `views` of them, one in eight held out. With 20 views, 17 remain: photos are watched, and more steps lose
-/// on them (these are tiny), so a run has a teacher.
+/// Photos in `folder/photos`: `views` of them, one in eight held out.
 fn photos(folder: &Path, views: u32) -> PathBuf {
     let folder = folder.join("photos");
     std::fs::create_dir(&folder).unwrap();
@@ -21,7 +20,7 @@ fn photos(folder: &Path, views: u32) -> PathBuf {
     folder
 }
 
-/// Stops at a step of one of the trainings, counted from 0: short ones, the teacher's, the run.
+/// Stops at a step of one of the trainings, counted from 0: the teacher's, the run.
 #[derive(Default)]
 struct Stopper {
     training: usize,
@@ -47,6 +46,7 @@ impl Stopper {
 
 fn job(photos: &Path, options: TrainOptions, point: &Path) -> TrainJob {
     let mut job = TrainJob::new(Dataset::load(photos, &DatasetOptions::default()).unwrap(), options);
+    job.teacher = Some(TeacherSource::Auto);
     job.outputs.checkpoint = Some(point.to_owned());
     job.resume = point.is_file().then(|| checkpoint::read(point).unwrap());
     job
@@ -59,28 +59,21 @@ fn without_shell() -> TrainOptions {
     options
 }
 
-/// Seventeen photos are watched by two short trainings.
 #[test]
 fn a_run_stopped_before_its_own_first_step_begins_again_and_ends_as_one_that_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let photos = photos(folder.path(), 20);
     let point = folder.path().join("a.checkpoint");
-    for (training, step, what) in [
-        (0, 1, "a short training that leaves some photos out, after 1 of 425 steps"),
-        (1, 7, "a short training that leaves some photos out, after 7 of 1275 steps"),
-        (2, 9, "the training of a soft teacher scene, after 9 of "),
-    ] {
-        let mut observer = Stopper { at: Some((training, step)), ..Stopper::default() };
-        let error =
-            job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
-        let said = error.to_string();
-        assert!(matches!(error, Error::Stopped { .. }) && said.contains(what), "{said}");
-        assert!(said.contains("nothing was written") && !point.exists(), "{said}");
-    }
+    let mut observer = Stopper { at: Some((0, 9)), ..Stopper::default() };
+    let error = job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
+    let said = error.to_string();
+    let what = "the training of a soft teacher scene, after 9 of ";
+    assert!(matches!(error, Error::Stopped { .. }) && said.contains(what), "{said}");
+    assert!(said.contains("nothing was written") && !point.exists(), "{said}");
     let mut observer = Stopper::default();
     let straight =
         job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap().trained;
-    assert!(observer.training == 3 && observer.teacher.is_some(), "two short trainings and a teacher");
+    assert!(observer.training == 1 && observer.teacher.is_some());
     let again = job(&photos, without_shell(), &point).run(&mut |_| Continue(())).unwrap().trained;
     assert!(again.soup == straight.soup && again.steps == straight.steps);
 }
@@ -118,8 +111,8 @@ fn stop(command: &mut Command, line: &str, file: Option<&Path>, signal: &str) ->
     Output { status: child.wait().unwrap(), stdout: Vec::new(), stderr: all.into_bytes() }
 }
 
-const WATCHING: &str = "a short training leaves some photos out";
 const TEACHER: &str = "a soft teacher scene is trained first";
+const TRAINING: &str = "most are for training";
 
 #[cfg(unix)]
 #[test]
@@ -128,24 +121,19 @@ fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_conti
     let folder = folder.path();
     photos(folder, 20);
     // The shell alone would be a poor witness.
-    let options = "--set init.shell_subdivisions=0";
+    let options = "--set init.shell_subdivisions=0 --teacher auto";
     succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
     let log = folder.join("a.log");
     let words = format!("train photos -o a.ply --log a.log --log-every 1 {options}");
-    // A teacher replaces nothing, though only watched photos say that there is one.
     std::fs::write(folder.join("a.teacher.ply"), b"precious").unwrap();
     let refused = typed(folder, &words).output().unwrap();
     let said = stderr(&refused);
-    assert!(refused.status.code() == Some(1) && said.contains("(--teacher off skips it)"), "{said}");
-    assert!(said.contains("a.teacher.ply") && said.contains("--force"), "{said}");
+    assert!(refused.status.code() == Some(1) && said.contains("a.teacher.ply"), "{said}");
     assert!(read(folder, "a.teacher.ply") == b"precious" && !folder.join("a.ply").exists());
     std::fs::remove_file(folder.join("a.teacher.ply")).unwrap();
-    for (line, signal, code, what) in [
-        (WATCHING, "-HUP", 129, "stopped in a short training that leaves some photos out, after "),
-        (WATCHING, "-INT", 130, "stopped in a short training that leaves some photos out, after "),
-        (TEACHER, "-TERM", 143, "stopped in the training of a soft teacher scene, after "),
-    ] {
-        let output = stop(&mut typed(folder, &words), line, None, signal);
+    for (signal, code) in [("-HUP", 129), ("-INT", 130), ("-TERM", 143)] {
+        let what = "stopped in the training of a soft teacher scene, after ";
+        let output = stop(&mut typed(folder, &words), TEACHER, None, signal);
         let said = stderr(&output);
         assert_eq!(output.status.code(), Some(code), "{said}");
         assert!(said.contains(what) && said.contains("the same command begins again"), "{said}");
@@ -193,15 +181,11 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     succeed(&mut make(straight, steps));
     let at = |name: &str| folder.join("scene.make").join(name);
 
-    stop(&mut make(folder, steps), TEACHER, None, "-KILL");
-    // Asked in the teacher's training, and then in the run's.
-    let output = stop(&mut make(folder, steps), TEACHER, None, "-TERM");
+    stop(&mut make(folder, steps), TRAINING, None, "-KILL");
+    let output = stop(&mut make(folder, steps), TRAINING, None, "-TERM");
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(143), "{said}");
     assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
-    assert!(!at("scene.checkpoint").exists());
-    let output = stop(&mut make(folder, steps), TEACHER, Some(&at("scene.teacher.ply")), "-HUP");
-    assert_eq!(output.status.code(), Some(129), "{}", stderr(&output));
     assert!(at("scene.checkpoint").exists());
     // Killed in the bake.
     stop(&mut make(folder, steps), "the training goes on", Some(&at("scene.ply")), "-KILL");

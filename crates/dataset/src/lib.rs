@@ -15,13 +15,15 @@ pub mod exposure {
 
     mod correction;
     mod evidence;
+    mod relative;
     mod solve;
 
     pub use correction::{
         ExposureDetails, ExposureUse, Exposures, Solved, Strengths, Verdict, compared_size, differ,
     };
     pub use evidence::{ExposureEvidence, LeftOutPhoto};
-    pub use solve::{Light, compared_points, solve};
+    pub use relative::own_exposures;
+    pub use solve::{Light, compared_points, points_of, solve};
 }
 mod found;
 mod lens;

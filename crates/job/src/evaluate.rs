@@ -4,14 +4,20 @@ use super::off_camera;
 use super::renderer::RenderOptions;
 use super::scores::{self, EvalReport, ImageScore, ScoredPicture, StepScore};
 use super::steps::{self, EvalStep};
+use glam::UVec2;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
+use trisplat_dataset::exposure::{
+    Exposures, Light, Strengths, compared_points, compared_size, own_exposures, points_of,
+};
 use trisplat_dataset::{Dataset, DatasetOptions, Photos, ShrunkSize, Split, View};
 use trisplat_formats::{self as formats, Content};
-use trisplat_scene::Result;
 use trisplat_scene::image::RgbImage;
+use trisplat_scene::math::metric;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::generator;
+use trisplat_scene::{Result, parallel};
 use trisplat_train::BackendOptions;
 
 /// An evaluation job. [`EvalJob::new`] fills in the defaults; set any field before running it.
@@ -69,6 +75,8 @@ pub struct ReadyEval<'a> {
     dataset: &'a Dataset,
     views: Vec<&'a View>,
     steps: Vec<EvalStep>,
+    /// Shares of the photos' exposures that were corrected in training.
+    corrected: Strengths,
     warnings: Vec<String>,
 }
 
@@ -100,11 +108,15 @@ impl EvalJob {
     pub fn prepare(self, dataset: &Dataset) -> Result<ReadyEval<'_>> {
         let views = self.split.some_of(dataset)?;
         let background = self.dataset_options.background.to_f32();
+        let mut corrected = Strengths::NONE;
         let (read, steps) = match formats::read_content(&self.file, &self.dataset_options.read_options(3))? {
-            Content::Scene(loaded) => (
-                loaded.warnings.clone(),
-                steps::steps(&self.file, loaded, &self.render, dataset, background)?,
-            ),
+            Content::Scene(loaded) => {
+                corrected = loaded.provenance.exposure.map_or(Strengths::NONE, Strengths::from);
+                (
+                    loaded.warnings.clone(),
+                    steps::steps(&self.file, loaded, &self.render, dataset, background)?,
+                )
+            }
             Content::Splats(loaded) => {
                 (loaded.warnings.clone(), steps::steps_of_splats(loaded, &self.render, dataset, background)?)
             }
@@ -113,7 +125,7 @@ impl EvalJob {
         if views.iter().any(|view| view.photo.mask.is_some() && !view.photo.is_cut()) {
             warnings.push("masked pixels were left out of the scores".into());
         }
-        Ok(ReadyEval { job: self, dataset, views, steps, warnings })
+        Ok(ReadyEval { job: self, dataset, views, steps, corrected, warnings })
     }
 }
 
@@ -172,23 +184,33 @@ impl<'a> ReadyEval<'a> {
         for step in &self.steps {
             views.iter().try_for_each(|view| step.renderer.validate(view.camera.size, &view.photo.limits))?;
         }
+        let own = self.own_exposures()?;
+        let views = &self.views;
         let mut photos = Photos::new(views.iter().map(|v| v.photo.clone()).collect(), photo_bytes);
         photos.prefetch(0..views.len());
         let mut images: Vec<Vec<ImageScore>> = vec![Vec::new(); self.steps.len()];
+        let mut at_own: Vec<Option<f64>> = vec![Some(0.0); self.steps.len()];
         let mut secs = vec![0.0; self.steps.len()];
         for (i, view) in views.iter().enumerate() {
             let photo = photos.take(i)?;
             let mut drawn = Vec::with_capacity(self.steps.len());
             for (step, secs) in self.steps.iter_mut().zip(&mut secs) {
                 let clock = Instant::now();
-                drawn.push(step.measured(view, &photo));
+                let measured = step.measured(view, &photo);
+                drawn.push(ScoredPicture {
+                    psnr_own_exposure: own[i].map(|own| psnr_at(&measured.picture, own, &photo)),
+                    ..measured
+                });
                 *secs += clock.elapsed().as_secs_f64();
             }
             on_view(i, &drawn)?;
+            for (sum, drawn) in at_own.iter_mut().zip(&drawn) {
+                *sum = sum.zip(drawn.psnr_own_exposure).map(|(sum, psnr)| sum + psnr);
+            }
             images.iter_mut().zip(drawn).for_each(|(images, drawn)| images.push(drawn.score));
         }
         let mut scores: Vec<StepScore> = Vec::with_capacity(self.steps.len());
-        for ((step, images), draw_secs) in self.steps.iter().zip(images).zip(secs) {
+        for (((step, images), at_own), draw_secs) in self.steps.iter().zip(images).zip(at_own).zip(secs) {
             let mean = scores::mean(images.iter().map(|image| &image.score));
             let surface = step.renderer.surface().filter(|_| self.job.off_camera);
             scores.push(StepScore {
@@ -199,6 +221,7 @@ impl<'a> ReadyEval<'a> {
                 splats: step.renderer.splat_count(),
                 bytes: step.bytes,
                 mean,
+                psnr_own_exposure: at_own.map(|sum| sum / images.len() as f64),
                 change: scores.last().map(|before| mean.minus(&before.mean)),
                 images,
                 draw_secs,
@@ -206,6 +229,37 @@ impl<'a> ReadyEval<'a> {
         }
         Ok(scores)
     }
+
+    /// What brings drawings to the exposure of each evaluated photo, as logarithms; `None` where it is unknown. Nothing is read where no
+    /// evaluated photo tracks points.
+    fn own_exposures(&self) -> Result<Vec<Option<[f32; 3]>>> {
+        let is_tracked = |view: &&View| !view.tracked.is_empty();
+        let unknown = vec![None; self.views.len()];
+        let has_points = compared_points(self.dataset).is_some() && self.views.iter().all(is_tracked);
+        if !self.job.off_camera || !has_points || self.views.iter().any(|view| view.photo.is_cut()) {
+            return Ok(unknown);
+        }
+        let all = &self.dataset.views;
+        let lights = parallel::map(all, |_, view| {
+            let photo = Arc::new(view.photo.decode()?);
+            let size = compared_size(photo.size);
+            Ok(Light::at_points(&photo.shared_at(size), &points_of(self.dataset, view)))
+        });
+        let lights = lights.into_iter().collect::<Result<Vec<_>>>()?;
+        let sizes: Vec<UVec2> = all.iter().map(|view| view.camera.size).collect();
+        let is_trained: Vec<bool> = all.iter().map(|view| !view.test).collect();
+        let own = own_exposures(&lights, &sizes, &is_trained, self.corrected);
+        let of_view = |view: &&View| own[all.iter().position(|other| std::ptr::eq(other, *view))?];
+        Ok(self.views.iter().map(of_view).collect())
+    }
+}
+
+/// PSNR of `picture`, brightened by the logarithms `own`, against `photo`, dB.
+fn psnr_at(picture: &RgbImage, own: [f32; 3], photo: &RgbImage) -> f64 {
+    let brightening = Exposures { gains: vec![own.map(|gain| -gain)], falloff: vec![0.0] };
+    let brightened = brightening.correct(0, picture);
+    let drawn = brightened.as_ref().unwrap_or(picture);
+    metric::psnr(&drawn.rgb, &photo.rgb, photo.alpha.as_deref())
 }
 
 impl EvalStep {

@@ -169,6 +169,7 @@ fn compare(
         left_out.push(LeftOutPhoto {
             cells: Light::beside_drawing(&photo, &drawn),
             gains: solved.exposures.gains[i],
+            beside_others: solved.beside_others[i],
             falloff: solved.exposures.falloff[i],
         });
     }

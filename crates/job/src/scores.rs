@@ -63,6 +63,10 @@ pub struct StepScore {
     /// What one sees beside the cameras; absent without a solid surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside: Option<BesideScores>,
+    /// Mean PSNR of drawings that are brought to the estimated exposure and white balance of each photo, dB: an estimate from tracked points,
+    /// never fitted to the picture. Absent where a photo has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr_own_exposure: Option<f64>,
     /// Photo by photo, in order of name.
     pub images: Vec<ImageScore>,
     /// Seconds spent drawing.
@@ -108,6 +112,8 @@ pub struct ScoredPicture {
     pub picture: RgbImage,
     /// How close it comes.
     pub score: ImageScore,
+    /// PSNR at the photo's own exposure, dB, if that is known.
+    pub(super) psnr_own_exposure: Option<f64>,
 }
 
 /// Scores a drawing of a photo.
@@ -131,7 +137,7 @@ fn measure_with(
     let flip = metric::flip(photo.size, &photo.rgb, &picture.rgb, photo.alpha.as_deref());
     let score = Scores { psnr, ssim, flip, psnr_corrected, ssim_corrected };
     let (name, size) = (name.to_owned(), photo.size.to_array());
-    ScoredPicture { step, picture, score: ImageScore { name, size, score } }
+    ScoredPicture { step, picture, score: ImageScore { name, size, score }, psnr_own_exposure: None }
 }
 
 /// The same for a photo of an object: over black and over white, as in [`Quality::over_two`]. The picture is

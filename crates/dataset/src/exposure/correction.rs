@@ -200,6 +200,8 @@ pub struct Solved {
     pub exposures: Exposures,
     /// Standard errors of the gains; infinite for photos without a usable estimate. `[photos]`
     pub errors: Vec<[f32; 3]>,
+    /// Gains less the mean of other photos at the same points: what a scene of the others lacks. `[photos]`
+    pub beside_others: Vec<[f32; 3]>,
 }
 
 /// Spread of the photos' light, and what is corrected of it.
@@ -337,7 +339,7 @@ mod tests {
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
         let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };
-        Solved { errors: vec![[error; 3]; 40], exposures }
+        Solved { errors: vec![[error; 3]; 40], exposures, beside_others: Vec::new() }
     }
 
     #[test]

@@ -2,11 +2,12 @@
 //!
 //! A scene takes up what neighbouring photos have in common. So beside its drawing, a left-out photo shows only the part of its exposure
 //! that its neighbours lack: the slope b of what it shows on what its points predict. b is 1 where exposures differ from photo to photo,
-//! near 0 where they change smoothly around the scene, or where the estimates are wrong.
+//! near 0 where they change smoothly around the scene, or where the estimates are wrong. The points tell a second b, the slope of gains
+//! beside those of other photos at the same points; a long training takes up more than a short one, so the smaller b counts.
 //!
 //! With a share s of the gain corrected in all photos, a left-out photo of gain 1 differs from its drawing by s + (1 - s)·b, and photos
-//! still contradict the scene that they train by (1 - s)·b. The sum of both squares is least at s = 1 - (1 - b) / ((1 - b)² + b²): nothing
-//! is corrected up to b = 1/2, and all of it at b = 1.
+//! still contradict the scene that they train by (1 - s)·b. Views as they are taken count twice. The sum of 2 (s + (1 - s)·b)² and
+//! ((1 - s)·b)² is least at s = 1 - 2 (1 - b) / (2 (1 - b)² + b²): nothing is corrected up to b = 2/3, and all of it at b = 1.
 
 use super::correction::{Strengths, modes};
 use super::solve::Light;
@@ -16,6 +17,8 @@ use trisplat_scene::math::lists::median;
 
 /// Minimum number of left-out photos that can decide.
 const MIN_PHOTOS: usize = 3;
+/// Minimum mean of predicted differences: smaller ones of an 8-bit photo's light are less than a code.
+const MIN_PREDICTION: f32 = 0.01;
 
 /// A photo that a training left out.
 #[derive(Debug, Clone)]
@@ -24,6 +27,8 @@ pub struct LeftOutPhoto {
     pub cells: Vec<Light>,
     /// Predicted gains, as logarithms.
     pub gains: [f32; 3],
+    /// The same beside other photos at the same points.
+    pub beside_others: [f32; 3],
     /// Predicted falloff of its camera.
     pub falloff: f32,
 }
@@ -52,8 +57,10 @@ impl ExposureEvidence {
             let predicted = photos.iter().map(|photo| modes(&photo.gains)[mode]);
             let shown =
                 photos.iter().map(|photo| middle(photo.cells.iter().map(|cell| modes(&cell.log)[mode])));
-            let pairs = centered(predicted.zip(shown).collect());
+            let beside = predicted.clone().zip(photos.iter().map(|photo| modes(&photo.beside_others)[mode]));
             let fit = if mode == 0 { &mut gain } else { &mut balance };
+            fit.beside_others.extend(beside.map(|(predicted, beside)| [predicted, beside]));
+            let pairs = centered(predicted.zip(shown).collect());
             pairs.into_iter().enumerate().for_each(|(photo, pair)| fit.add(photo, pair));
         }
         for (number, photo) in photos.iter().enumerate() {
@@ -71,12 +78,14 @@ impl ExposureEvidence {
 /// Pairs of what is predicted and what is shown.
 struct Fit {
     pairs: Vec<(usize, [f32; 2])>,
+    /// Predictions, and the same beside other photos.
+    beside_others: Vec<[f32; 2]>,
     photos: usize,
 }
 
 impl Fit {
     fn new(photos: usize) -> Self {
-        Self { pairs: Vec::new(), photos }
+        Self { pairs: Vec::new(), beside_others: Vec::new(), photos }
     }
 
     fn add(&mut self, photo: usize, pair: [f32; 2]) {
@@ -85,7 +94,14 @@ impl Fit {
 
     /// The slope, and the corrected share: 0 unless it brings most photos closer to their drawings.
     fn judge(self) -> [f32; 2] {
-        let slope = slope(self.pairs.iter().map(|(_, pair)| *pair));
+        let sum: f32 = self.pairs.iter().map(|(_, [predicted, _])| predicted.abs()).sum();
+        if sum < MIN_PREDICTION * self.pairs.len() as f32 {
+            return [0.0; 2];
+        }
+        let mut slope = least_slope(self.pairs.iter().map(|(_, pair)| *pair));
+        if !self.beside_others.is_empty() {
+            slope = slope.min(least_slope(self.beside_others.iter().copied()));
+        }
         let share = share(slope);
         let mut change = vec![0.0f32; self.photos];
         for (photo, [predicted, shown]) in &self.pairs {
@@ -98,7 +114,7 @@ impl Fit {
 }
 
 /// The slope through zero with the least sum of absolute errors: a median of quotients, weighted by what is predicted. 0 where nothing is.
-fn slope(pairs: impl Iterator<Item = [f32; 2]>) -> f32 {
+fn least_slope(pairs: impl Iterator<Item = [f32; 2]>) -> f32 {
     let usable = pairs.filter(|[predicted, _]| predicted.abs() > 1e-6);
     let mut quotients: Vec<[f32; 2]> =
         usable.map(|[predicted, shown]| [shown / predicted, predicted.abs()]).collect();
@@ -116,7 +132,7 @@ fn slope(pairs: impl Iterator<Item = [f32; 2]>) -> f32 {
 fn share(slope: f32) -> f32 {
     let slope = slope.clamp(0.0, 1.0);
     let rest = 1.0 - slope;
-    (1.0 - rest / (rest * rest + slope * slope)).clamp(0.0, 1.0)
+    (1.0 - 2.0 * rest / (2.0 * rest * rest + slope * slope)).clamp(0.0, 1.0)
 }
 
 /// Both of each pair less their medians: neither has a known zero.
@@ -149,6 +165,7 @@ mod tests {
             LeftOutPhoto {
                 cells: (0..256).map(cell).collect(),
                 gains: [1.1 * gain, gain, gain],
+                beside_others: [1.1 * gain, gain, gain],
                 falloff: 0.4,
             }
         };
@@ -168,15 +185,19 @@ mod tests {
             assert!((slope - 1.0).abs() < 0.1 && share > 0.9, "{confirmed:?}");
         }
         // A scene that took up most of it shows little.
-        let absorbed = of(0.4, 0.02);
-        assert!((absorbed.slopes.gain - 0.4).abs() < 0.05 && absorbed.strengths.is_none(), "{absorbed:?}");
+        let absorbed = of(0.6, 0.02);
+        assert!((absorbed.slopes.gain - 0.6).abs() < 0.05 && absorbed.strengths.is_none(), "{absorbed:?}");
+        let mut photos = left_out(1.0, 0.1);
+        photos.iter_mut().for_each(|photo| photo.beside_others = photo.gains.map(|gain| 0.6 * gain));
+        let strengths = ExposureEvidence::of(&photos).strengths;
+        assert!(strengths.gain == 0.0 && strengths.falloff > 0.9, "neighbours share most: {strengths:?}");
         assert!(of(0.0, 0.1).strengths.is_none() && of(-1.0, 0.1).strengths.is_none());
     }
 
     #[test]
     fn one_odd_photo_decides_nothing_and_two_photos_neither() {
         let mut photos = left_out(1.0, 0.02);
-        photos[4].gains = [3.0; 3];
+        photos[4].gains = [0.9; 3];
         assert!(ExposureEvidence::of(&photos).strengths.gain > 0.9);
         assert!(ExposureEvidence::of(&photos[..2]).strengths.is_none());
         assert_eq!(ExposureEvidence::of(&[]), ExposureEvidence::default());
@@ -185,7 +206,7 @@ mod tests {
     #[test]
     fn the_share_has_the_least_sum_of_both_errors() {
         for slope in [0.3f32, 0.55, 0.7, 0.9, 0.99] {
-            let cost = |s: f32| (s + (1.0 - s) * slope).powi(2) + ((1.0 - s) * slope).powi(2);
+            let cost = |s: f32| 2.0 * (s + (1.0 - s) * slope).powi(2) + ((1.0 - s) * slope).powi(2);
             let best =
                 (0..=1000).map(|i| i as f32 / 1000.0).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
             assert!((share(slope) - best).abs() < 0.002, "{slope}: {} {best}", share(slope));

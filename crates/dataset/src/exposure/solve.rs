@@ -4,6 +4,7 @@
 //! channel, with less weight for what shines, moves or does not match.
 
 use super::correction::{Exposures, Rings, Solved};
+use super::relative::beside_others;
 use crate::posed::{Dataset, Point, View};
 use glam::{UVec2, Vec2};
 use std::collections::HashMap;
@@ -114,15 +115,18 @@ impl Light {
 pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
     let photos = || dataset.train().filter(|view| !view.photo.is_drawn());
     let tracked = photos().filter(|view| view.tracked.len() >= MIN_POINTS).count();
-    let of_view = |view: &View| {
-        let camera = &view.camera;
-        let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));
-        let place = |(i, point): (usize, &Point)| {
-            Some((i as u32, camera.shows(point.position)?.0 / camera.size.as_vec2()))
-        };
-        shown.filter_map(place).collect()
+    let is_enough = tracked > 0 && 10 * tracked >= 9 * photos().count();
+    is_enough.then(|| dataset.train().map(|view| points_of(dataset, view)).collect())
+}
+
+/// The points that the photo of `view` tracks, but those that judge depth, with their places as shares of its width and height.
+pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
+    let camera = &view.camera;
+    let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));
+    let place = |(i, point): (usize, &Point)| {
+        Some((i as u32, camera.shows(point.position)?.0 / camera.size.as_vec2()))
     };
-    (tracked > 0 && 10 * tracked >= 9 * photos().count()).then(|| dataset.train().map(of_view).collect())
+    shown.filter_map(place).collect()
 }
 
 /// The exposures that best explain the light of photos at points, for cameras of these sizes; photos of one size share a camera. A photo
@@ -142,6 +146,7 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let mut solved = Solved {
         exposures: Exposures { gains: vec![[0.0; 3]; photos.len()], falloff: vec![0.0; photos.len()] },
         errors: vec![[f32::INFINITY; 3]; photos.len()],
+        beside_others: Vec::new(),
     };
     let is_tied = tied(&seen, photos.len(), numbers.len());
     for c in 0..3 {
@@ -155,6 +160,10 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
         }
     }
     solved.leave_out_impossible();
+    let is_known: Vec<bool> = solved.errors.iter().map(|errors| errors[0].is_finite()).collect();
+    let gains = &solved.exposures.gains;
+    let beside = beside_others(photos, gains, gains, &is_known);
+    solved.beside_others = beside.into_iter().map(Option::unwrap_or_default).collect();
     solved
 }
 
