@@ -259,7 +259,7 @@ fn capture_training_and_bake_agree_on_how_photos_differ_in_exposure() {
     let truth = phone::phone_sample(&fake.at("taken"));
     std::fs::rename(fake.at("taken/images"), fake.at("photos")).unwrap();
     let said =
-        fake.succeed(&["make", "photos", "-o", "scene.glb", "--steps", "60", "--report", "report.json"]);
+        fake.succeed(&["make", "photos", "-o", "scene.glb", "--steps", "600", "--report", "report.json"]);
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(fake.at("report.json")).unwrap()).unwrap();
     let names: Vec<&str> = truth.iter().map(|photo| photo.name.as_str()).collect();

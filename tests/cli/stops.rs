@@ -8,14 +8,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use trisplat::{Dataset, DatasetOptions, Error, TrainJob, TrainOptions};
 use trisplat_job::{Event, TeacherSource, TrainPart};
+use trisplat_scene::image::RgbImage;
 use trisplat_synthetic::SyntheticOptions;
 use trisplat_train::{TrainEvent, Trained, checkpoint};
 
-/// Photos in `folder/photos`: `views` of them, one in eight held out.
-fn photos(folder: &Path, views: u32) -> PathBuf {
+/// Photos in `folder/photos`: `views` of them, one in eight held out, that track `points`.
+fn photos(folder: &Path, views: u32, points: u32) -> PathBuf {
     let folder = folder.join("photos");
     std::fs::create_dir(&folder).unwrap();
-    let options = SyntheticOptions { views, width: 24, points: 50, ..SyntheticOptions::default() };
+    let options = SyntheticOptions { views, width: 24, points, ..SyntheticOptions::default() };
     trisplat_synthetic::write(&folder, &options).unwrap();
     folder
 }
@@ -62,7 +63,7 @@ fn without_shell() -> TrainOptions {
 #[test]
 fn a_run_stopped_before_its_own_first_step_begins_again_and_ends_as_one_that_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
-    let photos = photos(folder.path(), 20);
+    let photos = photos(folder.path(), 20, 50);
     let point = folder.path().join("a.checkpoint");
     let mut observer = Stopper { at: Some((0, 9)), ..Stopper::default() };
     let error = job(&photos, without_shell(), &point).run(&mut |event| observer.tell(&event)).unwrap_err();
@@ -112,14 +113,15 @@ fn stop(command: &mut Command, line: &str, file: Option<&Path>, signal: &str) ->
 }
 
 const TEACHER: &str = "a soft teacher scene is trained first";
-const TRAINING: &str = "most are for training";
+const TRIAL: &str = "a short training leaves some photos out";
+const JUDGED: &str = "of their estimated exposure";
 
 #[cfg(unix)]
 #[test]
 fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_continues() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    photos(folder, 20);
+    photos(folder, 20, 50);
     // The shell alone would be a poor witness.
     let options = "--set init.shell_subdivisions=0 --teacher auto";
     succeed(&mut typed(folder, &format!("train photos -o straight.ply {options}")));
@@ -165,6 +167,19 @@ fn a_run_with_a_requested_teacher_that_is_stopped_goes_on() {
     assert!(read(folder, "a.ply") == read(folder, "straight.ply"));
 }
 
+/// Darkens every other photo.
+#[cfg(unix)]
+fn differ_in_light(photos: &Path) {
+    let entries = std::fs::read_dir(photos.join("images")).unwrap().map(|entry| entry.unwrap().path());
+    let mut paths: Vec<PathBuf> = entries.collect();
+    paths.sort();
+    for path in paths.iter().step_by(2) {
+        let mut photo = RgbImage::load(path).unwrap();
+        photo.rgb.iter_mut().for_each(|rgb| *rgb = rgb.map(|code| code / 4 * 3));
+        photo.save_png(path).unwrap();
+    }
+}
+
 #[cfg(unix)]
 fn make(folder: &Path, more: &str) -> Command {
     typed(folder, &format!("make photos -o scene.glb {more}"))
@@ -175,17 +190,23 @@ fn make(folder: &Path, more: &str) -> Command {
 fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     let (straight, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let (straight, folder) = (straight.path(), folder.path());
-    photos(straight, 10);
-    photos(folder, 10);
+    // Phones that differ by nothing would have no short training.
+    for folder in [straight, folder] {
+        differ_in_light(&photos(folder, 12, 600));
+    }
     let steps = "--steps 1100 --max-triangles 40000";
     succeed(&mut make(straight, steps));
     let at = |name: &str| folder.join("scene.make").join(name);
 
-    stop(&mut make(folder, steps), TRAINING, None, "-KILL");
-    let output = stop(&mut make(folder, steps), TRAINING, None, "-TERM");
+    stop(&mut make(folder, steps), TRIAL, None, "-KILL");
+    // Asked in the short trainings, and then in the run.
+    let output = stop(&mut make(folder, steps), TRIAL, None, "-TERM");
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(143), "{said}");
     assert!(said.contains("stopped; the same command goes on from scene.make"), "{said}");
+    assert!(!at("scene.checkpoint").exists());
+    let output = stop(&mut make(folder, steps), JUDGED, None, "-HUP");
+    assert_eq!(output.status.code(), Some(129), "{}", stderr(&output));
     assert!(at("scene.checkpoint").exists());
     // Killed in the bake.
     stop(&mut make(folder, steps), "the training goes on", Some(&at("scene.ply")), "-KILL");

@@ -4,11 +4,13 @@ use super::train;
 use crate::common::phone::{TENTH_OF_A_STOP, error_of_gains, phone_sample, true_spread};
 use std::ops::ControlFlow::Continue;
 use std::path::Path;
+use trisplat_dataset::exposure::{ExposureUse, Strengths};
 use trisplat_dataset::{Dataset, DatasetOptions};
 use trisplat_train::{RunOptions, TrainOptions, TrainPreset, TrainRun, checkpoint};
 
 fn options(steps: u64) -> TrainOptions {
-    TrainOptions { steps, max_triangles: 3000, ..TrainOptions::preset(TrainPreset::Solid) }
+    let solid = TrainOptions::preset(TrainPreset::Solid);
+    TrainOptions { steps, max_triangles: 3000, exposure: ExposureUse::On, ..solid }
 }
 
 fn load(folder: &Path) -> Dataset {
@@ -30,7 +32,7 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
         .run(&mut |_| Continue(()))
         .unwrap();
     let details = trained.exposure.clone().expect("photos were asked");
-    assert_eq!(details.verdict.unwrap().strength, 1.0, "{:?}", details.verdict);
+    assert_eq!(details.verdict.unwrap().strengths, Strengths::FULL);
     let names: Vec<&str> = dataset.train().map(|view| view.name.as_str()).collect();
     let error = error_of_gains(&truth, &names, &details.exposures.gains);
     assert!(error < 0.02, "gains are off by {error}");
@@ -41,12 +43,14 @@ fn what_a_phone_did_is_found_again_and_a_run_that_goes_on_finds_the_same() {
 }
 
 #[test]
-fn photos_that_agree_are_left_as_they_are() {
+fn photos_are_taken_as_they_are_unless_something_decided() {
     let dataset = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("samples/dataset"));
-    let details = train(&dataset, &options(200)).unwrap().exposure.expect("photos were asked");
-    assert!(
-        details.exposures.gains.is_empty() && details.verdict.unwrap().strength == 0.0,
-        "{:?}",
-        details.verdict
-    );
+    let undecided = TrainOptions { exposure: ExposureUse::Auto, ..options(20) };
+    let trained = train(&dataset, &undecided).unwrap();
+    assert!(trained.exposure.is_none() && trained.provenance.exposure.is_none());
+    let half = TrainOptions { exposure: ExposureUse::Shares([0.5, 0.0, 0.0]), ..undecided };
+    let trained = train(&dataset, &half).unwrap();
+    assert_eq!(trained.provenance.exposure, Some([0.5, 0.0, 0.0]), "the bake follows it");
+    let spread = trained.exposure.unwrap().verdict.unwrap().exposure;
+    assert!(spread < 0.02, "these photos agree: {spread}");
 }

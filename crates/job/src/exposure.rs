@@ -170,7 +170,8 @@ fn compare(
             cells: Light::beside_drawing(&photo, &drawn),
             gains: solved.exposures.gains[i],
             beside_others: solved.beside_others[i],
-            falloff: solved.exposures.falloff[i],
+            falloff: solved.exposures.falloff[i].max(0.0),
+            falloff_beside_others: solved.falloff_beside_others,
         });
     }
     Ok(())

@@ -202,6 +202,8 @@ pub struct Solved {
     pub errors: Vec<[f32; 3]>,
     /// Gains less the mean of other photos at the same points: what a scene of the others lacks. `[photos]`
     pub beside_others: Vec<[f32; 3]>,
+    /// Slope of r² less its mean over other photos at the same point on r²: the part of a falloff that a scene of the others lacks.
+    pub falloff_beside_others: f32,
 }
 
 /// Spread of the photos' light, and what is corrected of it.
@@ -339,7 +341,12 @@ mod tests {
     fn solved(spread: f32, error: f32, falloff: f32) -> Solved {
         let gains: Vec<[f32; 3]> = (0..40).map(|i| [if i % 2 == 0 { spread } else { -spread }; 3]).collect();
         let exposures = Exposures { falloff: vec![falloff; gains.len()], gains };
-        Solved { errors: vec![[error; 3]; 40], exposures, beside_others: Vec::new() }
+        Solved {
+            errors: vec![[error; 3]; 40],
+            exposures,
+            beside_others: Vec::new(),
+            falloff_beside_others: 1.0,
+        }
     }
 
     #[test]

@@ -6,8 +6,8 @@
 //! beside those of other photos at the same points; a long training takes up more than a short one, so the smaller b counts.
 //!
 //! With a share s of the gain corrected in all photos, a left-out photo of gain 1 differs from its drawing by s + (1 - s)·b, and photos
-//! still contradict the scene that they train by (1 - s)·b. Views as they are taken count twice. The sum of 2 (s + (1 - s)·b)² and
-//! ((1 - s)·b)² is least at s = 1 - 2 (1 - b) / (2 (1 - b)² + b²): nothing is corrected up to b = 2/3, and all of it at b = 1.
+//! still contradict the scene that they train by (1 - s)·b. The sum of both squares is least at s = 1 - (1 - b) / ((1 - b)² + b²): nothing
+//! is corrected up to b = 1/2, and all of it at b = 1.
 
 use super::correction::{Strengths, modes};
 use super::solve::Light;
@@ -29,8 +29,10 @@ pub struct LeftOutPhoto {
     pub gains: [f32; 3],
     /// The same beside other photos at the same points.
     pub beside_others: [f32; 3],
-    /// Predicted falloff of its camera.
+    /// Predicted falloff of its camera, 0 or more.
     pub falloff: f32,
+    /// Share of it that is left beside other photos at the same points.
+    pub falloff_beside_others: f32,
 }
 
 /// What left-out photos show of the predicted corrections.
@@ -67,6 +69,7 @@ impl ExposureEvidence {
             let of_cell = |cell: &Light| (-photo.falloff * cell.r2, modes(&cell.log)[0]);
             let pairs = centered(photo.cells.iter().map(of_cell).collect());
             pairs.into_iter().for_each(|pair| falloff.add(number, pair));
+            falloff.beside_others.push([photo.falloff, photo.falloff * photo.falloff_beside_others]);
         }
         let [gain, balance, falloff] = [gain, balance, falloff].map(Fit::judge);
         let of =
@@ -99,9 +102,7 @@ impl Fit {
             return [0.0; 2];
         }
         let mut slope = least_slope(self.pairs.iter().map(|(_, pair)| *pair));
-        if !self.beside_others.is_empty() {
-            slope = slope.min(least_slope(self.beside_others.iter().copied()));
-        }
+        slope = slope.min(least_slope(self.beside_others.iter().copied()));
         let share = share(slope);
         let mut change = vec![0.0f32; self.photos];
         for (photo, [predicted, shown]) in &self.pairs {
@@ -132,7 +133,7 @@ fn least_slope(pairs: impl Iterator<Item = [f32; 2]>) -> f32 {
 fn share(slope: f32) -> f32 {
     let slope = slope.clamp(0.0, 1.0);
     let rest = 1.0 - slope;
-    (1.0 - 2.0 * rest / (2.0 * rest * rest + slope * slope)).clamp(0.0, 1.0)
+    (1.0 - rest / (rest * rest + slope * slope)).clamp(0.0, 1.0)
 }
 
 /// Both of each pair less their medians: neither has a known zero.
@@ -167,6 +168,7 @@ mod tests {
                 gains: [1.1 * gain, gain, gain],
                 beside_others: [1.1 * gain, gain, gain],
                 falloff: 0.4,
+                falloff_beside_others: 1.0,
             }
         };
         (0..12).map(photo).collect()
@@ -185,10 +187,10 @@ mod tests {
             assert!((slope - 1.0).abs() < 0.1 && share > 0.9, "{confirmed:?}");
         }
         // A scene that took up most of it shows little.
-        let absorbed = of(0.6, 0.02);
-        assert!((absorbed.slopes.gain - 0.6).abs() < 0.05 && absorbed.strengths.is_none(), "{absorbed:?}");
+        let absorbed = of(0.4, 0.02);
+        assert!((absorbed.slopes.gain - 0.4).abs() < 0.05 && absorbed.strengths.is_none(), "{absorbed:?}");
         let mut photos = left_out(1.0, 0.1);
-        photos.iter_mut().for_each(|photo| photo.beside_others = photo.gains.map(|gain| 0.6 * gain));
+        photos.iter_mut().for_each(|photo| photo.beside_others = photo.gains.map(|gain| 0.4 * gain));
         let strengths = ExposureEvidence::of(&photos).strengths;
         assert!(strengths.gain == 0.0 && strengths.falloff > 0.9, "neighbours share most: {strengths:?}");
         assert!(of(0.0, 0.1).strengths.is_none() && of(-1.0, 0.1).strengths.is_none());
@@ -206,7 +208,7 @@ mod tests {
     #[test]
     fn the_share_has_the_least_sum_of_both_errors() {
         for slope in [0.3f32, 0.55, 0.7, 0.9, 0.99] {
-            let cost = |s: f32| 2.0 * (s + (1.0 - s) * slope).powi(2) + ((1.0 - s) * slope).powi(2);
+            let cost = |s: f32| (s + (1.0 - s) * slope).powi(2) + ((1.0 - s) * slope).powi(2);
             let best =
                 (0..=1000).map(|i| i as f32 / 1000.0).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
             assert!((share(slope) - best).abs() < 0.002, "{slope}: {} {best}", share(slope));

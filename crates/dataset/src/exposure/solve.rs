@@ -147,6 +147,7 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
         exposures: Exposures { gains: vec![[0.0; 3]; photos.len()], falloff: vec![0.0; photos.len()] },
         errors: vec![[f32::INFINITY; 3]; photos.len()],
         beside_others: Vec::new(),
+        falloff_beside_others: radii_beside_others(&seen, photos.len(), numbers.len()),
     };
     let is_tied = tied(&seen, photos.len(), numbers.len());
     for c in 0..3 {
@@ -165,6 +166,36 @@ pub fn solve(photos: &[Vec<Light>], cameras: &[UVec2]) -> Solved {
     let beside = beside_others(photos, gains, gains, &is_known);
     solved.beside_others = beside.into_iter().map(Option::unwrap_or_default).collect();
     solved
+}
+
+/// Slope of r² less its mean over other photos at the same point on r², within photos; 0 where no point is in several.
+fn radii_beside_others(seen: &[Seen], photos: usize, points: usize) -> f32 {
+    let mut of_point = vec![[0.0f64; 2]; points];
+    let mut of_photo = vec![[0.0f64; 3]; photos];
+    for Seen { point, light, .. } in seen {
+        let [sum, count] = of_point[*point];
+        of_point[*point] = [sum + f64::from(light.r2), count + 1.0];
+    }
+    let beside = |Seen { point, light, .. }: &Seen| {
+        let [sum, count] = of_point[*point];
+        let r2 = f64::from(light.r2);
+        (count > 1.5).then(|| [r2, r2 - (sum - r2) / (count - 1.0)])
+    };
+    for seen in seen {
+        if let Some([r2, rest]) = beside(seen) {
+            let [a, b, count] = of_photo[seen.photo];
+            of_photo[seen.photo] = [a + r2, b + rest, count + 1.0];
+        }
+    }
+    let (mut product, mut square) = (0.0, 0.0);
+    for seen in seen {
+        if let Some([r2, rest]) = beside(seen) {
+            let [a, b, count] = of_photo[seen.photo];
+            product += (r2 - a / count) * (rest - b / count);
+            square += (r2 - a / count).powi(2);
+        }
+    }
+    if square > 0.0 { (product / square) as f32 } else { 0.0 }
 }
 
 /// The number of each photo's camera, by its size: 0 for cameras of few photos.
