@@ -3,7 +3,7 @@
 use super::messages::Stdout;
 use clap_mangen::Man;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_bake::refit::RefitDetails;
 use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{

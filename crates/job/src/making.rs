@@ -44,6 +44,8 @@ pub struct MakeJob {
     pub output: PathBuf,
     /// The page to write beside it.
     pub page: Option<PathBuf>,
+    /// The report to write as JSON, last.
+    pub report: Option<PathBuf>,
     /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene. Files that
     /// this job did not write there are never replaced.
     pub work: PathBuf,
@@ -128,6 +130,7 @@ impl MakeJob {
         Self {
             inputs: inputs.into_iter().collect(),
             page: None,
+            report: None,
             work: output.with_extension("make"),
             output,
             capture: CaptureOptions::default(),
@@ -200,6 +203,13 @@ impl MakeJob {
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
+        if !done.stopped {
+            if let Some(path) = &self.report {
+                save(path, &done.report)?;
+            }
+            // Until here, the next run would replace the outputs.
+            self.note(Vec::new())?;
+        }
         Ok(done)
     }
 
@@ -235,7 +245,7 @@ impl MakeJob {
                 add(stage, report, observer);
             }
             report.warnings.extend(before.warnings.iter().cloned());
-            return Ok(true);
+            return ours.remove(CHECKPOINT).map(|()| true);
         }
         // A checkpoint made from other photos or options is ignored, and so is a damaged one.
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
@@ -299,6 +309,7 @@ impl MakeJob {
         let (stages, warnings) = (trained.report.stages, trained.report.warnings);
         let kept = StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..own };
         save(&notes, &kept)?;
+        ours.remove(CHECKPOINT)?;
         for stage in stages {
             add(stage, report, observer);
         }
@@ -396,7 +407,7 @@ impl MakeJob {
         options
     }
 
-    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
+    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns. They are noted as begun.
     fn bake(
         &mut self,
         photos: &Dataset,
@@ -404,7 +415,8 @@ impl MakeJob {
         observer: Observer<'_>,
     ) -> Result<Option<PathBuf>> {
         let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
-        let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).chain(self.page.clone()).collect();
+        let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).collect();
+        new.extend(self.page.iter().chain(&self.report).cloned());
         if let Some(file) = self.subject_file() {
             new.extend(self.subject_bake().plan_output(&file, None)?.paths().map(Path::to_owned));
         }
@@ -434,7 +446,7 @@ impl MakeJob {
                 ControlFlow::Continue(())
             })?;
         }
-        self.note(Vec::new()).map(|()| subject)
+        Ok(subject)
     }
 }
 
@@ -481,7 +493,7 @@ fn stored(path: &Path) -> Option<StoredTraining> {
     serde_json::from_str(&input::read_text(path, &Limits::DEFAULT).ok()?).ok()
 }
 
-fn save(path: &Path, value: &StoredTraining) -> Result<()> {
+fn save(path: &Path, value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).unwrap_or_default();
     AtomicFile::create(path)?.commit_with(text + "\n").map(drop)
 }
