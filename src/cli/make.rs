@@ -57,7 +57,7 @@ pub struct MakeArgs {
     /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Train although too few points tie the photos together
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too little
     #[arg(long)]
     pub anyway: bool,
     /// Write the results of every step as JSON (schema: trisplat schema report)

@@ -3,6 +3,7 @@
 use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
+use super::photo_check::check_photos;
 use super::scores::{ShownTwice, StepScore};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
@@ -53,7 +54,7 @@ pub struct MakeJob {
     pub capture: CaptureOptions,
     /// Set photos of other inputs in the working folder aside, as `photos.old`.
     pub force: bool,
-    /// Train although too few points tie the photos together.
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too little.
     pub anyway: bool,
     /// Options for reading the data set.
     pub dataset_options: DatasetOptions,
@@ -265,6 +266,9 @@ impl MakeJob {
             let reason = format!("{count} not enough; give {LEAST_PHOTOS} or more");
             return Err(Error::unsupported(path, reason));
         }
+        if !self.anyway {
+            check_photos(&photos, path)?;
+        }
         let mut job = TrainJob::new(photos, self.train.clone());
         job.dataset_options = how;
         job.backend = self.backend.clone();
@@ -426,7 +430,13 @@ impl MakeJob {
         job.photos = Some(photos.clone());
         job.dataset_options = self.dataset_options.clone();
         let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
-        let mut done = job.save(&self.output, observer)?;
+        let mut done = job.save(&self.output, observer).map_err(|error| match error {
+            Error::Invalid { option, value, .. } if option == "dataset" => {
+                let reason = format!("has {value}; take photos that overlap by half or more, or give `force_dataset`");
+                Error::unsupported(&photos.path, reason)
+            }
+            error => error,
+        })?;
         report.options = done.report.options.clone();
         report.stages.extend(done.report.stages);
         report.outputs.extend(done.report.outputs);

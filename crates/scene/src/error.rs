@@ -10,7 +10,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An error of the operating system: permissions, a full disk, a missing file.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", shown(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -18,7 +18,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file violates its format.
-    #[error("{}: {at}: {reason}", path.display())]
+    #[error("{}: {at}: {reason}", shown(path))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -28,7 +28,7 @@ pub enum Error {
         reason: String,
     },
     /// The file is valid but has unsupported content; `reason` ends with the remedy.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {reason}", shown(path))]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -138,11 +138,30 @@ impl Error {
         Self::Unsupported { path: path.as_ref().to_owned(), reason: in_message(reason.into()) }
     }
 
+    /// The same error about `path`, for a file that was made of that one.
+    pub fn about(self, path: &Path) -> Self {
+        let path = path.to_owned();
+        match self {
+            Self::Io { source, .. } => Self::Io { path, source },
+            Self::Malformed { at, reason, .. } => Self::Malformed { path, at, reason },
+            Self::Unsupported { reason, .. } => Self::Unsupported { path, reason },
+            Self::Limit { what, key, value, limit, .. } => {
+                Self::Limit { place: path.display().to_string(), what, key, value, limit }
+            }
+            other => other,
+        }
+    }
+
     /// An unusable value of `option`.
     pub fn invalid(option: impl Into<String>, value: impl ToString, wants: impl Into<String>) -> Self {
         let (value, wants) = (in_message(value.to_string()), in_message(wants.into()));
         Self::Invalid { option: option.into(), value, wants }
     }
+}
+
+/// A path in a message; the working folder has a name, too.
+fn shown(path: &Path) -> std::path::Display<'_> {
+    if path.as_os_str().is_empty() { Path::new(".").display() } else { path.display() }
 }
 
 /// Maximum length of a quotation from a file in a message, characters.

@@ -180,7 +180,7 @@ pub(super) fn collect(
     let (mut opened, mut broken) = (Vec::new(), Vec::new());
     let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
     let converter = heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
-    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()));
+    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
     let read = in_chunks(&sources.photos, observer, "reading photos", open)?;
     for (source, photo) in sources.photos.iter().zip(read) {
         match photo {
@@ -340,16 +340,17 @@ impl Opened {
     /// Writes it into the photos of `folder` as `name`.
     fn save(&self, folder: &AtomicFolder, name: &str) -> Result<TakenPhoto> {
         let from = &self.file;
+        let unread = |e: Error| e.about(&self.source.path);
         let to = folder.place(Path::new("images").join(name))?;
         let io = |e| Error::io(&to, e);
         match self.change {
             Change::Copied => input::copy(from, &to)?,
             Change::Noted => {
-                let bytes = input::read(from, &Limits::DEFAULT)?;
+                let bytes = input::read(from, &Limits::DEFAULT).map_err(unread)?;
                 std::fs::write(&to, with_notes(&bytes, &self.notes.upright())).map_err(io)?;
             }
             Change::Turned | Change::Converted => {
-                let picture = RgbImage::load(from)?.turned(self.notes.orientation);
+                let picture = RgbImage::load(from).map_err(unread)?.turned(self.notes.orientation);
                 let bytes = match self.change == Change::Turned && self.is_jpeg {
                     true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
                     false => picture.to_png()?,
