@@ -43,8 +43,9 @@ impl Fake {
     /// Stands in for a converter of [`heic`] photos with these notes.
     pub(super) fn converter(&self, notes: &[u8]) {
         let start = heic(notes, b"").len() + 1;
-        let script =
-            format!("#!/bin/sh\n[ $# = 4 ] || exec echo usage\ntail -c +{start} \"$3\" > \"$4\"\n[ -s \"$4\" ]\n");
+        let script = format!(
+            "#!/bin/sh\n[ $# = 4 ] || exec echo usage\ntail -c +{start} \"$3\" > \"$4\"\n[ -s \"$4\" ]\n"
+        );
         self.program("heif-convert", &script);
     }
 

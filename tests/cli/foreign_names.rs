@@ -31,7 +31,10 @@ fn nothing_beside_the_photos_runs() {
         plant(&format!("{name}.py"), format!("open({:?}, 'a').write({name:?})\n", ran.display().to_string()));
     }
     for name in ["colmap", "heif-convert", "ffmpeg", "magick", "glomap", "python"] {
-        plant(name, format!("#!/bin/sh\necho {name} >> '{}'\necho ffmpeg version heic COLMAP 3.8\n", ran.display()));
+        plant(
+            name,
+            format!("#!/bin/sh\necho {name} >> '{}'\necho ffmpeg version heic COLMAP 3.8\n", ran.display()),
+        );
     }
     std::fs::write(photos.join("a.heic"), heic(&exif(1, [80, 60], 26), b"")).unwrap();
     // The folder of the photos is the current one, and an empty part of a path stands for it.
@@ -126,7 +129,8 @@ fn a_link_to_itself_is_no_output() {
     symlink("round.glb", fake.at("round.glb")).unwrap();
     let scene = super::sample("studio.ply");
     for force in [&[][..], &["--force"]] {
-        let bake = [&["bake", scene.to_str().unwrap(), "-o", "round.glb", "--preset", "fast"], force].concat();
+        let bake =
+            [&["bake", scene.to_str().unwrap(), "-o", "round.glb", "--preset", "fast"], force].concat();
         let error = fake.error(&bake);
         assert!(error.contains("round.glb") && error.contains("leads to itself"), "{error}");
         assert!(fake.at("round.glb").is_symlink());
@@ -142,7 +146,8 @@ fn a_broken_photo_is_named_by_its_own_name() {
     let jpeg = photo.to_jpeg(90).unwrap();
     std::fs::create_dir(fake.at("phone")).unwrap();
     // Without a head, and without a body in a photo that is turned.
-    let turned = [&jpeg[..2], &[0xff, 0xe1, 0, 34], b"Exif\0\0", &exif_of(3), &jpeg[2..jpeg.len() / 2]].concat();
+    let turned =
+        [&jpeg[..2], &[0xff, 0xe1, 0, 34], b"Exif\0\0", &exif_of(3), &jpeg[2..jpeg.len() / 2]].concat();
     for broken in [&jpeg[..20], &turned] {
         std::fs::write(fake.at("phone/a.heic"), heic(&notes, broken)).unwrap();
         let error = fake.error(&["capture", "phone", "-o", "set"]);

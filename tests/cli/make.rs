@@ -5,8 +5,8 @@ use super::{sample, stderr, trisplat};
 #[cfg(unix)]
 use crate::phone;
 use std::path::Path;
-use trisplat_scene::image::RgbImage;
 use std::process::{Command, Output, Stdio};
+use trisplat_scene::image::RgbImage;
 
 /// `make` with a number of steps, for the same bytes on every run.
 const STEPS: [&str; 2] = ["--steps", "200"];
@@ -62,7 +62,8 @@ fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_comman
     let report = ["--report", "report.json"];
     // The report waits for a reader of this pipe.
     assert!(Command::new("mkfifo").arg(at("report.json")).status().unwrap().success());
-    let mut killed = command(folder.path(), "scene.glb", STEPS, &report).stderr(Stdio::null()).spawn().unwrap();
+    let mut killed =
+        command(folder.path(), "scene.glb", STEPS, &report).stderr(Stdio::null()).spawn().unwrap();
     let began = std::time::Instant::now();
     while !at("scene.html").exists() && killed.try_wait().unwrap().is_none() {
         assert!(began.elapsed().as_secs() < 120, "it waits for the reader of the report before its work");
@@ -89,7 +90,8 @@ fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_comman
 fn four_photos(folder: &Path, away: f64, textured: bool) {
     std::fs::create_dir_all(folder).unwrap();
     let frame = |i: u32| {
-        let rgb = (0..64 * 48).map(|pixel| if textured { [40 * i as u8, pixel as u8, 90] } else { [90, 120, 30] });
+        let rgb =
+            (0..64 * 48).map(|pixel| if textured { [40 * i as u8, pixel as u8, 90] } else { [90, 120, 30] });
         let photo = RgbImage { size: [64, 48].into(), rgb: rgb.collect(), alpha: None };
         photo.save_png(folder.join(format!("{i}.png"))).unwrap();
         let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_2).sin_cos();
@@ -118,7 +120,10 @@ fn photos_that_cannot_make_a_scene_are_refused_before_training() {
         four_photos(&folder.path().join("photos"), away, textured);
         let said = make(&[]);
         assert!(said.contains("photos: ") && said.contains(wants) && said.contains("--anyway"), "{said}");
-        assert!(!folder.path().join("a.make/scene.ply").exists() && !said.contains("--force-dataset"), "{said}");
+        assert!(
+            !folder.path().join("a.make/scene.ply").exists() && !said.contains("--force-dataset"),
+            "{said}"
+        );
         let said = make(&["--anyway"]);
         assert!(!said.contains(wants), "{said}");
         let _ = std::fs::remove_dir_all(folder.path().join("a.make"));

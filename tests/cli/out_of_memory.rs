@@ -255,8 +255,9 @@ fn a_damaged_checkpoint_is_refused_before_it_takes_memory() {
         let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
         file.set_len(8 + head.len() as u64 + body).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-        let (peak, output) =
-            peak_of(command.arg("train").arg(super::train::dataset()).args(["-o", "a.ply", "--resume"]).arg(&path));
+        let (peak, output) = peak_of(
+            command.arg("train").arg(super::train::dataset()).args(["-o", "a.ply", "--resume"]).arg(&path),
+        );
         assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
         assert!(peak < 256 << 20, "{peak} bytes");
         stderr(&output)
@@ -274,7 +275,8 @@ fn a_picture_of_many_materials_takes_memory_once() {
     let folder = tempfile::tempdir().unwrap();
     let (base, side) = (base(folder.path()), 2000);
     image::GrayImage::new(side, side).save(folder.path().join("a.png")).unwrap();
-    let mut texts = ["mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n".to_owned(), String::new()];
+    let mut texts =
+        ["mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n".to_owned(), String::new()];
     for i in 0..40 {
         texts[0] += &format!("usemtl m{i}\nf 1/1 2/2 3/3\n");
         texts[1] += &format!("newmtl m{i}\nmap_Kd a.png\n");

@@ -58,7 +58,9 @@ fn cameras_beyond_what_floats_square_are_refused_and_points_left_out() {
         let rows = text.lines().filter(|line| !line.starts_with('#')).enumerate();
         let row = |(row, line): (usize, &str)| {
             let moved = |(column, word): (usize, &str)| match word.parse::<f64>() {
-                Ok(number) if columns.contains(&column) && row % every == 0 => format!("{:e}", scale * number),
+                Ok(number) if columns.contains(&column) && row % every == 0 => {
+                    format!("{:e}", scale * number)
+                }
                 _ => word.to_owned(),
             };
             line.split(' ').enumerate().map(moved).collect::<Vec<_>>().join(" ")
@@ -83,15 +85,20 @@ fn a_long_word_of_a_file_is_an_excerpt_in_the_message() {
     copy_sample(folder.path());
     let long = "9x".repeat(1 << 20);
     let says = |error: String, part: &str| {
-        assert!(error.contains(part) && error.chars().count() < 400 + folder.path().as_os_str().len(), "{error:.900}");
+        assert!(
+            error.contains(part) && error.chars().count() < 400 + folder.path().as_os_str().len(),
+            "{error:.900}"
+        );
     };
-    std::fs::write(folder.path().join("sparse/0/cameras.txt"), format!("1 PINHOLE {long} 120 1 1 1 1\n")).unwrap();
+    std::fs::write(folder.path().join("sparse/0/cameras.txt"), format!("1 PINHOLE {long} 120 1 1 1 1\n"))
+        .unwrap();
     says(error_of(folder.path()), "the width `9x9x");
     std::fs::remove_dir_all(folder.path().join("sparse")).unwrap();
     std::fs::write(folder.path().join("transforms.json"), format!(r#"{{"frames": "{long}"}}"#)).unwrap();
     says(error_of(folder.path()), "transforms.json");
     std::fs::remove_file(folder.path().join("transforms.json")).unwrap();
-    std::fs::write(folder.path().join("poses.csv"), format!("#name,x,y,alt,yaw,pitch,roll,f_35mm\n{long},a")).unwrap();
+    std::fs::write(folder.path().join("poses.csv"), format!("#name,x,y,alt,yaw,pitch,roll,f_35mm\n{long},a"))
+        .unwrap();
     says(error_of(&folder.path().join("poses.csv")), "poses.csv");
     std::fs::write(folder.path().join("cameras.xml"), format!("<a>{long}</b>")).unwrap();
     says(error_of(folder.path()), "cameras.xml");

@@ -190,7 +190,8 @@ fn copies_are_counted_before_they_are_read() {
     let far = b.floats("VEC3", &[f32::INFINITY; 3]);
     b.json["accessors"][far] = json!({ "componentType": FLOAT, "type": "VEC3", "count": 60_000_000,
         "sparse": { "count": 1, "indices": { "bufferView": 999, "componentType": 5125 }, "values": { "bufferView": 999 } } });
-    b.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": far } } });
+    b.json["nodes"][0]["extensions"] =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": far } } });
     let strip = b.json["meshes"][0]["primitives"][0].clone();
     b.json["meshes"][0]["primitives"] = json!([strip.clone(), strip]);
     let error = b.read().expect_err("too many triangles").to_string();

@@ -146,9 +146,8 @@ impl<'a> Words<'a> {
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word(what)?;
-        word.parse().map_err(|_| {
-            self.lines.malformed(format!("the {what} `{}` is not such a number", excerpt(word)))
-        })
+        word.parse()
+            .map_err(|_| self.lines.malformed(format!("the {what} `{}` is not such a number", excerpt(word))))
     }
 
     fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {

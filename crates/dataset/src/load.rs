@@ -458,7 +458,10 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     }
     let (kept, warnings) = (dataset.points.len(), &mut dataset.warnings);
     if kept < count {
-        warnings.push(format!("dropped {} points that are not finite, or farther than {MAX_DISTANCE:.0e}", count - kept));
+        warnings.push(format!(
+            "dropped {} points that are not finite, or farther than {MAX_DISTANCE:.0e}",
+            count - kept
+        ));
     }
     if kept == 0 {
         warnings.push("no points: training searches where three photos agree".into());

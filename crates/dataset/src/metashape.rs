@@ -119,8 +119,12 @@ fn check_depth(text: &str) -> Result<(), String> {
     loop {
         match reader.read_event() {
             Ok(Event::Start(_)) if depth == MAX_DEPTH => {
-                let line = text.as_bytes()[..reader.buffer_position() as usize].iter().filter(|&&c| c == b'\n');
-                return Err(format!("line {}: elements are nested more than {MAX_DEPTH} deep", line.count() + 1));
+                let line =
+                    text.as_bytes()[..reader.buffer_position() as usize].iter().filter(|&&c| c == b'\n');
+                return Err(format!(
+                    "line {}: elements are nested more than {MAX_DEPTH} deep",
+                    line.count() + 1
+                ));
             }
             Ok(Event::Start(_)) => depth += 1,
             Ok(Event::End(_)) => depth = depth.saturating_sub(1),
@@ -237,5 +241,9 @@ impl Place {
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let finite = numbers.iter().all(|number| number.is_finite());
-    numbers.try_into().ok().filter(|_| finite).ok_or_else(|| format!("expected {N} numbers, not `{}`", excerpt(text)))
+    numbers
+        .try_into()
+        .ok()
+        .filter(|_| finite)
+        .ok_or_else(|| format!("expected {N} numbers, not `{}`", excerpt(text)))
 }

@@ -161,10 +161,11 @@ fn read_corners(
     for _ in 0..count {
         let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
         let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
-        corners
-            .push(index.ok_or_else(|| {
+        corners.push(
+            index.ok_or_else(|| {
                 format!("names vertex {:?}, but there are {vertices} vertices", excerpt(word))
-            })?);
+            })?,
+        );
     }
     colors.push(words)
 }

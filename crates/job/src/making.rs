@@ -432,7 +432,8 @@ impl MakeJob {
         let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
         let mut done = job.save(&self.output, observer).map_err(|error| match error {
             Error::Invalid { option, value, .. } if option == "dataset" => {
-                let reason = format!("has {value}; take photos that overlap by half or more, or give `force_dataset`");
+                let reason =
+                    format!("has {value}; take photos that overlap by half or more, or give `force_dataset`");
                 Error::unsupported(&photos.path, reason)
             }
             error => error,

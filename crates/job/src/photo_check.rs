@@ -104,9 +104,11 @@ mod tests {
 
     #[test]
     fn cameras_back_to_back_share_nothing() {
-        let [left, right] = [camera([-1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]), camera([1.0, 0.0, 0.0], [2.0, 0.0, 0.0])];
+        let [left, right] =
+            [camera([-1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]), camera([1.0, 0.0, 0.0], [2.0, 0.0, 0.0])];
         assert!(!overlap(&left, &right, 1.0) && !overlap(&right, &left, 1.0));
-        let [left, right] = [camera([-1.0, 0.0, 0.0], [0.0, 0.0, 5.0]), camera([1.0, 0.0, 0.0], [0.0, 0.0, 5.0])];
+        let [left, right] =
+            [camera([-1.0, 0.0, 0.0], [0.0, 0.0, 5.0]), camera([1.0, 0.0, 0.0], [0.0, 0.0, 5.0])];
         assert!(overlap(&left, &right, 1.0) && overlap(&right, &left, 1.0));
         assert_eq!(distance_between(&[left, right]), 1.0);
     }

@@ -17,7 +17,9 @@ mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
 pub use manifest::Manifest;
-pub use names::{FileId, folder_of, is_leftover, lies_inside, resolved, safe_name, safe_path, temporary_name};
+pub use names::{
+    FileId, folder_of, is_leftover, lies_inside, resolved, safe_name, safe_path, temporary_name,
+};
 pub use temporary::{MadeFolders, remove_temporaries};
 
 use crate::error::{Error, Result};

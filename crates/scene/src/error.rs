@@ -207,7 +207,8 @@ mod tests {
         let long = "ü".repeat(10_000);
         assert_eq!((excerpt(&long).chars().count(), excerpt(&long).matches('…').count()), (MAX_EXCERPT, 1));
         for text in [long, "a word ".repeat(10_000)] {
-            let said = Error::malformed("a.json", &text, format!("expected a number, not {text:?}, at line 1"));
+            let said =
+                Error::malformed("a.json", &text, format!("expected a number, not {text:?}, at line 1"));
             let said = said.to_string();
             assert!(said.chars().count() < 2 * MAX_MESSAGE + 20 && said.ends_with("at line 1"), "{said}");
         }

@@ -192,7 +192,9 @@ fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
         return Err(damaged(path));
     }
     let mut header = vec![0; size as usize];
-    file.seek(SeekFrom::Start(size_of::<u64>() as u64)).and_then(|_| file.read_exact(&mut header)).map_err(io)?;
+    file.seek(SeekFrom::Start(size_of::<u64>() as u64))
+        .and_then(|_| file.read_exact(&mut header))
+        .map_err(io)?;
     let metadata: Metadata = serde_json::from_slice(&header).map_err(|_| damaged(path))?;
     check_format(path, &metadata)?;
     let tensors: BTreeMap<String, &TensorInfo> = metadata.tensors().into_iter().collect();

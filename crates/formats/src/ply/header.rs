@@ -222,9 +222,9 @@ fn parse_element(rest: &str) -> Result<Element, String> {
     let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
         return Err(format!("expected `element NAME COUNT`, not {:?}", excerpt(rest)));
     };
-    let rows = rows
-        .parse::<u64>()
-        .map_err(|_| format!("element {} counts {:?}; expected a whole number", excerpt(name), excerpt(rows)))?;
+    let rows = rows.parse::<u64>().map_err(|_| {
+        format!("element {} counts {:?}; expected a whole number", excerpt(name), excerpt(rows))
+    })?;
     Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
 }
 

@@ -88,7 +88,9 @@ impl AtomicFolder {
         let name = name.as_ref();
         let is_inside = name.components().all(|part| matches!(part, Component::Normal(_)));
         if !is_inside || name.as_os_str().is_empty() {
-            let reason = format!("{name:?} leads out of this folder, where it would be written; rename the input that has this name");
+            let reason = format!(
+                "{name:?} leads out of this folder, where it would be written; rename the input that has this name"
+            );
             return Err(Error::unsupported(&self.folder, reason));
         }
         let path = self.new.join(name);
