@@ -124,7 +124,7 @@ fn elements_in_elements_are_refused_before_the_stack_ends() {
         };
         std::fs::write(&path, text(20_000)).unwrap();
         let error = error_of(folder.path());
-        assert!(error.contains("line 126: elements are nested more than 128 deep"), "{error}");
+        assert!(error.contains("elements are nested more than 128 deep at byte"), "{error}");
         std::fs::write(&path, text(100)).unwrap();
         assert!(error_of(folder.path()).contains("none has a pose"));
     }

@@ -57,6 +57,7 @@ pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lo
 pub use merge::merge;
 pub use mesh::{MeshOptions, mesh};
 pub use options::{BakeOptions, BakePreset};
+pub use misfit::psnr_of_mean_color;
 pub use order::{ArrangeDetails, FaceOrder, OrderDetails, OrderOptions, order};
 pub use place::up::Evidence;
 pub use place::words::UpChoice;

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use trisplat_scene::{Error, Result, excerpt, input};
 
 /// Maximum depth of elements, as of JSON: the parser calls itself at each.
-const MAX_DEPTH: usize = 128;
+const MAX_DEPTH: i32 = 128;
 
 #[derive(Deserialize)]
 struct Document {
@@ -115,23 +115,16 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 /// Refuse elements nested deeper than [`MAX_DEPTH`]. Other faults are left to the parser.
 fn check_depth(text: &str) -> Result<(), String> {
     let mut reader = Reader::from_str(text);
-    let mut depth = 0usize;
-    loop {
+    let mut depth = 0;
+    while depth <= MAX_DEPTH {
         match reader.read_event() {
-            Ok(Event::Start(_)) if depth == MAX_DEPTH => {
-                let line =
-                    text.as_bytes()[..reader.buffer_position() as usize].iter().filter(|&&c| c == b'\n');
-                return Err(format!(
-                    "line {}: elements are nested more than {MAX_DEPTH} deep",
-                    line.count() + 1
-                ));
-            }
             Ok(Event::Start(_)) => depth += 1,
-            Ok(Event::End(_)) => depth = depth.saturating_sub(1),
+            Ok(Event::End(_)) => depth -= 1,
             Ok(Event::Eof) | Err(_) => return Ok(()),
             Ok(_) => {}
         }
     }
+    Err(format!("elements are nested more than {MAX_DEPTH} deep at byte {}", reader.buffer_position()))
 }
 
 /// Reads `file` and finds its photos.

@@ -139,17 +139,15 @@ impl Error {
     }
 
     /// The same error about `path`, for a file that was made of that one.
-    pub fn about(self, path: &Path) -> Self {
-        let path = path.to_owned();
-        match self {
-            Self::Io { source, .. } => Self::Io { path, source },
-            Self::Malformed { at, reason, .. } => Self::Malformed { path, at, reason },
-            Self::Unsupported { reason, .. } => Self::Unsupported { path, reason },
-            Self::Limit { what, key, value, limit, .. } => {
-                Self::Limit { place: path.display().to_string(), what, key, value, limit }
+    pub fn about(mut self, file: &Path) -> Self {
+        match &mut self {
+            Self::Io { path, .. } | Self::Malformed { path, .. } | Self::Unsupported { path, .. } => {
+                *path = file.to_owned();
             }
-            other => other,
+            Self::Limit { place, .. } => *place = file.display().to_string(),
+            _ => {}
         }
+        self
     }
 
     /// An unusable value of `option`.
