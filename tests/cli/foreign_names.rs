@@ -1,7 +1,7 @@
 //! What a folder holds, and what its files are called: nothing in it runs, and nothing outside of the output is written.
 #![cfg(unix)]
 
-use super::capture::{Fake, eprintln_not_checked, exif, heic, names, which};
+use super::capture::{Fake, eprintln_not_checked, exif, heic, names};
 use super::stderr;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -14,14 +14,20 @@ const MODULES: [&str; 8] =
 
 #[test]
 fn nothing_beside_the_photos_runs() {
-    let Some(python) = which("python3") else {
+    let who = Command::new("python3").args(["-c", "import sys; print(sys.executable)"]).output();
+    let Some(python) = who.ok().filter(|who| who.status.success()) else {
         eprintln_not_checked("python3 is not installed");
         return;
     };
+    let python = String::from_utf8(python.stdout).unwrap();
     let fake = Fake::new();
     let (photos, tools) = (fake.at("photos"), fake.at("tools"));
     std::fs::create_dir(&tools).unwrap();
-    symlink(python, tools.join("python3")).unwrap();
+    fake.program(
+        "tools/python3",
+        &format!("#!/bin/sh\necho >> '{}'\nexec '{}' \"$@\"\n", fake.at("asked").display(), python.trim()),
+    );
+    let asked = || std::fs::read(fake.at("asked")).unwrap_or_default().len();
     let ran = fake.at("ran");
     let plant = |name: &str, text: String| {
         std::fs::write(photos.join(name), text).unwrap();
@@ -46,6 +52,12 @@ fn nothing_beside_the_photos_runs() {
     let missing = capture();
     assert_eq!(missing.status.code(), Some(1), "{}", stderr(&missing));
     assert!(!ran.exists(), "{:?} ran", std::fs::read_to_string(&ran));
+    assert!(asked() == 1, "pycolmap is asked for first");
+    // The next program is asked whether it reads HEIC.
+    let mut command = fake.command(&["capture", ".", "-o", "../set", "--poses", "../colmap"]);
+    command.current_dir(&photos).env("PATH", format!(":{}", tools.display())).env("PYTHONPATH", ":");
+    let missing = stderr(&command.output().unwrap());
+    assert!(missing.contains("a.heic") && asked() == 2 && !ran.exists(), "{missing}");
     // A program that the user names by its place is found there.
     let mut command = fake.command(&["capture", ".", "-o", "../set", "--poses", "../colmap"]);
     let said = stderr(&command.current_dir(&photos).output().unwrap());
@@ -71,6 +83,7 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
     let jpeg = RgbImage { size: [64, 48].into(), rgb: vec![[200, 90, 30]; 64 * 48], alpha: None };
     let jpeg = jpeg.to_jpeg(90).unwrap();
     std::fs::create_dir(fake.at("phone")).unwrap();
+    // The second is hidden.
     let stems = [r"x\..\..\..\..\..\precious", r"..\..\precious", "-o", "c:precious", "a\nb", "nul", "%d[0]"];
     for stem in stems {
         std::fs::write(fake.at("phone").join(format!("{stem}.heic")), heic(&notes, &jpeg)).unwrap();
@@ -80,10 +93,11 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
     let before = outside(&fake);
     std::fs::create_dir(fake.at("out")).unwrap();
     let output = fake.run(&["capture", "phone", "-o", "out/a/b/set"]);
-    assert!(stderr(&output).contains("14 photos"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("12 photos"), "{}", stderr(&output));
     assert_eq!(outside(&fake), before);
-    let taken = names(&fake.at("out/a/b/set/images"));
-    assert_eq!(taken.len(), 14, "{taken:?}");
+    let folders = ["64x48", "64x48-26mm"].map(|folder| names(&fake.at("out/a/b/set/images").join(folder)));
+    let taken = folders.concat();
+    assert_eq!(taken.len(), 12, "{taken:?}");
     for name in &taken {
         assert!(!name.starts_with('-') && !name.contains(['\\', ':', '\n', '/']), "{name:?}");
     }
@@ -93,11 +107,7 @@ fn a_photos_name_writes_nothing_outside_of_the_output() {
 #[test]
 fn a_program_takes_no_name_for_a_pattern_an_option_or_a_protocol() {
     let fake = Fake::new();
-    let mut ffmpeg = Command::new("ffmpeg");
-    ffmpeg.args(["-v", "error", "-framerate", "4", "-i"]).arg(fake.at("photos/view_%04d.png"));
-    ffmpeg.args(["-frames:v", "12", "-pix_fmt", "yuv420p"]).arg(fake.at("walk.mp4"));
-    if !ffmpeg.status().is_ok_and(|status| status.success()) {
-        eprintln_not_checked("ffmpeg is not installed");
+    if !fake.video("walk.mp4", &["-frames:v", "12"]) {
         return;
     }
     let walk = std::fs::read(fake.at("walk.mp4")).unwrap();
@@ -105,20 +115,21 @@ fn a_program_takes_no_name_for_a_pattern_an_option_or_a_protocol() {
     for name in ["...mp4", "%03d a.mp4", "-i.mp4", "file:x.mp4"] {
         std::fs::write(fake.at("clips").join(name), &walk).unwrap();
     }
-    let capture = |output: &str, input: &str| {
-        let said = fake.run(&["capture", input, output, "--frames", "5"]);
+    let capture = |output: &str, inputs: &[&str]| {
+        let said = fake.run(&[&["capture", output, "--frames", "5"], inputs].concat());
         assert!(stderr(&said).contains("photos"), "{output}: {}", stderr(&said));
         assert!(!stderr(&said).contains("ffmpeg ended"), "{output}: {}", stderr(&said));
     };
     for folder in ["a%d", "http:o", "-dash"] {
-        capture(&format!("--output={folder}"), "walk.mp4");
+        capture(&format!("--output={folder}"), &["walk.mp4"]);
         let set = Path::new(".").join(folder);
         let images = names(&fake.folder().join(set).join("images"));
         assert!((2..=5).contains(&images.len()) && images[0].starts_with("frame_"), "{folder}: {images:?}");
     }
-    capture("--output=set", "clips");
+    // In a folder, a name that begins with a dot is hidden.
+    capture("--output=set", &["clips", "clips/...mp4"]);
     assert_eq!(names(&fake.at("set/images")), ["%03d_a", "_", "_i", "file_x"]);
-    assert_eq!(names(&fake.at("set")), ["capture", "images"], "frames are in their folders");
+    assert_eq!(names(&fake.at("set")), ["capture", "images", "sparse"], "frames are in their folders");
     let pairs = std::fs::read_to_string(fake.at("set/capture/pairs.txt")).unwrap();
     assert!(pairs.lines().all(|line| line.split(' ').count() == 2), "{pairs}");
 }

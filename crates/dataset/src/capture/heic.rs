@@ -26,13 +26,13 @@ const WAYS: [(&str, Way); 6] = [
     // Older ones read a tile of a photo in place of all.
     (FFMPEG, ["-version", FFMPEG, "-v error -i IN -frames:v 1 -update 1 -q:v 2 OUT"]),
 ];
-const PYTHON: Way = ["-c SCRIPT", "pillow_heif", "-c SCRIPT IN OUT"];
+const PYTHON: Way = ["-c SCRIPT", "ready for HEIC", "-c SCRIPT IN OUT"];
 const SCRIPT: &str = "import sys, pillow_heif
 from PIL import Image
 pillow_heif.register_heif_opener()
 if sys.argv[1:]:
     Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)
-print('pillow_heif')";
+print('ready for HEIC')";
 
 /// Whether a photo of this name needs another program.
 pub(super) fn is_heic(path: &Path) -> bool {
