@@ -5,8 +5,6 @@ mod dataset;
 mod formats;
 mod gltf;
 mod gltf_read;
-#[path = "common/night.rs"]
-mod night;
 mod pt;
 #[path = "common/skip.rs"]
 mod skip;

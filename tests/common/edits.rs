@@ -121,7 +121,7 @@ pub(crate) fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8]
         if let Err(failure) = result {
             panic!("{name}: {failure}");
         }
-        if began.elapsed() >= crate::night::duration() {
+        if began.elapsed() >= super::night::duration() {
             return;
         }
     }

@@ -216,6 +216,7 @@ mod tests {
             assert!(error.contains(why) && error.contains(name) && error.contains("move it"), "{error}");
             assert_eq!(std::fs::read_to_string(at(name)).unwrap(), text);
         }
+        list.begin(&["three"]).unwrap();
         std::fs::write(at("three"), "ours").unwrap();
         list.finish().unwrap();
         ["three", "two", "mine", "none"].iter().for_each(|name| list.remove(name).unwrap());
