@@ -199,7 +199,15 @@ impl MakeJob {
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
             let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
-            done.subject = self.bake(&photos, &mut done.report, observer)?;
+            let baked = self.bake(&photos, &mut done.report, observer);
+            done.subject = baked.map_err(|error| match error {
+                Error::Invalid { option, value, .. } if option == "dataset" => {
+                    let reason =
+                        format!("has {value}; train longer, or take photos that overlap by half or more");
+                    Error::unsupported(&done.dataset, reason)
+                }
+                error => error,
+            })?;
             (done.trained_on, done.score) = (photos.train().count(), self.score(&photos, &mut done.judged)?);
             done.earlier = self.remember(done.score.as_ref())?;
         }
@@ -430,14 +438,7 @@ impl MakeJob {
         job.photos = Some(photos.clone());
         job.dataset_options = self.dataset_options.clone();
         let of_subject = BakeJob { options: self.subject_bake(), ..job.clone() };
-        let mut done = job.save(&self.output, observer).map_err(|error| match error {
-            Error::Invalid { option, value, .. } if option == "dataset" => {
-                let reason =
-                    format!("has {value}; take photos that overlap by half or more, or give `force_dataset`");
-                Error::unsupported(&photos.path, reason)
-            }
-            error => error,
-        })?;
+        let mut done = job.save(&self.output, observer)?;
         report.options = done.report.options.clone();
         report.stages.extend(done.report.stages);
         report.outputs.extend(done.report.outputs);
