@@ -4,6 +4,8 @@ mod cli;
 mod faults;
 #[path = "common/folders.rs"]
 mod folders;
+#[path = "common/night.rs"]
+mod night;
 #[allow(dead_code)]
 #[path = "common/phone.rs"]
 mod phone;

@@ -57,7 +57,7 @@ pub struct MakeArgs {
     /// Page to write beside OUT, to be opened in a browser; OUT with the ending .html unless given
     #[arg(long, value_name = "FILE.html")]
     pub page: Option<PathBuf>,
-    /// Train although too few points tie the photos together
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too little
     #[arg(long)]
     pub anyway: bool,
     /// Write the results of every step as JSON (schema: trisplat schema report)
@@ -87,8 +87,8 @@ pub fn run(args: &MakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
     let sources = Sources { matches, sets: &[], config: None };
     job.bake = sources.resolve(&args.bake, &args.dataset_options.limits, BakeOptions::preset)?.options;
     textured_by_itself(&mut job.bake, matches, &args.output);
-    let mut outputs = guard(args, inputs, &page, &job)?;
-    job.page = Some(page);
+    guard(args, inputs, &page, &job)?;
+    (job.page, job.report) = (Some(page), args.report.clone());
     (job.capture, job.force, job.anyway) = (args.capture.clone(), args.force, args.anyway);
     (job.dataset_options, job.backend) = (args.dataset_options.clone(), args.backend_options.clone());
     if let Some(most) = job.bake.prune.max_triangles {
@@ -109,14 +109,11 @@ pub fn run(args: &MakeArgs, matches: &ArgMatches, global: &Global, inputs: &Inpu
         terminal.tell(event)
     })?;
     say(&done, args, &work, &terminal.done());
-    if done.stopped {
-        return Ok(signals::ended());
-    }
-    outputs.save_report(args.report.as_deref(), &done.report).map(|()| ExitCode::SUCCESS)
+    Ok(if done.stopped { signals::ended() } else { ExitCode::SUCCESS })
 }
 
 /// Refuses outputs that cannot or must not be written, before any work.
-fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, page: &Path, job: &MakeJob) -> Result<Outputs<'a>> {
+fn guard(args: &MakeArgs, inputs: &Inputs, page: &Path, job: &MakeJob) -> Result<()> {
     if args.output.as_os_str() == "-" || args.output.extension().is_some_and(|e| e == "html") {
         let wants = "a file for an engine, as in scene.glb; the page is written beside it";
         return Err(Error::invalid("output", args.output.display(), wants));
@@ -132,8 +129,7 @@ fn guard<'a>(args: &MakeArgs, inputs: &'a Inputs, page: &Path, job: &MakeJob) ->
         outputs.plan_scene(&job.subject_bake().plan_output(&file, None)?)?;
     }
     outputs.plan("--page", page)?;
-    outputs.claim_report(args.report.as_deref())?;
-    Ok(outputs)
+    args.report.as_ref().map_or(Ok(()), |report| outputs.probe("--report", report))
 }
 
 /// The result, and the next step.

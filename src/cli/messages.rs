@@ -11,7 +11,10 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, ErrorKind, Write};
 use trisplat_scene::atomic::AtomicFile;
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, cut};
+
+/// Maximum length of a line, characters: several paths, or a command with some.
+const MAX_LINE: usize = 16_384;
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
 const WARNING: Style = AnsiColor::Yellow.on_default().bold();
@@ -19,12 +22,12 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 /// Prints a line on standard error; a leading "error:" or "warning:" is coloured.
 pub fn print(text: &str) {
     // A closed pipe (`2>&1 | head`) must not end the work.
-    let _ = writeln!(anstream::stderr(), "{}", styled(&visible(text)));
+    let _ = writeln!(anstream::stderr(), "{}", styled(&visible(&cut(text, MAX_LINE))));
 }
 
 /// Writes a line of a table.
 pub fn write(out: &mut dyn Write, text: &str) -> io::Result<()> {
-    writeln!(out, "{}", visible(text))
+    writeln!(out, "{}", visible(&cut(text, MAX_LINE)))
 }
 
 /// `text` with control characters, line breaks and marks of bidirectional text escaped as `\n` or `\u{1b}`.

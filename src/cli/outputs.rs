@@ -187,10 +187,10 @@ impl<'a> Outputs<'a> {
         path.map_or(Ok(()), |path| messages::save_json(report, self.take(path)?))
     }
 
-    /// Plans to write `path` repeatedly; fails if it cannot be written.
+    /// Plans to write `path` later or repeatedly; fails if it cannot be written. The reader of a pipe would take a try for all.
     pub(super) fn probe(&mut self, option: &'static str, path: &Path) -> Result<()> {
         self.plan(option, path)?;
-        AtomicFile::create(path).map(drop)
+        if is_stream(path) { Ok(()) } else { AtomicFile::create(path).map(drop) }
     }
 
     /// Fails if another program wrote a planned file before it was started.

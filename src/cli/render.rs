@@ -5,10 +5,10 @@ use super::inputs::Inputs;
 use super::messages::many;
 use super::outputs::Outputs;
 use super::progress::Progress;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use trisplat_dataset::Dataset;
 use trisplat_job::RenderJob;
-use trisplat_scene::atomic::AtomicFile;
+use trisplat_scene::atomic::{AtomicFile, safe_path};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::{Error, Result};
 
@@ -103,19 +103,15 @@ impl Pictures {
     }
 }
 
-/// `photo.jpg` becomes photo.png, or photo.jpg.png if there is a photo.png, too. Parts of a name that would
-/// lead out of the folder are left out.
+/// `photo.jpg` becomes photo.png, or photo.jpg.png if there is a photo.png, too.
 fn file_names<'a>(photos: &'a [&str]) -> impl Iterator<Item = PathBuf> + 'a {
-    let inside = |name: &str| -> PathBuf {
-        Path::new(name).components().filter(|c| matches!(c, Component::Normal(_))).collect()
-    };
-    let short: Vec<PathBuf> = photos.iter().map(|name| inside(name).with_extension("png")).collect();
+    let short: Vec<PathBuf> = photos.iter().map(|name| safe_path(name).with_extension("png")).collect();
     let mut count = std::collections::HashMap::new();
     short.iter().for_each(|name| *count.entry(name.clone()).or_insert(0usize) += 1);
     photos.iter().zip(short).map(move |(photo, short)| match count[&short] {
         1 => short,
         _ => {
-            let mut long = inside(photo).into_os_string();
+            let mut long = safe_path(photo).into_os_string();
             long.push(".png");
             long.into()
         }
@@ -133,8 +129,8 @@ mod tests {
     #[test]
     fn pictures_are_named_like_their_photos() {
         assert_eq!(
-            names(&["a.jpg", "b/c.png", "../../d.jpg", "/e.v2.jpg"]),
-            ["a.png", "b/c.png", "d.png", "e.v2.png"]
+            names(&["a.jpg", "b/c.png", "../../d.jpg", "/e.v2.jpg", "f\\..\\g.jpg"]),
+            ["a.png", "b/c.png", "d.png", "e.v2.png", "f_.._g.png"]
         );
     }
 

@@ -3,7 +3,7 @@
 use super::messages::Stdout;
 use clap_mangen::Man;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use trisplat_bake::refit::RefitDetails;
 use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
@@ -127,20 +127,20 @@ pub fn man(args: &ManArgs, program: clap::Command) -> Result<()> {
     let folder = AtomicFolder::create(&args.folder)?;
     let mut program = program.disable_help_subcommand(true);
     program.build();
-    write_pages(program, folder.path()).map_err(|e| Error::io(&args.folder, e))?;
+    write_pages(program, &folder)?;
     folder.publish(PROGRAM_PAGE)
 }
 
 /// Writes the pages of a command and its subcommands, each in one write, because rendering into a file would
 /// take hundreds.
-fn write_pages(command: clap::Command, folder: &Path) -> std::io::Result<()> {
+fn write_pages(command: clap::Command, folder: &AtomicFolder) -> Result<()> {
     for below in command.get_subcommands().filter(|below| !below.is_hide_set()).cloned() {
         write_pages(below, folder)?;
     }
     let page = Man::new(command);
     let mut text = Vec::new();
-    page.render(&mut text)?;
-    std::fs::write(folder.join(page.get_filename()), text)
+    let path = folder.place(page.get_filename())?;
+    page.render(&mut text).and_then(|()| std::fs::write(&path, text)).map_err(|e| Error::io(&path, e))
 }
 
 /// Which shell.

@@ -24,12 +24,12 @@ impl Fake {
     pub(super) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        std::fs::write(at("colmap"), COLMAP).unwrap();
-        std::fs::set_permissions(at("colmap"), std::fs::Permissions::from_mode(0o755)).unwrap();
         copy_folder(&dataset().join("sparse/0"), &at("model"));
         copy_folder(&dataset().join("images"), &at("photos"));
         std::fs::write(at("calls"), "").unwrap();
-        Self { folder }
+        let fake = Self { folder };
+        fake.program("colmap", COLMAP);
+        fake
     }
 
     pub(super) fn folder(&self) -> &Path {
@@ -38,6 +38,35 @@ impl Fake {
 
     pub(super) fn at(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
+    }
+
+    /// Stands in for a converter of [`heic`] photos with these notes.
+    pub(super) fn converter(&self, notes: &[u8]) {
+        let start = heic(notes, b"").len() + 1;
+        let script = format!(
+            "#!/bin/sh\n[ $# = 4 ] || exec echo usage\ntail -c +{start} \"$3\" > \"$4\"\n[ -s \"$4\" ]\n"
+        );
+        self.program("heif-convert", &script);
+    }
+
+    /// A program that is found first.
+    pub(super) fn program(&self, name: &str, script: &str) {
+        std::fs::write(self.at(name), script).unwrap();
+        std::fs::set_permissions(self.at(name), std::fs::Permissions::from_mode(0o755)).unwrap();
+    }
+
+    /// Makes a video of the photos, four in a second, and lets the program find the ffmpeg of this shell; false where there is none.
+    pub(super) fn video(&self, name: &str, options: &[&str]) -> bool {
+        let Some(ffmpeg) = which("ffmpeg") else {
+            eprintln_not_checked("ffmpeg is not installed");
+            return false;
+        };
+        self.program("ffmpeg", &format!("#!/bin/sh\nexec '{}' \"$@\"\n", ffmpeg.display()));
+        let mut command = Command::new(ffmpeg);
+        command.args(["-v", "error", "-framerate", "4", "-i"]).arg(self.at("photos/view_%04d.png"));
+        command.args(options).args(["-pix_fmt", "yuv420p"]).arg(self.at(name));
+        assert!(command.status().unwrap().success(), "ffmpeg fails");
+        true
     }
 
     pub(super) fn command(&self, arguments: &[&str]) -> Command {
@@ -285,12 +314,7 @@ fn photos_are_turned_upright_and_cameras_of_other_sizes_kept_apart() {
 #[test]
 fn a_video_gives_frames_that_are_compared_in_sequence() {
     let fake = Fake::new();
-    let mut ffmpeg = Command::new("ffmpeg");
-    ffmpeg.args(["-v", "error", "-framerate", "4", "-i"]).arg(fake.at("photos/view_%04d.png"));
-    ffmpeg.args(["-r", "8", "-pix_fmt", "yuv420p"]).arg(fake.at("walk.mp4"));
-    if !ffmpeg.status().is_ok_and(|status| status.success()) {
-        assert!(std::env::var_os("CI").is_none() || which("ffmpeg").is_none(), "ffmpeg fails");
-        eprintln_not_checked("ffmpeg is not installed");
+    if !fake.video("walk.mp4", &["-r", "8"]) {
         return;
     }
     let said = fake.succeed(&["capture", "walk.mp4", "-o", "set", "--frames", "30"]);
@@ -315,7 +339,7 @@ fn which(program: &str) -> Option<PathBuf> {
 }
 
 #[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
-fn eprintln_not_checked(why: &str) {
+pub(super) fn eprintln_not_checked(why: &str) {
     eprintln!("NOT CHECKED: {why}");
 }
 
@@ -351,7 +375,7 @@ fn pycolmap_finds_the_poses_of_the_sample() {
 }
 
 /// A block of EXIF: orientation, size and focal length.
-fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
+pub(super) fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
     let entry = |tag: u16, kind: u16, value: u32| {
         [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
     };
@@ -364,8 +388,8 @@ fn exif(orientation: u16, size: [u16; 2], focal_35: u16) -> Vec<u8> {
     [b"II\x2a\0\x08\0\0\0", &first[..], &second].concat()
 }
 
-/// A HEIC file without a picture, for programs that do not look.
-fn heic(exif: &[u8]) -> Vec<u8> {
+/// A HEIC file with a JPEG for [`Fake::converter`].
+pub(super) fn heic(exif: &[u8], jpeg: &[u8]) -> Vec<u8> {
     let part = |name: &[u8], body: &[u8]| [&(8 + body.len() as u32).to_be_bytes()[..], name, body].concat();
     let item = part(b"infe", b"\x02\0\0\0\0\x01\0\0Exif\0");
     let items = part(b"iinf", &[&b"\0\0\0\0\0\x01"[..], &item].concat());
@@ -373,19 +397,15 @@ fn heic(exif: &[u8]) -> Vec<u8> {
     let length = (4 + exif.len() as u32).to_be_bytes();
     let place = [&b"\x01\0\0\0\x44\0\0\x01\0\x01\0\x01\0\0\0\x01\0\0\0\0"[..], &length].concat();
     let meta = [&[0; 4], &items[..], &data, &part(b"iloc", &place)].concat();
-    [part(b"ftyp", b"heic\0\0\0\0mif1heic"), part(b"meta", &meta)].concat()
+    [part(b"ftyp", b"heic\0\0\0\0mif1heic"), part(b"meta", &meta), part(b"mdat", jpeg)].concat()
 }
 
 /// As iPhones take them: programs turn them and say so, turn them and still say to turn them, or leave that to whoever reads the JPEG.
 #[test]
 fn heic_photos_are_converted_upright_with_their_focal_length() {
     let fake = Fake::new();
-    std::fs::write(
-        fake.at("heif-convert"),
-        "#!/bin/sh\n[ $# = 4 ] || exec echo usage\ncp \"$3.as\" \"$4\"\n",
-    )
-    .unwrap();
-    std::fs::set_permissions(fake.at("heif-convert"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    let notes = exif(6, [80, 60], 26);
+    fake.converter(&notes);
     std::fs::create_dir(fake.at("phone")).unwrap();
     // Upright, its upper half is red.
     let red = |[w, h]: [u32; 2], is_red: &dyn Fn(u32, u32) -> bool| {
@@ -398,13 +418,11 @@ fn heic_photos_are_converted_upright_with_their_focal_length() {
         let length = (2 + 6 + notes.len() as u16).to_be_bytes();
         [&jpeg[..2], b"\xff\xe1", &length, b"Exif\0\0", notes, &jpeg[2..]].concat()
     };
-    let notes = exif(6, [80, 60], 26);
     for (name, jpeg) in [("a", upright.clone()), ("b", noted(&upright, &notes)), ("c", noted(&lying, &notes))]
     {
-        std::fs::write(fake.at(&format!("phone/{name}.HEIC")), heic(&notes)).unwrap();
-        std::fs::write(fake.at(&format!("phone/{name}.HEIC.as")), jpeg).unwrap();
+        std::fs::write(fake.at(&format!("phone/{name}.HEIC")), heic(&notes, &jpeg)).unwrap();
     }
-    std::fs::write(fake.at("phone/d.heic"), heic(&notes)).unwrap();
+    std::fs::write(fake.at("phone/d.heic"), heic(&notes, b"")).unwrap();
     let capture = ["capture", "phone", "-o", "set", "--report", "report.json"];
     let error = fake.error(&capture);
     assert!(error.contains("phone/d.heic") && error.contains("heif-convert ended with"), "{error}");

@@ -6,6 +6,7 @@ use super::{sample, stderr, trisplat};
 use crate::phone;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
+use trisplat_scene::image::RgbImage;
 
 /// `make` with a number of steps, for the same bytes on every run.
 const STEPS: [&str; 2] = ["--steps", "200"];
@@ -51,6 +52,84 @@ fn a_make_that_is_killed_between_the_file_and_its_page_finishes_by_the_same_comm
     assert!(std::fs::read_to_string(at("scene.html")).unwrap().contains("<html"));
     let refused = make(folder.path(), &[]);
     assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_make_that_is_killed_while_its_report_is_written_finishes_by_the_same_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let report = ["--report", "report.json"];
+    // The report waits for a reader of this pipe.
+    assert!(Command::new("mkfifo").arg(at("report.json")).status().unwrap().success());
+    let mut killed =
+        command(folder.path(), "scene.glb", STEPS, &report).stderr(Stdio::null()).spawn().unwrap();
+    let began = std::time::Instant::now();
+    while !at("scene.html").exists() && killed.try_wait().unwrap().is_none() {
+        assert!(began.elapsed().as_secs() < 120, "it waits for the reader of the report before its work");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    // What scores the file comes between.
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    std::fs::remove_file(at("report.json")).unwrap();
+    // As a kill leaves it that comes while bytes are written.
+    std::fs::write(at(".report.json.trisplat.tmp"), "{").unwrap();
+    let finished = make(folder.path(), &report);
+    assert!(finished.status.success(), "{}", stderr(&finished));
+    let text = std::fs::read_to_string(at("report.json")).unwrap();
+    assert!(serde_json::from_str::<serde_json::Value>(&text).unwrap()["outputs"].is_array(), "{text}");
+    let hidden = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(hidden.filter(|name| name.to_string_lossy().starts_with('.')).count(), 0);
+    let refused = make(folder.path(), &report);
+    assert!(refused.status.code() == Some(1) && stderr(&refused).contains("--force"), "{}", stderr(&refused));
+}
+
+/// Four photos at quarters of a turn, `away` from the middle against their direction; of one color unless `textured`.
+fn four_photos(folder: &Path, away: f64, textured: bool) {
+    std::fs::create_dir_all(folder).unwrap();
+    let frame = |i: u32| {
+        let rgb =
+            (0..64 * 48).map(|pixel| if textured { [40 * i as u8, pixel as u8, 90] } else { [90, 120, 30] });
+        let photo = RgbImage { size: [64, 48].into(), rgb: rgb.collect(), alpha: None };
+        photo.save_png(folder.join(format!("{i}.png"))).unwrap();
+        let (sin, cos) = (f64::from(i) * std::f64::consts::FRAC_PI_2).sin_cos();
+        serde_json::json!({ "file_path": format!("{i}.png"), "transform_matrix":
+            [[cos, 0, sin, away * sin], [0, 1, 0, 0], [-sin, 0, cos, away * cos], [0, 0, 0, 1]] })
+    };
+    let frames: Vec<serde_json::Value> = (0..4).map(frame).collect();
+    let text = serde_json::json!({ "fl_x": 60, "w": 64, "h": 48, "frames": frames }).to_string();
+    std::fs::write(folder.join("transforms.json"), text).unwrap();
+}
+
+#[test]
+fn photos_that_cannot_make_a_scene_are_refused_before_training() {
+    let folder = tempfile::tempdir().unwrap();
+    let make = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        command.current_dir(folder.path()).args(["make", "photos", "-o", "a.glb", "--steps", "3"]);
+        stderr(&command.args(more).stdin(Stdio::null()).output().unwrap())
+    };
+    let cases = [
+        (2.0, false, "have one color each"),
+        (0.0, true, "were taken from one place"),
+        (-2.0, true, "4 of 4 photos show nothing that another photo shows too"),
+    ];
+    for (away, textured, wants) in cases {
+        four_photos(&folder.path().join("photos"), away, textured);
+        let said = make(&[]);
+        assert!(said.contains("photos: ") && said.contains(wants) && said.contains("--anyway"), "{said}");
+        assert!(
+            !folder.path().join("a.make/scene.ply").exists() && !said.contains("--force-dataset"),
+            "{said}"
+        );
+        let said = make(&["--anyway"]);
+        assert!(!said.contains(wants), "{said}");
+        let _ = std::fs::remove_dir_all(folder.path().join("a.make"));
+    }
+    four_photos(&folder.path().join("photos"), 2.0, true);
+    assert!(!make(&[]).contains("--anyway"));
 }
 
 #[test]

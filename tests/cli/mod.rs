@@ -6,6 +6,7 @@ mod checkpoints;
 mod damaged;
 mod examples;
 mod fidelity;
+mod foreign_names;
 mod guards;
 mod inputs;
 mod install;

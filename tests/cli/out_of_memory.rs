@@ -54,10 +54,15 @@ fn whatever_memory_there_is_files_are_whole_or_as_they_were() {
 
 // ---- Memory of reading ---------------------------------------------------------------------------------
 
-/// Output of `trisplat info FILE`, and the most memory that it had, bytes: the system's own mark, asked for until the program is gone.
+/// Output of `trisplat info FILE`, and the most memory that it had, bytes.
 fn info_of(file: &Path) -> (u64, Output) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
-    command.args(["info", "--threads", "2"]).arg(file).stdin(Stdio::null());
+    peak_of(command.args(["info", "--threads", "2"]).arg(file))
+}
+
+/// Output of a command, and the most memory that it had, bytes: the system's own mark, asked for until the program is gone.
+fn peak_of(command: &mut Command) -> (u64, Output) {
+    command.stdin(Stdio::null());
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0;
@@ -234,4 +239,51 @@ fn a_bomb_takes_no_more_memory_than_a_file_of_its_size() {
         assert!(took < most, "{name}: {took} bytes for {}", bytes.len());
         assert!(began.elapsed() < Duration::from_secs(5), "{name}: {:?}", began.elapsed());
     }
+}
+
+/// A checkpoint with a good head and a damaged body.
+#[test]
+fn a_damaged_checkpoint_is_refused_before_it_takes_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.checkpoint");
+    let body = 1u64 << 30;
+    let refused = |format: &str| {
+        let head = serde_json::json!({ "__metadata__": { "trisplat": format, "run": "{}", "xxh3": "0" },
+            "a": { "dtype": "U8", "shape": [body], "data_offsets": [0, body] } });
+        let head = head.to_string();
+        std::fs::write(&path, [&(head.len() as u64).to_le_bytes()[..], head.as_bytes()].concat()).unwrap();
+        let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        file.set_len(8 + head.len() as u64 + body).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
+        let (peak, output) = peak_of(
+            command.arg("train").arg(super::train::dataset()).args(["-o", "a.ply", "--resume"]).arg(&path),
+        );
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        assert!(peak < 256 << 20, "{peak} bytes");
+        stderr(&output)
+    };
+    let other = refused("0");
+    let (_, ours) = other.split_once("this one reads format ").unwrap_or_else(|| panic!("{other}"));
+    let ours: String = ours.chars().take_while(char::is_ascii_digit).collect();
+    let damaged = refused(&ours);
+    assert!(damaged.contains("a.checkpoint: checksum: does not fit"), "{damaged}");
+}
+
+/// An OBJ whose materials share a picture.
+#[test]
+fn a_picture_of_many_materials_takes_memory_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (base, side) = (base(folder.path()), 2000);
+    image::GrayImage::new(side, side).save(folder.path().join("a.png")).unwrap();
+    let mut texts =
+        ["mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n".to_owned(), String::new()];
+    for i in 0..40 {
+        texts[0] += &format!("usemtl m{i}\nf 1/1 2/2 3/3\n");
+        texts[1] += &format!("newmtl m{i}\nmap_Kd a.png\n");
+    }
+    std::fs::write(folder.path().join("a.obj"), &texts[0]).unwrap();
+    std::fs::write(folder.path().join("a.mtl"), &texts[1]).unwrap();
+    let (peak, output) = info_of(&folder.path().join("a.obj"));
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(peak - base < 20 * u64::from(side * side), "{} bytes", peak - base);
 }

@@ -212,6 +212,7 @@ fn a_make_that_is_killed_at_any_part_ends_with_the_bytes_of_one_that_was_not() {
     stop(&mut make(folder, steps), "the training goes on", Some(&at("scene.ply")), "-KILL");
     assert!(!folder.join("scene.glb").exists());
     succeed(&mut make(folder, steps));
+    assert!(!at("scene.checkpoint").exists(), "a finished training needs no checkpoint");
     for name in ["scene.make/scene.ply", "scene.glb", "scene.html"] {
         assert!(read(folder, name) == read(straight, name), "{name}");
     }

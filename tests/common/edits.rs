@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use std::time::Instant;
 
 /// One change to a file; places are shares of its length, so that they shrink well.
 #[derive(Debug, Clone)]
@@ -105,17 +106,23 @@ fn apply(edit: &Edit, bytes: &mut Vec<u8>) {
 }
 
 /// Gives `count` mutants of `seed`, unless TRISPLAT_FUZZ_CASES says how many, to `survive`, which panics when one is not
-/// survived. A failure is shrunk to the fewest edits and named by them.
+/// survived; and again as many until the time of TRISPLAT_FUZZ_SECONDS is over. A failure is shrunk to the fewest edits and named by them.
 pub(crate) fn mutate(name: &str, seed: &[u8], count: u32, survive: impl Fn(&[u8])) {
     let cases = std::env::var("TRISPLAT_FUZZ_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(count);
     let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
-    let result = runner.run(&edits(), |edits| {
-        let mut bytes = seed.to_vec();
-        edits.iter().for_each(|edit| apply(edit, &mut bytes));
-        survive(&bytes);
-        Ok(())
-    });
-    if let Err(failure) = result {
-        panic!("{name}: {failure}");
+    let began = Instant::now();
+    loop {
+        let result = runner.run(&edits(), |edits| {
+            let mut bytes = seed.to_vec();
+            edits.iter().for_each(|edit| apply(edit, &mut bytes));
+            survive(&bytes);
+            Ok(())
+        });
+        if let Err(failure) = result {
+            panic!("{name}: {failure}");
+        }
+        if began.elapsed() >= super::night::duration() {
+            return;
+        }
     }
 }

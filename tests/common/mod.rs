@@ -3,6 +3,7 @@
 
 pub(crate) mod edits;
 pub(crate) mod folders;
+mod night;
 pub(crate) mod phone;
 pub(crate) mod png;
 pub(crate) mod regressions;

@@ -50,6 +50,61 @@ fn a_lens_beyond_the_range_is_refused_with_a_reason() {
 }
 
 #[test]
+fn cameras_beyond_what_floats_square_are_refused_and_points_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let scaled = |name: &str, columns: std::ops::Range<usize>, scale: f64, every: usize| {
+        let text = std::fs::read_to_string(Path::new(SAMPLE).join("sparse/0").join(name)).unwrap();
+        let rows = text.lines().filter(|line| !line.starts_with('#')).enumerate();
+        let row = |(row, line): (usize, &str)| {
+            let moved = |(column, word): (usize, &str)| match word.parse::<f64>() {
+                Ok(number) if columns.contains(&column) && row % every == 0 => {
+                    format!("{:e}", scale * number)
+                }
+                _ => word.to_owned(),
+            };
+            line.split(' ').enumerate().map(moved).collect::<Vec<_>>().join(" ")
+        };
+        let text = rows.map(row).collect::<Vec<_>>().join("\n") + "\n";
+        std::fs::write(folder.path().join("sparse/0").join(name), text).unwrap();
+    };
+    for scale in [1e16, 1e20, 1e30, 1e200] {
+        scaled("images.txt", 5..8, scale, 2);
+        let error = error_of(folder.path());
+        assert!(error.contains("images.txt: photo `view_") && error.contains("the limit is 1e15"), "{error}");
+    }
+    scaled("images.txt", 5..8, 1.0, 2);
+    scaled("points3D.txt", 1..4, 1e18, 100);
+    let dataset = load(folder.path());
+    assert!(dataset.warnings.iter().any(|w| w.contains("or farther than 1e15")), "{:?}", dataset.warnings);
+}
+
+#[test]
+fn a_long_word_of_a_file_is_an_excerpt_in_the_message() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let long = "9x".repeat(1 << 20);
+    let says = |error: String, part: &str| {
+        assert!(
+            error.contains(part) && error.chars().count() < 400 + folder.path().as_os_str().len(),
+            "{error:.900}"
+        );
+    };
+    std::fs::write(folder.path().join("sparse/0/cameras.txt"), format!("1 PINHOLE {long} 120 1 1 1 1\n"))
+        .unwrap();
+    says(error_of(folder.path()), "the width `9x9x");
+    std::fs::remove_dir_all(folder.path().join("sparse")).unwrap();
+    std::fs::write(folder.path().join("transforms.json"), format!(r#"{{"frames": "{long}"}}"#)).unwrap();
+    says(error_of(folder.path()), "transforms.json");
+    std::fs::remove_file(folder.path().join("transforms.json")).unwrap();
+    std::fs::write(folder.path().join("poses.csv"), format!("#name,x,y,alt,yaw,pitch,roll,f_35mm\n{long},a"))
+        .unwrap();
+    says(error_of(&folder.path().join("poses.csv")), "poses.csv");
+    std::fs::write(folder.path().join("cameras.xml"), format!("<a>{long}</b>")).unwrap();
+    says(error_of(folder.path()), "cameras.xml");
+}
+
+#[test]
 fn errors_name_the_file_and_the_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();

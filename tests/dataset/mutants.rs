@@ -122,6 +122,33 @@ fn mutants_of_a_transforms_file_are_survived() {
     mutate_file(&folder.path().join("points.ply"), 300, || survive_dataset(folder.path()));
 }
 
+/// The lists that other programs write.
+#[test]
+fn mutants_of_lists_of_other_programs_are_survived() {
+    let metashape = "<document><chunk><sensors><sensor id=\"0\" type=\"frame\"><resolution width=\"16\" height=\"12\"/><calibration \
+        class=\"adjusted\"><f>20</f><cx>0.1</cx><k1>0.01</k1></calibration></sensor></sensors><cameras><group><camera label=\"a.png\" \
+        sensor_id=\"0\" enabled=\"true\"><transform>1 0 0 0 0 1 0 0 0 0 1 4 0 0 0 1</transform></camera></group></cameras><transform>\
+        <rotation>1 0 0 0 1 0 0 0 1</rotation><translation>1 2 3</translation><scale>2</scale></transform></chunk></document>";
+    let realityscan = "#name,x,y,alt,yaw,pitch,roll,f_35mm,px,py,k1,k2,k3,k4,t1,t2\na.png,1,2,3,10,80,5,40,0.01,0,0.1,0,0,0,0,0\n";
+    let mut npy =
+        b"\x93NUMPY\x01\0\x40\0{'descr': '<f8', 'fortran_order': False, 'shape': (1, 17), }   \n".to_vec();
+    let row = [0.0, 1.0, 0.0, 0.0, 12.0, 1.0, 0.0, 0.0, 0.0, 16.0, 0.0, 0.0, -1.0, 4.0, 20.0, 0.5, 9.0f64];
+    npy.extend(row.iter().flat_map(|number| number.to_le_bytes()));
+    for (name, bytes) in
+        [("cameras.xml", metashape.into()), ("poses.csv", realityscan.into()), ("poses_bounds.npy", npy)]
+    {
+        let bytes: Vec<u8> = bytes;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        picture(16, 12).save_png(folder.path().join("images/a.png")).unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        Dataset::load(folder.path(), &DatasetOptions::default())
+            .unwrap_or_else(|e| panic!("the seed is valid: {e}"));
+        mutate_file(&path, 300, || survive_dataset(folder.path()));
+    }
+}
+
 fn picture(width: u32, height: u32) -> RgbImage {
     let rgb = (0..width * height).map(|i| [(7 * i) as u8, (13 * i) as u8, i as u8]).collect();
     RgbImage { size: UVec2::new(width, height), rgb, alpha: None }

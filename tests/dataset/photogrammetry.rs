@@ -83,6 +83,7 @@ fn llff_with_shrunk_photos_and_masks() {
         (bytes[..bytes.len() - 8].to_vec(), "101 numbers follow"),
         (llff(&views[..5], 4.0), "5 poses"),
         (b"PK\x03\x04 not an array".to_vec(), "NumPy"),
+        (b"\x93NUMPY\x02\0\xff\xff\xff\xff{}".to_vec(), "a header of 4294967295 bytes"),
         ([&bytes[..21], b"<i8", &bytes[24..]].concat(), "descr:<i8"),
     ] {
         std::fs::write(&file, bad).unwrap();
@@ -91,6 +92,41 @@ fn llff_with_shrunk_photos_and_masks() {
             error.contains("poses_bounds.npy") && error.contains(part),
             "`{part}` is missing from: {error}"
         );
+    }
+}
+
+/// A file that no memory holds, with as many poses as it says.
+#[test]
+fn poses_without_photos_take_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("poses_bounds.npy");
+    let count = (200u64 << 30) / (17 * 8);
+    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({count}, 17), }}");
+    header += &" ".repeat(117 - header.len());
+    header.push('\n');
+    let head = [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    std::fs::write(&path, &head).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    file.set_len(head.len() as u64 + 8 * 17 * count).unwrap();
+    let error = error_of(folder.path());
+    assert!(error.contains(&format!("has {count} poses, and there are photos: 0 in images")), "{error}");
+}
+
+#[test]
+fn elements_in_elements_are_refused_before_the_stack_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cameras.xml");
+    for element in ["group", "unknown"] {
+        let (open, close) = (format!("<{element}>\n"), format!("</{element}>"));
+        let text = |depth: usize| {
+            let inside = open.repeat(depth) + &close.repeat(depth);
+            format!("<document><chunk><cameras>{inside}</cameras></chunk></document>")
+        };
+        std::fs::write(&path, text(20_000)).unwrap();
+        let error = error_of(folder.path());
+        assert!(error.contains("elements are nested more than 128 deep at byte"), "{error}");
+        std::fs::write(&path, text(100)).unwrap();
+        assert!(error_of(folder.path()).contains("none has a pose"));
     }
 }
 

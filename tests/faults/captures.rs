@@ -50,7 +50,7 @@ pub(crate) fn capture_replaces() -> Case {
 pub(crate) fn make() -> Case {
     const MAKE: &[&str] = &[
         "make", "in/photos/images", "-o", "out/a.glb", "--work", "out/work", "--poses", "in/colmap",
-        "--steps", "100", "--max-triangles", "200", "--force",
+        "--steps", "100", "--max-triangles", "200", "--report", "out/report.json",
     ];
     case("make", 8, MAKE, &[], |_| {})
 }

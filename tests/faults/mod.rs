@@ -3,7 +3,8 @@
 //! changes.
 //!
 //! The calls are caught by `inject.c`, a library that `cc` compiles and the system's loader puts before the C library. A plain
-//! run of the suite visits some calls of each command; `TRISPLAT_FAULTS=all` visits every one.
+//! run of the suite visits some calls of each command; `TRISPLAT_FAULTS=all` visits every one, and `TRISPLAT_FUZZ_SECONDS=600` goes on with
+//! random ones for ten minutes each.
 #![cfg(target_os = "linux")]
 #![allow(
     clippy::print_stdout,
@@ -19,6 +20,8 @@ mod tree;
 use cases::Case;
 use run::{Fault, Injector, Kind};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Instant, SystemTime};
+use trisplat_scene::Rng;
 
 /// Visits the calls of `case`, with every kind of fault.
 fn visit(case: &Case) {
@@ -42,6 +45,16 @@ fn visit(case: &Case) {
             failed += u64::from(checked.is_err());
             visited += 1;
         }
+    }
+    // Other places every time.
+    let (began, seed) = (Instant::now(), SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap());
+    let random = Rng::new(seed.as_nanos() as u64, case.name, 0);
+    while began.elapsed() < crate::night::duration() {
+        let kind = [Kind::Kill, Kind::Kill, Kind::Error, Kind::Full][random.bits(2 * visited) as usize % 4];
+        let fault = Fault { kind, at: 1 + random.bits(2 * visited + 1) % new.calls };
+        let checked = catch_unwind(AssertUnwindSafe(|| case.check(&injector, &new, fault)));
+        failed += u64::from(checked.is_err());
+        visited += 1;
     }
     println!("{}: {} calls, {visited} faults", case.name, new.calls);
     assert_eq!(failed, 0, "faults of {visited} that broke a promise");

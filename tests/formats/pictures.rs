@@ -52,6 +52,52 @@ fn is_upright(loaded: &ImportedScene) {
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0.25 0.25\nvt 0.75 0.25\nvt 0.75 0.75\nvt 0.25 0.75\nusemtl m\nf 1/1 2/2 3/3 4/4\n";
 
 #[test]
+fn a_picture_is_read_once_by_whichever_names_materials_call_it() {
+    let mut mtl = String::new();
+    let mut obj = "mtllib a.mtl\n".to_owned() + SQUARE.rsplit_once("usemtl").expect("a material").0;
+    for i in 0..40 {
+        let name = ["my col.png", "./my col.png", "MY COL.png", "x/../my col.png"][i % 4];
+        mtl += &format!("newmtl m{i}\nmap_Kd {name}\n");
+        obj += &format!("usemtl m{i}\nf 1/1 2/2 3/3 4/4\n");
+    }
+    let folder = folder(&[("a.obj", &obj), ("a.mtl", &mtl)]);
+    fs::create_dir(folder.path().join("x")).expect("made");
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("my col.png", folder.path().join("link.png")).expect("linked");
+    let loaded = read(&folder, "a.obj");
+    is_upright(&loaded);
+    let texture = mesh(&loaded).texture.as_ref().expect("kept");
+    assert_eq!((texture.pages.len(), mesh(&loaded).face_count()), (1, 80), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn names_that_no_library_has_cost_little_time_and_few_words() {
+    let count = 60_000;
+    let mtl: String = (0..count).map(|i| format!("newmtl known{i}\nKd 1 0 0\n")).collect();
+    let faces: String = (0..count).map(|i| format!("usemtl Unknown{i}\nf 1/1 2/2 3/3\n")).collect();
+    let obj = format!("mtllib a.mtl\n{SQUARE}usemtl KNOWN7\nf 1/1 2/2 3/3\n{faces}");
+    let folder = folder(&[("a.obj", &obj), ("a.mtl", &mtl)]);
+    let began = std::time::Instant::now();
+    let loaded = read(&folder, "a.obj");
+    assert!(began.elapsed().as_secs() < 10, "{:?}", began.elapsed());
+    let warning = loaded.warnings.iter().find(|warning| warning.contains("no library has")).expect("said");
+    assert!(warning.contains("Unknown6 and 59993 more") && warning.len() < 300, "{warning}");
+    let Colors::Face(colors) = &mesh(&loaded).colors else { panic!("{:?}", loaded.warnings) };
+    assert_eq!((colors[2], colors[3]), ([1.0, 0.0, 0.0], [1.0; 3]), "a name in another case is found");
+}
+
+/// One line names as many libraries as fit in it.
+#[test]
+fn a_line_of_many_libraries_costs_little_time() {
+    let names = "a.mtl ".repeat(10_000);
+    let lines: String = (0..20).map(|_| format!("mtllib {names}\n")).collect();
+    let folder = folder(&[("a.obj", &(lines + SQUARE))]);
+    let began = std::time::Instant::now();
+    read(&folder, "a.obj");
+    assert!(began.elapsed().as_secs() < 5, "{:?}", began.elapsed());
+}
+
+#[test]
 fn names_of_libraries_and_pictures_are_found_as_programs_write_them() {
     for (library, obj, mtl) in [
         ("a.mtl", "mtllib a.mtl\n", "newmtl m\nmap_Kd my col.png\n"),

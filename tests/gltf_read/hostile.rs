@@ -183,6 +183,29 @@ fn small_files_do_not_become_large_scenes() {
     assert!(b.read().is_err_and(|e| e.to_string().contains("times its size")));
 }
 
+/// The number of copies, which the document says, is checked before any of them is read.
+#[test]
+fn copies_are_counted_before_they_are_read() {
+    let mut b = Builder::triangle();
+    let far = b.floats("VEC3", &[f32::INFINITY; 3]);
+    b.json["accessors"][far] = json!({ "componentType": FLOAT, "type": "VEC3", "count": 60_000_000,
+        "sparse": { "count": 1, "indices": { "bufferView": 999, "componentType": 5125 }, "values": { "bufferView": 999 } } });
+    b.json["nodes"][0]["extensions"] =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": far } } });
+    let strip = b.json["meshes"][0]["primitives"][0].clone();
+    b.json["meshes"][0]["primitives"] = json!([strip.clone(), strip]);
+    let error = b.read().expect_err("too many triangles").to_string();
+    assert!(error.contains("120000000 triangles, the limit is"), "{error}");
+    // Nodes that show a mesh of nothing take time only.
+    let mut b = Builder::triangle();
+    b.json["meshes"][0]["primitives"] = json!(vec![json!({}); 10_000]);
+    for _ in 0..10_000 {
+        b.node(json!({ "mesh": 0 }));
+    }
+    let error = b.read().expect_err("too many primitives").to_string();
+    assert!(error.contains("triangles, the limit is"), "{error}");
+}
+
 /// A compressed triangle: edits of what the extension promises.
 #[test]
 fn compressed_views_are_checked() {

@@ -56,6 +56,7 @@ pub use lit::{Lit, LitDetails, LitOptions, lit};
 pub use lod::{FinishedLevel, LevelSource, LodDetails, LodOptions, LodRanking, lod};
 pub use merge::merge;
 pub use mesh::{MeshOptions, mesh};
+pub use misfit::psnr_of_mean_color;
 pub use options::{BakeOptions, BakePreset};
 pub use order::{ArrangeDetails, FaceOrder, OrderDetails, OrderOptions, order};
 pub use place::up::Evidence;

@@ -82,7 +82,7 @@ fn correlation(a: &[[u8; 3]], b: &[[u8; 3]], weights: Option<&[u8]>) -> f64 {
 }
 
 /// PSNR of a picture of the photo's mean colour, dB.
-fn psnr_of_mean_color(photo: &RgbImage) -> f64 {
+pub fn psnr_of_mean_color(photo: &RgbImage) -> f64 {
     let weights = photo.alpha.as_deref();
     let weight = |pixel: usize| weights.map_or(1.0, |alpha| f64::from(alpha[pixel]));
     let (mut sum, mut total) = ([0.0; 3], 0.0);

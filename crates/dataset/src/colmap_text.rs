@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use trisplat_scene::{Error, Limits, Result, input};
+use trisplat_scene::{Error, Limits, Result, excerpt, input};
 
 /// Reads cameras and images of a folder; observations are kept if `observations` is set.
 pub(super) fn read(folder: &Path, limits: &Limits, observations: bool) -> Result<Model> {
@@ -146,7 +146,8 @@ impl<'a> Words<'a> {
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T> {
         let word = self.word(what)?;
-        word.parse().map_err(|_| self.lines.malformed(format!("the {what} `{word}` is not such a number")))
+        word.parse()
+            .map_err(|_| self.lines.malformed(format!("the {what} `{}` is not such a number", excerpt(word))))
     }
 
     fn numbers<const N: usize>(&mut self, what: &str) -> Result<[f64; N]> {

@@ -7,11 +7,15 @@ use super::found::{FoundDataset, FoundPhoto, LensClaim};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DVec3, UVec2};
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Result, input};
+use trisplat_scene::{Error, Result, excerpt, input};
 
 /// Numbers of a photo.
 const ROW: usize = 17;
+/// Maximum length of a header, bytes: NumPy itself writes 128.
+const MAX_HEADER: usize = 1 << 16;
 
 /// The file of a folder.
 pub(super) fn locate(root: &Path) -> Option<PathBuf> {
@@ -21,16 +25,19 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
 /// Reads `file` and finds its photos: in `images`, or shrunk in `images_2`, `images_4`, ...
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
-    let rows = rows(file, &input::read(file, &options.limits)?)?;
+    let (mut from, length) = input::open(file, &options.limits)?;
+    let header = Header::read(file, &mut from, length)?;
     let name = options.images.display().to_string();
     let folders = [name.clone()].into_iter().chain([2, 4, 8, 16].map(|by| format!("{name}_{by}")));
     let counted = folders.map(|folder| (pictures(&root.join(&folder)), folder)).collect::<Vec<_>>();
-    let Some((pictures, folder)) = counted.iter().find(|(pictures, _)| pictures.len() == rows.len()) else {
+    let Some((pictures, folder)) = counted.iter().find(|(pictures, _)| pictures.len() == header.rows) else {
         let found: Vec<String> =
             counted.iter().map(|(pictures, folder)| format!("{} in {folder}", pictures.len())).collect();
-        let reason = format!("has {} poses, and there are photos: {}", rows.len(), found.join(", "));
+        let reason = format!("has {} poses, and there are photos: {}", header.rows, found.join(", "));
         return Err(Error::malformed(file, "photos", format!("{reason}; each pose needs its photo")));
     };
+    // No more numbers than photos take memory.
+    let rows = header.rows(file, &mut from)?;
     let below = root.join(folder);
     let photos = pictures.iter().zip(&rows).enumerate().map(|(index, (path, row))| {
         let name = path.strip_prefix(&below).unwrap_or(path).to_string_lossy().replace('\\', "/");
@@ -72,40 +79,59 @@ fn photo(name: String, path: PathBuf, row: &[f64; ROW]) -> Result<FoundPhoto, St
     Ok(FoundPhoto::posed(name, path, (rotation, translation), lens))
 }
 
-/// The rows of a NumPy file: its magic bytes, the length of its header, the header as a Python dict, numbers.
-fn rows(file: &Path, bytes: &[u8]) -> Result<Vec<[f64; ROW]>> {
-    let wrong = |reason: String| {
-        Error::malformed(file, "header", format!("{reason}; expected N x {ROW} numbers, little endian"))
-    };
-    let no_array = || wrong("is not a NumPy array".into());
-    let (magic, rest) = bytes.split_at_checked(8).ok_or_else(no_array)?;
-    let wide = match magic {
-        [0x93, b'N', b'U', b'M', b'P', b'Y', version, _] => *version > 1,
-        _ => return Err(no_array()),
-    };
-    let (length, rest) = rest.split_at_checked(if wide { 4 } else { 2 }).ok_or_else(no_array)?;
-    let length = length.iter().rev().fold(0, |sum, byte| 256 * sum + usize::from(*byte));
-    let (header, numbers) = rest.split_at_checked(length).ok_or_else(no_array)?;
-    let header = String::from_utf8_lossy(header).replace([' ', '"'], "").replace('\'', "");
-    let bytes_each = match () {
-        () if header.contains("descr:<f8") => 8,
-        () if header.contains("descr:<f4") => 4,
-        () => return Err(wrong(format!("says {}", header.trim()))),
-    };
-    let shape = header
-        .split_once("shape:(")
-        .and_then(|(_, rest)| rest.split_once(')'))
-        .map_or("", |(shape, _)| shape);
-    if header.contains("fortran_order:True") || !shape.ends_with(&format!(",{ROW}")) {
-        return Err(wrong(format!("says {}", header.trim())));
+/// What a NumPy file says before its numbers.
+struct Header {
+    rows: usize,
+    bytes_per_number: usize,
+}
+
+impl Header {
+    /// Read it from the start of `from`, a file of `length` bytes: magic bytes, the length of a Python dict, the dict.
+    fn read(file: &Path, from: &mut File, length: u64) -> Result<Self> {
+        let wrong = |reason: String| {
+            Error::malformed(file, "header", format!("{reason}; expected N x {ROW} numbers, little endian"))
+        };
+        let mut next = |count: usize| {
+            let mut bytes = vec![0; count];
+            from.read_exact(&mut bytes).map_err(|_| wrong("is not a NumPy array".into())).map(|()| bytes)
+        };
+        let is_long = match next(8)?[..] {
+            [0x93, b'N', b'U', b'M', b'P', b'Y', version, _] => version > 1,
+            _ => return Err(wrong("is not a NumPy array".into())),
+        };
+        let size = next(if is_long { 4 } else { 2 })?;
+        let start = 8 + size.len() as u64;
+        let size = size.iter().rev().fold(0, |sum, byte| 256 * sum + usize::from(*byte));
+        if size > MAX_HEADER {
+            return Err(wrong(format!("says a header of {size} bytes")));
+        }
+        let text = String::from_utf8_lossy(&next(size)?).replace([' ', '"', '\''], "");
+        let says = || wrong(format!("says {}", excerpt(text.trim())));
+        let bytes_per_number = match () {
+            () if text.contains("descr:<f8") => 8,
+            () if text.contains("descr:<f4") => 4,
+            () => return Err(says()),
+        };
+        let shape = text.split_once("shape:(").and_then(|(_, rest)| rest.split_once(')'));
+        let shape = shape.map_or("", |(shape, _)| shape);
+        let rows = shape.strip_suffix(&format!(",{ROW}")).and_then(|rows| rows.parse().ok());
+        let Some(rows) = rows.filter(|_| !text.contains("fortran_order:True")) else { return Err(says()) };
+        let follow = length.saturating_sub(start + size as u64) / bytes_per_number as u64;
+        if follow / ROW as u64 != rows as u64 {
+            return Err(wrong(format!("says ({shape}), and {follow} numbers follow")));
+        }
+        Ok(Self { rows, bytes_per_number })
     }
-    let number = |bytes: &[u8]| match bytes.try_into() {
-        Ok(eight) => f64::from_le_bytes(eight),
-        Err(_) => bytes.try_into().map_or(f64::NAN, |four| f64::from(f32::from_le_bytes(four))),
-    };
-    let numbers: Vec<f64> = numbers.chunks(bytes_each).map(number).collect();
-    if shape.split_once(',').and_then(|(rows, _)| rows.parse().ok()) != Some(numbers.len() / ROW) {
-        return Err(wrong(format!("says ({shape}), and {} numbers follow", numbers.len())));
+
+    /// The numbers that follow it.
+    fn rows(&self, file: &Path, from: &mut File) -> Result<Vec<[f64; ROW]>> {
+        let mut bytes = vec![0; self.rows * ROW * self.bytes_per_number];
+        from.read_exact(&mut bytes).map_err(|e| Error::io(file, e))?;
+        let number = |bytes: &[u8]| match bytes.try_into() {
+            Ok(eight) => f64::from_le_bytes(eight),
+            Err(_) => bytes.try_into().map_or(f64::NAN, |four| f64::from(f32::from_le_bytes(four))),
+        };
+        let numbers: Vec<f64> = bytes.chunks(self.bytes_per_number).map(number).collect();
+        Ok(numbers.as_chunks().0.to_vec())
     }
-    Ok(numbers.as_chunks().0.to_vec())
 }

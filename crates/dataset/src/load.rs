@@ -135,6 +135,7 @@ fn finish(
     if some.is_none() {
         leave_out_far(&mut found);
     }
+    check_extent(&found)?;
     let given = some.and_then(|(_, origin)| origin);
     let origin = given.unwrap_or_else(|| origin_of(&found));
     if let Some((names, _)) = some {
@@ -412,6 +413,21 @@ fn leave_out_far(found: &mut FoundDataset) {
     found.photos.retain(|_| at.next().is_none_or(|i| !out.contains(&i)));
 }
 
+/// Refuse cameras so far apart that squares of distances are beyond what a float holds.
+fn check_extent(found: &FoundDataset) -> Result<()> {
+    let Some(first) = found.photos.first().map(FoundPhoto::center) else { return Ok(()) };
+    let distances = found.photos.iter().map(|photo| (photo.center().distance(first), &photo.name));
+    let Some((distance, name)) = distances.max_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(()) };
+    if distance <= MAX_DISTANCE {
+        return Ok(());
+    }
+    let reason = format!(
+        "its camera is {distance:.1e} units from that of `{}`, the limit is {MAX_DISTANCE:.0e}; give poses in meters or a unit like it",
+        found.photos[0].name
+    );
+    Err(Error::malformed(&found.list, format!("photo `{name}`"), reason))
+}
+
 /// The origin to subtract from every position, from the middle of the cameras and the extent of cameras and
 /// points.
 fn origin_of(found: &FoundDataset) -> DVec3 {
@@ -423,13 +439,16 @@ fn origin_of(found: &FoundDataset) -> DVec3 {
     far_origin(middle, extent.max(median(distances, f32::total_cmp).map_or(0.0, f64::from)))
 }
 
-/// Keeps the points with finite positions, relative to the origin.
+/// Largest distance from a camera to another one, or from the origin to a point.
+const MAX_DISTANCE: f64 = 1e15;
+
+/// Keeps the points with positions within [`MAX_DISTANCE`], relative to the origin.
 fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     let count = found.len();
     let mut numbers = vec![None; count];
     for (FoundPoint { position, rgb, error, .. }, number) in found.into_iter().zip(&mut numbers) {
         let position = (position - dataset.origin).as_vec3();
-        if position.is_finite() {
+        if position.abs().max_element() <= MAX_DISTANCE as f32 {
             *number = Some(dataset.points.len() as u32);
             dataset.points.push(Point { position, rgb, error });
         }
@@ -439,7 +458,10 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     }
     let (kept, warnings) = (dataset.points.len(), &mut dataset.warnings);
     if kept < count {
-        warnings.push(format!("dropped {} points that are not finite", count - kept));
+        warnings.push(format!(
+            "dropped {} points that are not finite, or farther than {MAX_DISTANCE:.0e}",
+            count - kept
+        ));
     }
     if kept == 0 {
         warnings.push("no points: training searches where three photos agree".into());

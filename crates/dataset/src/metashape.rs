@@ -12,10 +12,15 @@ use super::lens::{Distortion, Lens, Projection};
 use super::options::DatasetOptions;
 use super::posed::DatasetKind;
 use glam::{DMat3, DMat4, DVec2, DVec3, UVec2};
+use quick_xml::Reader;
 use quick_xml::de::from_str;
+use quick_xml::events::Event;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
-use trisplat_scene::{Error, Result, input};
+use trisplat_scene::{Error, Result, excerpt, input};
+
+/// Maximum depth of elements, as of JSON: the parser calls itself at each.
+const MAX_DEPTH: i32 = 128;
 
 #[derive(Deserialize)]
 struct Document {
@@ -107,13 +112,30 @@ pub(super) fn locate(root: &Path) -> Option<PathBuf> {
     Some(root.join("cameras.xml")).filter(|file| file.is_file())
 }
 
+/// Refuse elements nested deeper than [`MAX_DEPTH`]. Other faults are left to the parser.
+fn check_depth(text: &str) -> Result<(), String> {
+    let mut reader = Reader::from_str(text);
+    let mut depth = 0;
+    while depth <= MAX_DEPTH {
+        match reader.read_event() {
+            Ok(Event::Start(_)) => depth += 1,
+            Ok(Event::End(_)) => depth -= 1,
+            Ok(Event::Eof) | Err(_) => return Ok(()),
+            Ok(_) => {}
+        }
+    }
+    Err(format!("elements are nested more than {MAX_DEPTH} deep at byte {}", reader.buffer_position()))
+}
+
 /// Reads `file` and finds its photos.
 pub(super) fn read(file: &Path, options: &DatasetOptions) -> Result<FoundDataset> {
     let text = input::read_text(file, &options.limits)?;
-    let document: Document = from_str(&text).map_err(|e| {
-        let reason = format!("is not Metashape's list of cameras: {e}; export it as Agisoft XML");
+    let wrong = |fault: String| {
+        let reason = format!("is not Metashape's list of cameras: {fault}; export it as Agisoft XML");
         Error::malformed(file, "XML", reason)
-    })?;
+    };
+    check_depth(&text).map_err(wrong)?;
+    let document: Document = from_str(&text).map_err(|e| wrong(e.to_string()))?;
     let Chunk { sensors, cameras, transform } = document.chunk;
     let place = transform.matrix().map_err(|reason| Error::malformed(file, "chunk", reason))?;
     let root = file.parent().unwrap_or(Path::new("")).to_owned();
@@ -212,5 +234,9 @@ impl Place {
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap_or(f64::NAN)).collect();
     let finite = numbers.iter().all(|number| number.is_finite());
-    numbers.try_into().ok().filter(|_| finite).ok_or_else(|| format!("expected {N} numbers, not `{text}`"))
+    numbers
+        .try_into()
+        .ok()
+        .filter(|_| finite)
+        .ok_or_else(|| format!("expected {N} numbers, not `{}`", excerpt(text)))
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::sync::Arc;
 use trisplat_scene::input::{self, BYTE_ORDER_MARK};
-use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, parallel};
+use trisplat_scene::{Error, Limits, Provenance, Result, UpAxis, excerpt, parallel};
 
 /// Lines of meshes are far shorter. A longer line means a broken file, and its memory is limited to this.
 const LONGEST: u64 = 1 << 16;
@@ -107,15 +107,7 @@ pub(super) fn as_utf8(source: &Source, limits: &Limits) -> Result<Source> {
 
 /// A word as a number, or a message about it.
 pub(super) fn number<T: FromStr>(word: &str) -> Result<T, String> {
-    word.parse().map_err(|_| format!("{:?} is not a number", clip(word)))
-}
-
-/// A quotation short enough for an error message.
-pub(super) fn clip(text: &str) -> String {
-    match text.char_indices().nth(60) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
+    word.parse().map_err(|_| format!("{:?} is not a number", excerpt(word)))
 }
 
 // ---- Numbers as text, in as few digits as read back equal --------------------------------------------

@@ -4,16 +4,20 @@ use crate::faces::mean;
 use crate::lines::{Lines, as_utf8};
 use crate::{ReadOptions, Source};
 use glam::Vec2;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use trisplat_scene::atlas::{PaintedFaces, Wrap, paint};
+use trisplat_scene::atomic::FileId;
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, Limits, Result, Texture, input};
+use trisplat_scene::{Error, Limits, Result, Texture, excerpt, input};
 
 /// Most libraries of a file; each is read whole.
 const MOST_LIBRARIES: usize = 64;
+
+/// Maximum number of materials that a warning names.
+const MAX_NAMED: usize = 8;
 
 /// Keywords of pictures that do not begin with `map_`.
 const OTHER_PICTURES: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
@@ -103,22 +107,27 @@ impl Materials {
         warnings: &mut Vec<String>,
     ) -> bool {
         let known = self.read(path, options, warnings);
-        let of_name = |name: &String| match known.get(name) {
-            Some(material) => Some(material),
-            None => known.iter().find(|(other, _)| other.eq_ignore_ascii_case(name)).map(|(_, found)| found),
-        };
+        let mut in_any_case = BTreeMap::new();
+        for (name, material) in &known {
+            in_any_case.entry(name.to_ascii_lowercase()).or_insert(material);
+        }
+        let alike = |name: &String| in_any_case.get(&name.to_ascii_lowercase()).copied();
+        let of_name = |name: &String| known.get(name).or_else(|| alike(name));
         let materials: Vec<Option<&Material>> = self.names.iter().map(of_name).collect();
         let lost = self.names.iter().zip(&materials).filter(|(_, found)| found.is_none());
         let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
         if !known.is_empty() && !lost.is_empty() {
-            let names = lost.join(", ");
-            warnings.push(format!("materials that no library has, their triangles are white: {names}"));
+            let names = lost.iter().take(MAX_NAMED).map(|name| excerpt(name)).collect::<Vec<_>>().join(", ");
+            let more = lost.len().saturating_sub(MAX_NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            warnings.push(format!("materials that no library has, their triangles are white: {names}{more}"));
         }
         if !materials.iter().flatten().any(|material| **material != Material::default()) {
             return false;
         }
         let is_colored = matches!(&mesh.colors, Colors::Vertex(colors) if !colors.is_empty());
-        let (mut textures, mut painted) = (BTreeMap::new(), Vec::new());
+        let mut pictures = Pictures::default();
+        let mut painted = Vec::new();
         let mut colors = match is_colored {
             true => (0..mesh.face_count()).map(|face| mean(mesh.corner_colors(face))).collect(),
             false => vec![[1.0f32; 3]; mesh.face_count()],
@@ -134,14 +143,15 @@ impl Materials {
                 colors[faces.clone()].fill(light);
             }
             let Some(laid) = &material.picture else { continue };
-            let read = || match uvs.is_empty() {
-                true => Err(Error::unsupported(path, "its faces have no texture coordinates")),
-                false => picture(path, &laid.name, options),
-            };
-            let texture = textures.entry(number).or_insert_with(|| {
-                let name = &self.names[number];
+            let image = pictures.number(path, &laid.name, options);
+            let texture = pictures.textures.entry(image).or_insert_with(|| {
+                let read = match uvs.is_empty() {
+                    true => Err(Error::unsupported(path, "its faces have no texture coordinates")),
+                    false => picture(path, &laid.name, options),
+                };
+                let name = excerpt(&self.names[number]);
                 let unread = "a texture is not read, its triangles have the colour of their material";
-                read().map_err(|e| warnings.push(format!("{unread}: {name}: {e}"))).ok()
+                read.map_err(|e| warnings.push(format!("{unread}: {name}: {e}"))).ok()
             });
             if texture.is_none() {
                 continue;
@@ -149,13 +159,13 @@ impl Materials {
             // Many programs write black beside a picture, and draw the picture alone.
             colors[faces.clone()].fill(if color == [0.0; 3] { [1.0; 3] } else { light });
             let uvs = uvs[faces.clone()].iter().map(|uvs| uvs.map(|uv| laid.place(uv))).collect();
-            painted.push(PaintedFaces { image: number, faces, uvs, wrap: [laid.wrap; 2] });
+            painted.push(PaintedFaces { image, faces, uvs, wrap: [laid.wrap; 2] });
         }
         if !is_colored || !painted.is_empty() {
             warnings.extend(has_colors(mesh).then(|| OVER_COLORS.to_owned()));
             mesh.colors = Colors::Face(colors);
         }
-        warnings.extend(paint(mesh, painted, &textures));
+        warnings.extend(paint(mesh, painted, &pictures.textures));
         true
     }
 
@@ -174,6 +184,31 @@ impl Materials {
             }
         }
         known
+    }
+}
+
+/// The pictures of materials, each read once, however many materials name it and by whichever names.
+#[derive(Debug, Default)]
+struct Pictures {
+    numbers: BTreeMap<String, usize>,
+    files: HashMap<FileId, usize>,
+    /// By number; none if it could not be read.
+    textures: BTreeMap<usize, Option<Arc<Texture>>>,
+}
+
+impl Pictures {
+    /// Return the number of the picture that the OBJ at `path` calls `name`.
+    fn number(&mut self, path: &Path, name: &str, options: &ReadOptions) -> usize {
+        if let Some(number) = self.numbers.get(name) {
+            return *number;
+        }
+        let mut number = self.numbers.len();
+        // What is not found is read, and refused, under each name.
+        if let Ok(file) = found(path, name, options) {
+            number = *self.files.entry(FileId::of(&file)).or_insert(number);
+        }
+        self.numbers.insert(name.to_owned(), number);
+        number
     }
 }
 
@@ -251,7 +286,7 @@ fn in_any_case(folder: &Path, relative: &Path) -> PathBuf {
 /// The names in a `mtllib` line. A name ends with its quote, or with `.mtl`.
 fn library_names(text: &str) -> Vec<String> {
     let (mut names, mut rest) = (Vec::new(), text.trim());
-    while !rest.is_empty() {
+    while !rest.is_empty() && names.len() < MOST_LIBRARIES {
         let lower = rest.to_ascii_lowercase();
         let quoted = rest.strip_prefix('"').and_then(|inner| inner.split_once('"'));
         let end = lower.match_indices(".mtl").map(|(at, ending)| at + ending.len());

@@ -7,7 +7,7 @@
 
 use crate::faces::{Clamped, Faces, PlacedCorners};
 use crate::finish::{FarPositions, finish};
-use crate::lines::{self, Lines, as_utf8, clip, number, push_float, push_integer, write_blocks};
+use crate::lines::{self, Lines, as_utf8, number, push_float, push_integer, write_blocks};
 use crate::mtl::Materials;
 use crate::{ReadOptions, Source};
 use glam::{DVec3, Vec2, Vec3};
@@ -15,7 +15,7 @@ use std::io::{self, Write};
 use std::sync::LazyLock;
 use trisplat_scene::math::color::{linear_from_srgb, linear_of_srgb8, srgb_from_linear, srgb8_from_linear};
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene};
+use trisplat_scene::{Asset, Error, FaceTexture, ImportedScene, Result, Scene, excerpt};
 
 pub use crate::mtl::named_files;
 
@@ -152,7 +152,7 @@ impl ObjDraft {
     fn corner(&mut self, word: &str, line: u64) -> Result<u32, String> {
         let vertex = word.split('/').next().unwrap_or_default().parse::<i64>();
         let vertex =
-            vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", clip(word)))?;
+            vertex.map_err(|_| format!("has the corner {:?}; expected a vertex number", excerpt(word)))?;
         let known = self.positions.len() as i64;
         let from_one = if vertex < 0 { known + 1 + vertex } else { vertex };
         if from_one > known && self.ahead.is_none_or(|(_, largest)| from_one > largest) {

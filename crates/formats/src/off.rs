@@ -12,13 +12,13 @@
 
 use crate::faces::{Clamped, Faces, check_corners};
 use crate::finish::{FarPositions, finish};
-use crate::lines::{Lines, clip, number};
+use crate::lines::{Lines, number};
 use crate::{ReadOptions, Source};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
-use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, input};
+use trisplat_scene::{Error, ImportedScene, Limits, Provenance, Result, Scene, excerpt, input};
 
 /// Bytes of the shortest lines: `0 0 0` and `3 0 1 2`.
 const SHORTEST: (u64, u64) = (6, 8);
@@ -95,7 +95,7 @@ fn read_counts(source: &Source, lines: &mut Lines, limits: &Limits) -> Result<(u
     let keyword = words.remove(0);
     if keyword != "OFF" && keyword != "COFF" {
         return Err(if keyword.ends_with("OFF") {
-            Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", clip(&keyword)))
+            Error::unsupported(&source.path, format!("is {}; save it as OFF or COFF", excerpt(&keyword)))
         } else {
             lines.error("is not an OFF file: it must start with OFF or COFF")
         });
@@ -155,16 +155,17 @@ fn read_corners(
     let count = words.next().unwrap_or_default();
     let count = count
         .parse::<i64>()
-        .map_err(|_| format!("starts with {:?}; expected the number of its corners", clip(count)))?;
+        .map_err(|_| format!("starts with {:?}; expected the number of its corners", excerpt(count)))?;
     let count = check_corners(count)?;
     corners.clear();
     for _ in 0..count {
         let word = words.next().ok_or_else(|| format!("has fewer than {count} corners"))?;
         let index = word.parse::<u32>().ok().filter(|v| (*v as usize) < vertices);
-        corners
-            .push(index.ok_or_else(|| {
-                format!("names vertex {:?}, but there are {vertices} vertices", clip(word))
-            })?);
+        corners.push(
+            index.ok_or_else(|| {
+                format!("names vertex {:?}, but there are {vertices} vertices", excerpt(word))
+            })?,
+        );
     }
     colors.push(words)
 }

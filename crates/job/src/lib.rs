@@ -18,6 +18,7 @@ mod inputs;
 mod making;
 mod meshing;
 mod off_camera;
+mod photo_check;
 mod plain;
 mod renderer;
 mod rendering;

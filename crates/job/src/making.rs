@@ -3,6 +3,7 @@
 use super::baking::{BakeInput, BakeJob};
 use super::evaluate::EvalJob;
 use super::event::{Event, MakePart, Observer, add, stages};
+use super::photo_check::check_photos;
 use super::scores::{ShownTwice, StepScore};
 use super::training::{TrainJob, reading};
 use serde::{Deserialize, Serialize};
@@ -44,6 +45,8 @@ pub struct MakeJob {
     pub output: PathBuf,
     /// The page to write beside it.
     pub page: Option<PathBuf>,
+    /// The report to write as JSON, last.
+    pub report: Option<PathBuf>,
     /// Working folder, from which an interrupted job continues: the captured data set, checkpoints, the trained scene. Files that
     /// this job did not write there are never replaced.
     pub work: PathBuf,
@@ -51,7 +54,7 @@ pub struct MakeJob {
     pub capture: CaptureOptions,
     /// Set photos of other inputs in the working folder aside, as `photos.old`.
     pub force: bool,
-    /// Train although too few points tie the photos together.
+    /// Train although the photos can hardly make a scene: few points tie them, or they share too little.
     pub anyway: bool,
     /// Options for reading the data set.
     pub dataset_options: DatasetOptions,
@@ -128,6 +131,7 @@ impl MakeJob {
         Self {
             inputs: inputs.into_iter().collect(),
             page: None,
+            report: None,
             work: output.with_extension("make"),
             output,
             capture: CaptureOptions::default(),
@@ -195,11 +199,26 @@ impl MakeJob {
         done.stopped = done.stopped || observer(Event::Part(MakePart::Bake)).is_break();
         if !done.stopped {
             let photos = Dataset::load(&done.dataset, &self.dataset_options)?;
-            done.subject = self.bake(&photos, &mut done.report, observer)?;
+            let baked = self.bake(&photos, &mut done.report, observer);
+            done.subject = baked.map_err(|error| match error {
+                Error::Invalid { option, value, .. } if option == "dataset" => {
+                    let reason =
+                        format!("has {value}; train longer, or take photos that overlap by half or more");
+                    Error::unsupported(&done.dataset, reason)
+                }
+                error => error,
+            })?;
             (done.trained_on, done.score) = (photos.train().count(), self.score(&photos, &mut done.judged)?);
             done.earlier = self.remember(done.score.as_ref())?;
         }
         done.report.seconds = clock.elapsed().as_secs_f64();
+        if !done.stopped {
+            if let Some(path) = &self.report {
+                save(path, &done.report)?;
+            }
+            // Until here, the next run would replace the outputs. All are whole, so a note that cannot be written costs nothing.
+            let _ = self.note(Vec::new());
+        }
         Ok(done)
     }
 
@@ -235,7 +254,7 @@ impl MakeJob {
                 add(stage, report, observer);
             }
             report.warnings.extend(before.warnings.iter().cloned());
-            return Ok(true);
+            return ours.remove(CHECKPOINT).map(|()| true);
         }
         // A checkpoint made from other photos or options is ignored, and so is a damaged one.
         let resume = before.and_then(|_| checkpoint::read(&point).ok());
@@ -254,6 +273,9 @@ impl MakeJob {
             };
             let reason = format!("{count} not enough; give {LEAST_PHOTOS} or more");
             return Err(Error::unsupported(path, reason));
+        }
+        if !self.anyway {
+            check_photos(&photos, path)?;
         }
         let mut job = TrainJob::new(photos, self.train.clone());
         job.dataset_options = how;
@@ -299,6 +321,7 @@ impl MakeJob {
         let (stages, warnings) = (trained.report.stages, trained.report.warnings);
         let kept = StoredTraining { stages: stages.clone(), warnings: warnings.clone(), ..own };
         save(&notes, &kept)?;
+        ours.remove(CHECKPOINT)?;
         for stage in stages {
             add(stage, report, observer);
         }
@@ -396,7 +419,7 @@ impl MakeJob {
         options
     }
 
-    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns.
+    /// Bakes, and writes the file, the page, and the file of the subject, whose path it returns. They are noted as begun.
     fn bake(
         &mut self,
         photos: &Dataset,
@@ -404,7 +427,8 @@ impl MakeJob {
         observer: Observer<'_>,
     ) -> Result<Option<PathBuf>> {
         let (planned, begun) = (self.bake.plan_output(&self.output, None)?, self.unfinished());
-        let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).chain(self.page.clone()).collect();
+        let mut new: Vec<PathBuf> = planned.paths().map(Path::to_owned).collect();
+        new.extend(self.page.iter().chain(&self.report).cloned());
         if let Some(file) = self.subject_file() {
             new.extend(self.subject_bake().plan_output(&file, None)?.paths().map(Path::to_owned));
         }
@@ -434,7 +458,7 @@ impl MakeJob {
                 ControlFlow::Continue(())
             })?;
         }
-        self.note(Vec::new()).map(|()| subject)
+        Ok(subject)
     }
 }
 
@@ -481,7 +505,7 @@ fn stored(path: &Path) -> Option<StoredTraining> {
     serde_json::from_str(&input::read_text(path, &Limits::DEFAULT).ok()?).ok()
 }
 
-fn save(path: &Path, value: &StoredTraining) -> Result<()> {
+fn save(path: &Path, value: &impl Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).unwrap_or_default();
     AtomicFile::create(path)?.commit_with(text + "\n").map(drop)
 }

@@ -17,7 +17,9 @@ mod temporary;
 
 pub use folder::{AtomicFolder, FolderLock};
 pub use manifest::Manifest;
-pub use names::{FileId, folder_of, is_leftover, lies_inside, resolved, temporary_name};
+pub use names::{
+    FileId, folder_of, is_leftover, lies_inside, resolved, safe_name, safe_path, temporary_name,
+};
 pub use temporary::{MadeFolders, remove_temporaries};
 
 use crate::error::{Error, Result};
@@ -47,16 +49,20 @@ enum Destination {
 impl AtomicFile {
     /// Starts a file that will be called `path`; "-" is standard output.
     ///
-    /// Errors: what the operating system refuses; another program that is writing the same file.
+    /// Errors: what the operating system refuses; another program that is writing the same file; a link that leads to itself.
     pub fn create(path: &Path) -> Result<Self> {
         let io = |e| Error::io(path, e);
+        let target = resolved(path);
         let to = if path.as_os_str() == "-" {
             Destination::Stdout(BufWriter::with_capacity(BUFFER_BYTES, io::stdout()))
         } else if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             let file = File::options().write(true).open(path).map_err(io)?;
             Destination::Direct(BufWriter::with_capacity(BUFFER_BYTES, file))
+        } else if target.is_symlink() {
+            let reason = "is a link that leads to itself; remove it, or give another name";
+            return Err(Error::unsupported(path, reason));
         } else {
-            Destination::Temporary(Temporary::create(&resolved(path)).map_err(io)?)
+            Destination::Temporary(Temporary::create(&target).map_err(io)?)
         };
         Ok(Self { path: path.to_owned(), bytes: 0, to })
     }
@@ -367,6 +373,10 @@ mod tests {
             assert_eq!(std::fs::read(inner.join("real.glb")).unwrap(), text.as_bytes());
             assert!(link.is_symlink());
         }
+        std::os::unix::fs::symlink("round.glb", folder.path().join("round.glb")).unwrap();
+        let error = AtomicFile::create(&folder.path().join("round.glb")).unwrap_err().to_string();
+        assert!(error.contains("is a link that leads to itself"), "{error}");
+        std::fs::remove_file(folder.path().join("round.glb")).unwrap();
         assert_eq!((names(folder.path()).len(), names(&inner).len()), (2, 1));
     }
 

@@ -1,5 +1,6 @@
 //! The error type, grouped by who must act.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// The result of every fallible function of the library.
@@ -9,7 +10,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An error of the operating system: permissions, a full disk, a missing file.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", shown(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -17,7 +18,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file violates its format.
-    #[error("{}: {at}: {reason}", path.display())]
+    #[error("{}: {at}: {reason}", shown(path))]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -27,7 +28,7 @@ pub enum Error {
         reason: String,
     },
     /// The file is valid but has unsupported content; `reason` ends with the remedy.
-    #[error("{}: {reason}", path.display())]
+    #[error("{}: {reason}", shown(path))]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -128,16 +129,88 @@ impl Error {
 
     /// A broken file: `at` is the place, `reason` the fault.
     pub fn malformed(path: impl AsRef<Path>, at: impl Into<String>, reason: impl Into<String>) -> Self {
-        Self::Malformed { path: path.as_ref().to_owned(), at: at.into(), reason: reason.into() }
+        let (at, reason) = (in_message(at.into()), in_message(reason.into()));
+        Self::Malformed { path: path.as_ref().to_owned(), at, reason }
     }
 
     /// A valid file that is not supported; `reason` ends with the remedy.
     pub fn unsupported(path: impl AsRef<Path>, reason: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.as_ref().to_owned(), reason: reason.into() }
+        Self::Unsupported { path: path.as_ref().to_owned(), reason: in_message(reason.into()) }
+    }
+
+    /// The same error about `path`, for a file that was made of that one.
+    pub fn about(mut self, file: &Path) -> Self {
+        match &mut self {
+            Self::Io { path, .. } | Self::Malformed { path, .. } | Self::Unsupported { path, .. } => {
+                *path = file.to_owned();
+            }
+            Self::Limit { place, .. } => *place = file.display().to_string(),
+            _ => {}
+        }
+        self
     }
 
     /// An unusable value of `option`.
     pub fn invalid(option: impl Into<String>, value: impl ToString, wants: impl Into<String>) -> Self {
-        Self::Invalid { option: option.into(), value: value.to_string(), wants: wants.into() }
+        let (value, wants) = (in_message(value.to_string()), in_message(wants.into()));
+        Self::Invalid { option: option.into(), value, wants }
+    }
+}
+
+/// A path in a message; the working folder has a name, too.
+fn shown(path: &Path) -> std::path::Display<'_> {
+    if path.as_os_str().is_empty() { Path::new(".").display() } else { path.display() }
+}
+
+/// Maximum length of a quotation from a file in a message, characters.
+const MAX_EXCERPT: usize = 80;
+
+/// Length of a message up to which it is left as it is, bytes: it holds no more than a few paths.
+const SHORT_MESSAGE: usize = 600;
+/// Maximum length of a message, characters.
+const MAX_MESSAGE: usize = 2000;
+
+/// Shorten a quotation from a file for a message.
+pub fn excerpt(text: &str) -> String {
+    cut(text, MAX_EXCERPT).into_owned()
+}
+
+/// Shorten a long message: whatever text of a file is in it, such as that of a parser's error, takes little space.
+fn in_message(text: String) -> String {
+    if text.len() <= SHORT_MESSAGE {
+        return text;
+    }
+    let words: Vec<Cow<str>> = text.split(' ').map(|word| cut(word, MAX_EXCERPT)).collect();
+    cut(&words.join(" "), MAX_MESSAGE).into_owned()
+}
+
+/// The text with at most `max` characters; the middle of a longer one is left out.
+pub fn cut(text: &str, max: usize) -> Cow<'_, str> {
+    let count = text.chars().count();
+    if count <= max {
+        return Cow::Borrowed(text);
+    }
+    let end = max / 4;
+    let chars = || text.chars();
+    chars().take(max - end - 1).chain(['…']).chain(chars().skip(count - end)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_says_takes_little_space_in_a_message() {
+        assert_eq!(excerpt("abc"), "abc");
+        let long = "ü".repeat(10_000);
+        assert_eq!((excerpt(&long).chars().count(), excerpt(&long).matches('…').count()), (MAX_EXCERPT, 1));
+        for text in [long, "a word ".repeat(10_000)] {
+            let said =
+                Error::malformed("a.json", &text, format!("expected a number, not {text:?}, at line 1"));
+            let said = said.to_string();
+            assert!(said.chars().count() < 2 * MAX_MESSAGE + 20 && said.ends_with("at line 1"), "{said}");
+        }
+        let path = "/folder".repeat(60);
+        assert!(Error::invalid("output", &path, "another").to_string().contains(&path));
     }
 }

@@ -26,7 +26,7 @@ mod splats;
 mod texture;
 
 pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
-pub use error::{Error, Result};
+pub use error::{Error, Result, cut, excerpt};
 pub use limits::{Budget, BudgetClock, Limits, Seconds, Spending};
 pub use placed::{Region, SceneNormalization};
 pub use raycast::{Hit, RayTree};

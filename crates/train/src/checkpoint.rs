@@ -12,10 +12,11 @@ use super::params::{Core, Params, TrainState};
 use super::visibility::VisibilityStats;
 use bytemuck::{NoUninit, Pod};
 use glam::Vec3;
-use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
+use safetensors::tensor::{Dtype, Metadata, SafeTensorError, SafeTensors, TensorInfo, TensorView};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use trisplat_scene::atomic::{AtomicFile, folder_of};
 use trisplat_scene::input::{self, guarded};
@@ -24,6 +25,9 @@ use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
 const FORMAT: &str = "22";
+
+/// Maximum length of the header, bytes, as in the crate that reads it.
+const MAX_HEADER_BYTES: u64 = 100_000_000;
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
@@ -161,23 +165,73 @@ fn raw<T: NoUninit>(values: &[T]) -> &[u8] {
 /// Errors: a file that is damaged, not a checkpoint, or of another version of trisplat.
 pub fn read(path: &Path) -> Result<Checkpoint> {
     guarded(path, || {
-        let bytes = input::read_large(path, &Limits::DEFAULT, |file, _| is_container(path, file))?;
+        let bytes = input::read_large(path, &Limits::DEFAULT, |file, length| check(path, file, length))?;
         read_bytes(path, &bytes)
     })
 }
 
-/// Errors: a file that is no safetensors, such as a scene of any size.
-fn is_container(path: &Path, file: &mut File) -> Result<()> {
+/// Check that every byte is as it was written, before memory is taken for any.
+///
+/// # Errors
+/// A file that is no safetensors, such as a scene of any size; a checkpoint of another version; a changed byte.
+fn check(path: &Path, file: &mut File, length: u64) -> Result<()> {
+    let io = |e| Error::io(path, e);
     let mut start = Vec::new();
-    file.take(9).read_to_end(&mut start).map_err(|e| Error::io(path, e))?;
-    match start.get(8) {
-        Some(b'{') => Ok(()),
+    file.take(9).read_to_end(&mut start).map_err(io)?;
+    let Some((size, &first)) = start.split_first_chunk().and_then(|(size, rest)| Some((size, rest.first()?)))
+    else {
+        return Err(damaged(path));
+    };
+    if first != b'{' {
+        let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
+        return Err(Error::unsupported(path, reason));
+    }
+    let size = u64::from_le_bytes(*size);
+    let body = size.saturating_add(size_of::<u64>() as u64);
+    if size > MAX_HEADER_BYTES || body > length {
+        return Err(damaged(path));
+    }
+    let mut header = vec![0; size as usize];
+    file.seek(SeekFrom::Start(size_of::<u64>() as u64))
+        .and_then(|_| file.read_exact(&mut header))
+        .map_err(io)?;
+    let metadata: Metadata = serde_json::from_slice(&header).map_err(|_| damaged(path))?;
+    check_format(path, &metadata)?;
+    let tensors: BTreeMap<String, &TensorInfo> = metadata.tensors().into_iter().collect();
+    let bytes = |info: &TensorInfo| (info.data_offsets.1 as u64).saturating_sub(info.data_offsets.0 as u64);
+    // Arrays that overlap would take any time.
+    if tensors.values().map(|info| bytes(info)).fold(0, u64::saturating_add) != length - body {
+        return Err(damaged(path));
+    }
+    let mut hash = Xxh3Default::new();
+    hash.update(text(&metadata, "run").unwrap_or_default().as_bytes());
+    for (name, info) in &tensors {
+        hash.update(name.as_bytes());
+        file.seek(SeekFrom::Start(body.saturating_add(info.data_offsets.0 as u64))).map_err(io)?;
+        std::io::copy(&mut file.take(bytes(info)), &mut hash).map_err(io)?;
+    }
+    match text(&metadata, "xxh3") == Some(&format!("{:016x}", hash.digest())) {
+        true => Ok(()),
+        false => Err(damaged(path)),
+    }
+}
+
+fn check_format(path: &Path, metadata: &Metadata) -> Result<()> {
+    match text(metadata, "trisplat") {
+        Some(FORMAT) => Ok(()),
         Some(_) => {
-            let reason = "is not a checkpoint of a training run; to start from a scene, give it as `from`";
+            let reason = format!(
+                "is a checkpoint of another version, this one reads format {FORMAT}: go on with the version that wrote it, \
+                 or train anew"
+            );
             Err(Error::unsupported(path, reason))
         }
-        None => Err(damaged(path)),
+        None => Err(Error::malformed(path, "__metadata__", "is not a trisplat checkpoint")),
     }
+}
+
+fn text<'a>(metadata: &'a Metadata, key: &str) -> Option<&'a str> {
+    metadata.metadata().as_ref()?.get(key).map(String::as_str)
 }
 
 fn damaged(path: &Path) -> Error {
@@ -188,25 +242,8 @@ fn damaged(path: &Path) -> Error {
 fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Checkpoint> {
     let bad = |reason: String| Error::malformed(path, "__metadata__", reason);
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|_| damaged(path))?;
-    let metadata = metadata.metadata().clone().unwrap_or_default();
-    let text = |key: &str| metadata.get(key).map(String::as_str);
-    match text("trisplat") {
-        Some(FORMAT) => {}
-        Some(_) => {
-            let reason = format!(
-                "is a checkpoint of another version, this one reads format {FORMAT}: go on with the version that wrote it, \
-                 or train anew"
-            );
-            return Err(Error::unsupported(path, reason));
-        }
-        None => return Err(bad("is not a trisplat checkpoint".into())),
-    }
     let tensors = SafeTensors::deserialize(bytes).map_err(|_| damaged(path))?;
-    let run = text("run").unwrap_or_default();
-    let sum = checksum(run, tensors.iter().map(|(name, tensor)| (name, tensor.data())));
-    if text("xxh3") != Some(&sum) {
-        return Err(damaged(path));
-    }
+    let run = text(&metadata, "run").unwrap_or_default();
     let meta: CheckpointMeta = serde_json::from_str(run).map_err(|e| bad(e.to_string()))?;
     meta.options.validate().map_err(|error| bad(error.to_string()))?;
     if meta.step > meta.options.steps {

@@ -210,6 +210,10 @@ impl Training<'_> {
         let mut soup = self.soup()?.split_off(frozen);
         soup.set_shell(0..pinned - frozen);
         let all = soup.len();
+        if all == 0 && self.meta.core.is_none() {
+            let reason = "gives a scene without triangles: its photos show nothing in the same place; check their poses";
+            return Err(Error::unsupported(&self.dataset.path, reason));
+        }
         let gone = soup.retain_finite();
         if gone == all && all > 0 {
             let expected = "lower ones: no triangle has finite numbers any more";

@@ -9,9 +9,12 @@ use trisplat::{Dataset, DatasetOptions, Limits};
 // The first byte says which kind of data set, the rest is cut into its files at `\xff\xfe`.
 fuzz_target!(|bytes: &[u8]| {
     let Some((kind, rest)) = bytes.split_first() else { return };
-    let names: &[&str] = match kind % 3 {
+    let names: &[&str] = match kind % 6 {
         0 => &["transforms.json", "points.ply", "test.txt"],
         1 => &["sparse/0/cameras.txt", "sparse/0/images.txt", "sparse/0/points3D.txt", "test.txt"],
+        2 => &["cameras.xml"],
+        3 => &["poses.csv"],
+        4 => &["poses_bounds.npy"],
         _ => &["sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin", "test.txt"],
     };
     let folder = tempfile::tempdir().unwrap();

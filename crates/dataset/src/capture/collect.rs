@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
-use trisplat_scene::atomic::{self, AtomicFolder, FolderLock};
+use trisplat_scene::atomic::{self, AtomicFolder, FolderLock, safe_name};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::report::{StageEvent, StageObserver};
 use trisplat_scene::{Error, Limits, Result, input, parallel};
@@ -177,12 +177,10 @@ pub(super) fn collect(
     observer: StageObserver<'_>,
 ) -> Result<(TakenPhotos, Option<String>)> {
     let made = AtomicFolder::create(folder)?;
-    let (images, work) = (made.path().join("images"), made.path().join(WORK));
-    std::fs::create_dir_all(&work).map_err(|e| Error::io(&work, e))?;
     let (mut opened, mut broken) = (Vec::new(), Vec::new());
     let heic = sources.photos.iter().find(|photo| is_heic(&photo.path));
     let converter = heic.map(|photo| Converter::find(options, &photo.path, made.path())).transpose()?;
-    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()));
+    let open = |photo: &SourcePhoto| Ok(open(photo, converter.as_ref()).map_err(|e| e.about(&photo.path)));
     let read = in_chunks(&sources.photos, observer, "reading photos", open)?;
     for (source, photo) in sources.photos.iter().zip(read) {
         match photo {
@@ -197,9 +195,10 @@ pub(super) fn collect(
     let mut photos = Vec::new();
     for video in &sources.videos {
         let ffmpeg = Ffmpeg::find(video)?;
-        let log = &mut Log::open(&work.join("ffmpeg.log"))?;
+        let log = &mut Log::open(&made.place(format!("{WORK}/ffmpeg.log"))?)?;
         let below = if by_folder { video_folder(video, &photos, &groups) } else { String::new() };
-        let (names, frames) = ffmpeg.take(video, &images.join(&below), options.frames, log, observer)?;
+        let folder = made.place(Path::new("images").join(&below))?;
+        let (names, frames) = ffmpeg.take(video, &folder, options.frames, log, observer)?;
         details.video_frames += frames;
         details.frames += names.len() as u64;
         photos.extend(names.into_iter().map(|name| TakenPhoto {
@@ -209,7 +208,7 @@ pub(super) fn collect(
         }));
     }
     let named: Vec<(&Opened, String)> = opened.iter().zip(distinct(&opened, by_folder)).collect();
-    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| photo.save(&images, name))?);
+    photos.extend(in_chunks(&named, observer, "taking photos", |(photo, name)| photo.save(&made, name))?);
     let count = |is: &dyn Fn(&Opened) -> bool| opened.iter().filter(|photo| is(photo)).count() as u64;
     details.photos = photos.len() as u64;
     details.turned = count(&|photo| photo.notes.orientation > 1);
@@ -221,7 +220,7 @@ pub(super) fn collect(
     let focal_px = one.and_then(|photo| photo.notes.focal_px(photo.size));
     let size = one.map(|photo| photo.size.to_array());
     let taken = TakenPhotos { inputs, photos, by_folder, focal_px, size };
-    let list = made.path().join(LIST);
+    let list = made.place(LIST)?;
     let text = serde_json::to_string_pretty(&taken).unwrap_or_default() + "\n";
     std::fs::write(&list, text).map_err(|e| Error::io(&list, e))?;
     drop(converter);
@@ -268,7 +267,8 @@ fn open(photo: &SourcePhoto, converter: Option<&Converter>) -> Result<Opened> {
     let (mut source, mut file) = (photo.clone(), photo.path.clone());
     if let Some(converter) = converter {
         file = converter.convert(&photo.path)?;
-        source.name = Path::new(&photo.name).with_extension("jpg").to_string_lossy().replace('\\', "/");
+        let stem = photo.name.rsplit_once('.').map_or(photo.name.as_str(), |(stem, _)| stem);
+        source.name = format!("{stem}.jpg");
     }
     let size = RgbImage::size_of(&file, limits)?;
     let bytes = input::read(&file, limits)?;
@@ -337,21 +337,20 @@ impl Opened {
         }
     }
 
-    /// Writes it into `images` as `name`.
-    fn save(&self, images: &Path, name: &str) -> Result<TakenPhoto> {
+    /// Writes it into the photos of `folder` as `name`.
+    fn save(&self, folder: &AtomicFolder, name: &str) -> Result<TakenPhoto> {
         let from = &self.file;
-        let to = images.join(name);
+        let unread = |e: Error| e.about(&self.source.path);
+        let to = folder.place(Path::new("images").join(name))?;
         let io = |e| Error::io(&to, e);
-        let folder = to.parent().unwrap_or(images);
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         match self.change {
             Change::Copied => input::copy(from, &to)?,
             Change::Noted => {
-                let bytes = input::read(from, &Limits::DEFAULT)?;
+                let bytes = input::read(from, &Limits::DEFAULT).map_err(unread)?;
                 std::fs::write(&to, with_notes(&bytes, &self.notes.upright())).map_err(io)?;
             }
             Change::Turned | Change::Converted => {
-                let picture = RgbImage::load(from)?.turned(self.notes.orientation);
+                let picture = RgbImage::load(from).map_err(unread)?.turned(self.notes.orientation);
                 let bytes = match self.change == Change::Turned && self.is_jpeg {
                     true => with_notes(&picture.to_jpeg(QUALITY)?, &self.notes.upright()),
                     false => picture.to_png()?,
@@ -381,7 +380,9 @@ fn distinct(photos: &[Opened], by_folder: bool) -> Vec<String> {
 
 /// Folder name for a video's frames: no other video has it, also where upper and lower case are one, and none of the photos' `groups`.
 fn video_folder(video: &Path, before: &[TakenPhoto], groups: &BTreeSet<String>) -> String {
-    let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(['/', '\\'], "_");
+    // A list of pairs separates names by spaces.
+    let stem = video.file_stem().unwrap_or_default().to_string_lossy().replace(char::is_whitespace, "_");
+    let stem = safe_name(&stem);
     let taken = |name: &str| {
         let name = name.to_lowercase();
         let has = |photo: &TakenPhoto| photo.name.to_lowercase().starts_with(&format!("{name}/"));
@@ -445,5 +446,6 @@ mod tests {
         let groups = BTreeSet::from(["640x480".to_owned()]);
         let folder = |video: &str| video_folder(Path::new(video), std::slice::from_ref(&before), &groups);
         assert_eq!(["b/walk.mov", "640x480.mp4", "c.mp4"].map(folder), ["walk-2", "640x480-2", "c"]);
+        assert_eq!(["...mp4", "a\\..\\b c.mov", "-x.mp4"].map(folder), ["_", "a_.._b_c", "_x"]);
     }
 }

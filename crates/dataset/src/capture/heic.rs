@@ -1,16 +1,16 @@
 //! HEIC, as iPhones take photos, and AVIF: an installed program makes JPEG files of them.
 
-use super::program::{CaptureOptions, pythons, said};
-use super::video::plain_path;
+use super::log::{program, said};
+use super::program::{CaptureOptions, python_script, pythons};
+use super::video::FFMPEG;
 use glam::UVec2;
-use std::ffi::OsString;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tempfile::TempDir;
 use trisplat_scene::process::Running;
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, input};
 
 const ENDINGS: [&str; 4] = ["heic", "heif", "hif", "avif"];
 
@@ -23,17 +23,16 @@ const WAYS: [(&str, Way); 6] = [
     ("sips", ["--help", "sips", "-s format jpeg -s formatOptions 97 IN --out OUT"]),
     ("magick", ["-version", "heic", "IN -quality 97 OUT"]),
     ("convert", ["-version", "heic", "IN -quality 97 OUT"]),
+    // Older ones read a tile of a photo in place of all.
     (FFMPEG, ["-version", FFMPEG, "-v error -i IN -frames:v 1 -update 1 -q:v 2 OUT"]),
 ];
-/// Older ones read a tile of a photo in place of all.
-const FFMPEG: &str = "ffmpeg";
-const PYTHON: Way = ["-c SCRIPT", "pillow_heif", "-c SCRIPT IN OUT"];
+const PYTHON: Way = ["-c SCRIPT", "ready for HEIC", "-c SCRIPT IN OUT"];
 const SCRIPT: &str = "import sys, pillow_heif
 from PIL import Image
 pillow_heif.register_heif_opener()
 if sys.argv[1:]:
     Image.open(sys.argv[1]).convert('RGB').save(sys.argv[2], quality=97)
-print('pillow_heif')";
+print('ready for HEIC')";
 
 /// Whether a photo of this name needs another program.
 pub(super) fn is_heic(path: &Path) -> bool {
@@ -60,7 +59,7 @@ impl Converter {
         let last = ways.len() - 1;
         ways.splice(last..last, pythons(options).into_iter().map(|python| (python, PYTHON)));
         let is_there = |(program, [probe, answer, _]): &(PathBuf, Way)| {
-            let answered = said(Command::new(program).args(filled(probe, [photo, photo])));
+            let answered = said(self::program(program).args(filled(probe, ["", ""])));
             answered.is_some_and(|text| text.contains(answer))
         };
         let Some((program, [.., words])) = ways.into_iter().find(is_there) else {
@@ -79,13 +78,20 @@ impl Converter {
     /// Errors: what the program says of a photo that it cannot read.
     pub(super) fn convert(&self, photo: &Path) -> Result<PathBuf> {
         let number = self.made.fetch_add(1, Ordering::Relaxed);
-        let to = self.folder.path().join(format!("{number}.jpg"));
-        let log = to.with_extension("log");
-        let mut command = Command::new(&self.program);
-        command.args(filled(self.words, [photo, &to])).stdin(Stdio::null()).stdout(Stdio::null());
+        let at = |ending: &str| self.folder.path().join(format!("{number}.{ending}"));
+        // Under a name that no program takes for an option, a pattern or a protocol.
+        let ending = photo.extension().unwrap_or_default().to_string_lossy();
+        let (from, to, log) = (at(&ending), at("jpg"), at("log"));
+        input::copy(photo, &from)?;
+        let names = [format!("{number}.{ending}"), format!("{number}.jpg")];
+        let mut command = program(&self.program);
+        command.args(filled(self.words, names.each_ref().map(String::as_str)));
+        command.current_dir(self.folder.path()).stdin(Stdio::null()).stdout(Stdio::null());
         command.stderr(File::create(&log).map_err(|e| Error::io(&log, e))?);
         let ended = Running::start(&mut command).and_then(|mut program| program.wait());
         let status = ended.map_err(|e| Error::io(&self.program, e))?;
+        // The next run removes the rest.
+        let _ = std::fs::remove_file(from);
         if status.success() && to.is_file() {
             return Ok(to);
         }
@@ -107,12 +113,12 @@ impl Converter {
     }
 }
 
-/// Words for a program, with the files.
-fn filled<'a>(words: &'a str, [from, to]: [&'a Path; 2]) -> impl Iterator<Item = OsString> + 'a {
+/// Words for a program, with the names of files in its folder.
+fn filled(words: &str, [from, to]: [&str; 2]) -> impl Iterator<Item = String> {
     words.split_whitespace().map(move |word| match word {
-        "IN" => plain_path(from),
+        "IN" => from.into(),
         "OUT" => to.into(),
-        "SCRIPT" => SCRIPT.into(),
+        "SCRIPT" => python_script(SCRIPT),
         word => word.into(),
     })
 }

@@ -3,8 +3,9 @@
 use std::fs::{File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
+use trisplat_scene::atomic::folder_of;
 use trisplat_scene::process::Running;
 use trisplat_scene::report::{StageEvent, StageObserver};
 use trisplat_scene::{Error, Result};
@@ -129,6 +130,9 @@ impl Log {
 
     fn start(&self, command: &mut Command) -> Result<Running> {
         let io = io_of(command);
+        if command.get_current_dir().is_none() {
+            command.current_dir(folder_of(&self.path));
+        }
         command.stdin(self.lock.try_clone().map_err(&io)?);
         command.stderr(self.file.try_clone().map_err(&io)?);
         Running::start(command).map_err(io)
@@ -194,6 +198,32 @@ fn locked(path: &Path) -> Result<File> {
             Ok(()) | Err(TryLockError::Error(_)) => return Ok(file),
         }
     }
+}
+
+/// Start a command of another program. Its paths must be full ones: it runs in a folder of its own, where nothing of the user's is
+/// found by its name alone.
+pub(super) fn program(path: &Path) -> Command {
+    // The system looks for a name without a folder in PATH.
+    let is_name = path.components().count() == 1 && path.is_relative();
+    let full = if is_name { None } else { full_path(path).ok() };
+    let mut command = Command::new(full.as_deref().unwrap_or(path));
+    // Without a display, Qt would abort.
+    command.env("QT_QPA_PLATFORM", "offscreen");
+    command
+}
+
+/// Make a path absolute, so that no program takes it for an option or a protocol. Links stay.
+pub(super) fn full_path(path: &Path) -> Result<PathBuf> {
+    std::path::absolute(path).map_err(|e| Error::io(path, e))
+}
+
+/// Return the output of a short command that runs in an empty folder; `None` if the program is missing or fails silently.
+pub(super) fn said(command: &mut Command) -> Option<String> {
+    let folder = tempfile::tempdir();
+    command.current_dir(folder.as_ref().map_or(Path::new("/"), tempfile::TempDir::path));
+    let Output { status, stdout, stderr } = command.stdin(Stdio::null()).output().ok()?;
+    let text = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();
+    (status.success() || !text.trim().is_empty()).then_some(text)
 }
 
 fn io_of(command: &Command) -> impl Fn(io::Error) -> Error + use<> {

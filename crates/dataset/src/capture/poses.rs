@@ -1,7 +1,7 @@
 //! The steps that a pose program performs: features, matches, model. Matching continues where an earlier run stopped.
 
 use super::collect::{TakenPhotos, WORK};
-use super::log::{Ended, Log, tell};
+use super::log::{Ended, Log, full_path, tell};
 use super::program::{Cameras, CaptureOptions, Mapper, Pairing, Places, Program};
 use crate::colmap;
 use schemars::JsonSchema;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use trisplat_scene::atomic::{AtomicFolder, MadeFolders};
+use trisplat_scene::atomic::{AtomicFolder, MadeFolders, folder_of};
 use trisplat_scene::report::{StageEvent, StageObserver};
 use trisplat_scene::{Error, Limits, Result, input};
 
@@ -124,11 +124,12 @@ impl<'a> Poses<'a> {
     ) -> Result<Self> {
         let work = folder.join(WORK);
         let log = Log::open(&work.join("poses.log"))?;
+        let full = full_path(&work)?;
         let places = Places {
-            images: folder.join("images"),
-            database: work.join("database.db"),
-            pairs: work.join("pairs.txt"),
-            models: work.join("models"),
+            images: full_path(&folder.join("images"))?,
+            database: full.join("database.db"),
+            pairs: full.join("pairs.txt"),
+            models: full.join("models"),
         };
         Ok(Self { program, folder, places, photos, options, log })
     }
@@ -147,7 +148,7 @@ impl<'a> Poses<'a> {
             return Ok(false);
         }
         // Photos that a second process adds to a database would get a camera of their own: its lens, found from a few photos, may be absurd.
-        let work = self.folder.join(WORK);
+        let work = folder_of(&self.places.database).to_owned();
         for path in UNFINISHED.map(|name| work.join(name)).iter().filter(|path| path.exists()) {
             std::fs::remove_file(path).map_err(|e| Error::io(path, e))?;
         }
@@ -167,7 +168,8 @@ impl<'a> Poses<'a> {
         details: &mut MatchesDetails,
         observer: StageObserver<'_>,
     ) -> Result<()> {
-        let (pairing, pairs) = pairing(self.photos, self.options);
+        let tree = self.options.vocab_tree.as_deref().map(full_path).transpose()?;
+        let (pairing, pairs) = pairing(self.photos, tree);
         if let Some(pairs) = &pairs {
             self.write_pairs(pairs)?;
         }
@@ -245,12 +247,10 @@ impl<'a> Poses<'a> {
     /// Copies a model to the place where data sets have it.
     fn publish(&self, from: &Path) -> Result<()> {
         let made = AtomicFolder::create(self.folder)?;
-        let model = made.path().join("sparse").join("0");
-        std::fs::create_dir_all(&model).map_err(|e| Error::io(&model, e))?;
         for name in MODEL_FILES.iter().flat_map(|name| ["bin", "txt"].map(|e| format!("{name}.{e}"))) {
             let from = from.join(&name);
             if from.is_file() {
-                input::copy(&from, &model.join(name))?;
+                input::copy(&from, &made.place(Path::new("sparse/0").join(name))?)?;
             }
         }
         made.publish("sparse")
@@ -287,14 +287,13 @@ impl<'a> Poses<'a> {
     fn no_model(&self) -> Error {
         let reason = "no two of these photos fit together: they need texture and overlap, and a camera that moves sideways and does not \
                       only turn (docs/from-photos.md says how to take them)";
-        Error::unsupported(&self.places.images, reason)
+        Error::unsupported(self.folder.join("images"), reason)
     }
 }
 
 /// The pairing, and its list of pairs if it has one.
-fn pairing(photos: &TakenPhotos, options: &CaptureOptions) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
+fn pairing(photos: &TakenPhotos, tree: Option<PathBuf>) -> (Pairing, Option<BTreeSet<(usize, usize)>>) {
     let photos = &photos.photos;
-    let tree = options.vocab_tree.clone();
     if photos.iter().all(|photo| photo.frame) {
         return (Pairing::Listed, Some(sequence_pairs(photos.len())));
     }

@@ -1,10 +1,11 @@
 //! Options of a capture. Pose programs: finds an installed one and builds its commands.
 
+use super::log::{program, said};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::Command;
 use trisplat_scene::{Error, Result, parallel};
 
 /// Environment variable that names the program if the option `poses` does not.
@@ -39,7 +40,7 @@ enum Kind {
 pub(super) enum Global {
     /// A command of the program itself.
     Own,
-    /// A separate program.
+    /// A separate program, [`GLOMAP`].
     Glomap,
 }
 
@@ -96,20 +97,19 @@ impl Program {
     }
 
     fn colmap(path: &Path) -> Option<Self> {
-        let text = said(Command::new(path).arg("help"))?;
+        let text = said(program(path).arg("help"))?;
         let first = text.lines().find(|line| line.starts_with("COLMAP"))?;
         let version = first.split(['-', '(']).next().unwrap_or(first).trim().to_owned();
         let own = text.contains("global_mapper").then_some(Global::Own);
-        let glomap = || said(Command::new("glomap").arg("-h")).map(|_| Global::Glomap);
+        let glomap = || said(program(GLOMAP.as_ref()).arg("-h")).map(|_| Global::Glomap);
         let threads = parallel::threads();
         let (global, has_gpu) = (own.or_else(glomap), !text.contains("without CUDA"));
         Some(Self { kind: Kind::Colmap, path: path.to_owned(), version, has_gpu, global, threads })
     }
 
     fn pycolmap(path: &Path) -> Option<Self> {
-        let mut command = Command::new(path);
-        command.args(["-c", SCRIPT, r#"{"step": "probe"}"#]);
-        let text = said(&mut command)?;
+        let job = r#"{"step": "probe"}"#;
+        let text = said(program(path).args(["-c", &python_script(SCRIPT), job]))?;
         let line = text.lines().find(|line| line.starts_with("pycolmap "))?;
         let words: Vec<&str> = line.split_whitespace().collect();
         let version = format!("{} {}", words[0], words.get(1).unwrap_or(&""));
@@ -183,7 +183,7 @@ impl Program {
             }));
         }
         let glomap = at_once && self.global == Some(Global::Glomap);
-        let program = if glomap { Path::new("glomap") } else { &self.path };
+        let program = if glomap { Path::new(GLOMAP) } else { &self.path };
         let name = if at_once && !glomap { "global_mapper" } else { "mapper" };
         let mut words = Words::of(program, name);
         words.path("--database_path", &places.database).path("--image_path", &places.images);
@@ -195,8 +195,8 @@ impl Program {
     }
 
     fn script(&self, job: serde_json::Value) -> Command {
-        let mut command = Command::new(&self.path);
-        command.args(["-c", SCRIPT, &job.to_string()]);
+        let mut command = program(&self.path);
+        command.args(["-c", &python_script(SCRIPT), &job.to_string()]);
         command
     }
 }
@@ -208,9 +208,9 @@ struct Words {
 }
 
 impl Words {
-    fn of(program: &Path, name: &str) -> Self {
-        let help = said(Command::new(program).args([name, "-h"])).unwrap_or_default();
-        let mut command = Command::new(program);
+    fn of(path: &Path, name: &str) -> Self {
+        let help = said(program(path).args([name, "-h"])).unwrap_or_default();
+        let mut command = program(path);
         command.arg(name);
         // Without a display, Qt would abort.
         command.env("QT_QPA_PLATFORM", "offscreen");
@@ -236,6 +236,8 @@ impl Words {
     }
 }
 
+/// A separate global mapper.
+const GLOMAP: &str = "glomap";
 const PYTHONS: [&str; 2] = if cfg!(windows) { ["python", "py"] } else { ["python3", "python"] };
 
 /// The program that the option or the variable names.
@@ -253,12 +255,9 @@ pub(super) fn pythons(options: &CaptureOptions) -> Vec<PathBuf> {
     named(options).filter(|path| is_python(path)).into_iter().chain(PYTHONS.map(PathBuf::from)).collect()
 }
 
-/// Output of a short command; `None` if the program is missing or fails silently.
-pub(super) fn said(command: &mut Command) -> Option<String> {
-    command.env("QT_QPA_PLATFORM", "offscreen");
-    let Output { status, stdout, stderr } = command.stdin(Stdio::null()).output().ok()?;
-    let text = String::from_utf8_lossy(&[stdout, stderr].concat()).into_owned();
-    (status.success() || !text.trim().is_empty()).then_some(text)
+/// Complete a script so that it imports nothing from the folder where Python runs.
+pub(super) fn python_script(script: &str) -> String {
+    format!("import sys\nsys.path[:] = filter(None, sys.path)\n{script}")
 }
 
 /// Options for frames of videos and for poses.

@@ -3,6 +3,7 @@
 use super::heic::is_heic;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use trisplat_scene::atomic::safe_name;
 use trisplat_scene::input::{self, files_below};
 use trisplat_scene::{Error, Limits, Result};
 
@@ -27,7 +28,7 @@ pub(super) struct Sources {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SourcePhoto {
     pub(super) path: PathBuf,
-    /// Its path relative to the given folder.
+    /// Its path relative to the given folder, as a relative path that is safe to write.
     pub(super) name: String,
 }
 
@@ -52,8 +53,7 @@ impl Sources {
                 // A device may be a video without an end.
                 false if !meta.is_file() => input::open(input, &Limits::DEFAULT).map(drop)?,
                 false => {
-                    let name = input.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    if !found.add(input, name)? {
+                    if !found.add(input, safe_name(&file_name(input)))? {
                         let is_zip =
                             input.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zip"));
                         let reason = match is_zip {
@@ -129,11 +129,12 @@ impl Sources {
         // Files and folders before links to them, which may have any name.
         paths.sort_by_cached_key(|path| (path.is_symlink(), path.clone()));
         for path in paths {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let name = file_name(&path);
             // Hidden files and folders of systems and programs.
             if name.starts_with('.') || name == "__MACOSX" {
                 continue;
             }
+            let name = safe_name(&name);
             let name = if below.is_empty() { name } else { format!("{below}/{name}") };
             if path.is_dir() {
                 self.add_folder(&path, &name)?;
@@ -155,6 +156,10 @@ impl Sources {
         }
         Ok(true)
     }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 /// The photos and videos at `input`, a file or a folder, including those of kinds that are not read.

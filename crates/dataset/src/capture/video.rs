@@ -2,15 +2,16 @@
 //!
 //! It decodes a video twice: small and grey to choose frames, then the chosen ones at full size.
 
-use super::log::{Log, tell};
+use super::log::{Log, full_path, program, said, tell};
 use glam::{IVec2, UVec2};
-use std::ffi::OsString;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 use trisplat_scene::report::{StageEvent, StageObserver};
 use trisplat_scene::{Error, Result};
 
+/// The program's name.
+pub(super) const FFMPEG: &str = "ffmpeg";
 /// Longer side of analysed frames, px: a blur of a few video pixels is still visible.
 const WATCHED_SIDE: u32 = 640;
 
@@ -26,13 +27,12 @@ impl Ffmpeg {
     ///
     /// Errors: ffmpeg is not installed.
     pub(super) fn find(video: &Path) -> Result<Self> {
-        let output = Command::new("ffmpeg").arg("-version").stdin(Stdio::null()).output();
-        let Some(output) = output.ok().filter(|output| output.status.success()) else {
+        let text = said(program(FFMPEG.as_ref()).arg("-version"));
+        let Some(text) = text.filter(|text| text.contains("ffmpeg version")) else {
             let reason = "is a video, and ffmpeg, which takes photos from it, is not installed: `sudo apt install ffmpeg` (Debian, Ubuntu), \
                           `brew install ffmpeg` (macOS), `winget install ffmpeg` (Windows); or give a folder of photos";
             return Err(Error::unsupported(video, reason));
         };
-        let text = String::from_utf8_lossy(&output.stdout);
         let old = version(&text).is_some_and(|version| version < (5, 1));
         let passthrough = if old { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] };
         Ok(Self { passthrough })
@@ -57,9 +57,10 @@ impl Ffmpeg {
         tell(observer, StageEvent::Noted(&taken))?;
         std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         let select: Vec<String> = chosen.iter().map(|i| format!("eq(n,{i})")).collect();
-        let mut command = self.command(video);
+        let mut command = self.command(video)?;
         command.args(["-vf", &format!("select='{}'", select.join("+"))]).args(self.passthrough);
-        command.args(["-q:v", "2", "-f", "image2"]).arg(folder.join("taken_%06d.jpg"));
+        // A plain name: ffmpeg takes % in any part of it for a number, and a colon for a protocol.
+        command.args(["-q:v", "2", "-f", "image2", "taken_%06d.jpg"]).current_dir(folder);
         log.run_well(&mut command, observer, |_, _| Ok(()))?;
         let mut names = Vec::new();
         for (k, frame) in chosen.iter().enumerate() {
@@ -77,7 +78,7 @@ impl Ffmpeg {
         let scale = format!(
             "scale='min({side},iw)':'min({side},ih)':force_original_aspect_ratio=decrease:flags=area,format=gray"
         );
-        let mut command = self.command(video);
+        let mut command = self.command(video)?;
         command.args(["-vf", &scale]).args(self.passthrough);
         command.args(["-f", "image2pipe", "-c:v", "pgm", "-"]);
         let mut watch = FrameWatch::default();
@@ -101,16 +102,11 @@ impl Ffmpeg {
         }
     }
 
-    fn command(&self, video: &Path) -> Command {
-        let mut command = Command::new("ffmpeg");
-        command.args(["-nostdin", "-v", "error", "-i"]).arg(plain_path(video)).args(["-map", "0:v:0"]);
-        command
+    fn command(&self, video: &Path) -> Result<Command> {
+        let mut command = program(FFMPEG.as_ref());
+        command.args(["-nostdin", "-v", "error", "-i"]).arg(full_path(video)?).args(["-map", "0:v:0"]);
+        Ok(command)
     }
-}
-
-/// A path that a program cannot take for an option or a protocol.
-pub(super) fn plain_path(path: &Path) -> OsString {
-    if path.is_absolute() { path.into() } else { PathBuf::from(".").join(path).into() }
 }
 
 /// "ffmpeg version 5.1.9-0..." as (5, 1); `None` for development builds, which are newer.

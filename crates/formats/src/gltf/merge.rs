@@ -12,6 +12,9 @@ use trisplat_scene::math::color::linear_from_srgb;
 use trisplat_scene::mesh::{Colors, Mesh};
 use trisplat_scene::{Error, Limits, Result, parallel};
 
+/// Maximum number of warnings about one file.
+const MAX_WARNINGS: usize = 100;
+
 /// A mesh that grows by one primitive at a time.
 pub(crate) struct MergedMesh<'a> {
     document: &'a Document,
@@ -62,10 +65,10 @@ impl<'a> MergedMesh<'a> {
         Error::malformed(self.accessors.buffers.path(), place, reason)
     }
 
-    /// Adds a warning once.
+    /// Adds a warning once, unless there are [`MAX_WARNINGS`].
     pub(crate) fn warn(&mut self, warning: impl Into<String>) {
         let warning = warning.into();
-        if !self.warnings.contains(&warning) {
+        if self.warnings.len() < MAX_WARNINGS && !self.warnings.contains(&warning) {
             self.warnings.push(warning);
         }
     }

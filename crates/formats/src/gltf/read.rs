@@ -6,12 +6,15 @@
 use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::container::ContainerFile;
-use super::document::{self, Document, INSTANCING, MeshInstance, instances, is_readable, take_off};
+use super::document::{
+    self, Document, INSTANCING, Mesh, MeshInstance, Primitive, instances, is_readable, take_off,
+};
 use super::merge::MergedMesh;
 use super::{compose, part};
 use crate::finish::finish;
 use crate::{ReadOptions, Source, format};
 use glam::{DMat4, DQuat, DVec3, DVec4};
+use gltf_json::mesh::TRIANGLES;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -37,6 +40,7 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let buffers = Buffers::new(source, &container, &document.buffers, options);
     drop(container);
     let mut accessors = Accessors::new(&document, buffers);
+    check_triangles(&document, &mut accessors, &instances, limits)?;
     let mut instances = with_copies(&document, &mut accessors, instances, limits)?;
     let srgb = compose::has_srgb_colors(&document.asset);
     let mut merged = MergedMesh::new(&document, accessors, srgb, *limits);
@@ -74,6 +78,34 @@ pub fn read(mut source: Source, options: &ReadOptions) -> Result<ImportedScene> 
     let provenance = Provenance { backdrop, ..compose::provenance(&document.asset) };
     let loaded = ImportedScene { scene: Scene::Mesh(mesh), provenance, warnings, cameras: Vec::new() };
     finish(&path, loaded, origin)
+}
+
+/// Refuse more triangles than the limit by the counts of the document, before anything is read. A primitive without triangles counts as
+/// one.
+fn check_triangles(
+    document: &Document,
+    accessors: &mut Accessors,
+    instances: &[MeshInstance],
+    limits: &Limits,
+) -> Result<()> {
+    let mut count = |accessor: usize| accessors.layout(accessor).map_or(0, |layout| layout.count);
+    let mut of_primitive = |primitive: &Primitive| {
+        let corners = primitive.indices.or(primitive.attributes.position).map_or(0, &mut count);
+        match primitive.mode {
+            TRIANGLES => (corners / 3).max(1),
+            _ => corners.saturating_sub(2).max(1),
+        }
+    };
+    let sum = |mesh: &Mesh| mesh.primitives.iter().map(&mut of_primitive).fold(0, u64::saturating_add);
+    let of_mesh: Vec<u64> = document.meshes.iter().map(sum).collect();
+    let mut total = 0u64;
+    for instance in instances {
+        let copies = document.nodes[instance.node].extensions.instancing.as_ref();
+        let copies = copies.and_then(|copies| copies.attributes.values().next()).map_or(1, |at| count(*at));
+        let triangles = of_mesh.get(instance.mesh).copied().unwrap_or(0);
+        total = total.saturating_add(triangles.saturating_mul(copies));
+    }
+    limits.triangles(accessors.buffers.path().display(), total)
 }
 
 /// The instances, each as often as its node copies it.

@@ -1,10 +1,9 @@
 //! The header of a PLY file: elements, their properties, and comments.
 
 use crate::Source;
-use crate::lines::clip;
 use std::io::{BufRead, BufReader, Read};
 use trisplat_scene::input::BYTE_ORDER_MARK;
-use trisplat_scene::{Error, Result};
+use trisplat_scene::{Error, Result, excerpt};
 
 /// More than any real header; a longer one is not of a PLY file, or is broken.
 const LONGEST: u64 = 1 << 20;
@@ -183,7 +182,7 @@ impl HeaderDraft {
             "element" => {
                 let element = parse_element(rest)?;
                 if self.elements.iter().any(|e| e.name == element.name) {
-                    return Err(format!("element {} is declared twice", clip(&element.name)));
+                    return Err(format!("element {} is declared twice", excerpt(&element.name)));
                 }
                 if self.elements.len() == MOST {
                     return Err(format!("more than {MOST} elements"));
@@ -194,14 +193,14 @@ impl HeaderDraft {
                 let property = parse_property(rest)?;
                 let element = self.elements.last_mut().ok_or("a property before the first element")?;
                 if element.has(&property.name) {
-                    return Err(format!("property {} is declared twice", clip(&property.name)));
+                    return Err(format!("property {} is declared twice", excerpt(&property.name)));
                 }
                 if element.properties.len() == MOST {
                     return Err(format!("more than {MOST} properties in one element"));
                 }
                 element.properties.push(property);
             }
-            _ => return Err(format!("cannot make sense of {:?}; is end_header missing?", clip(line))),
+            _ => return Err(format!("cannot make sense of {:?}; is end_header missing?", excerpt(line))),
         }
         Ok(false)
     }
@@ -214,18 +213,18 @@ fn parse_format(rest: &str) -> Result<Encoding, String> {
         ["binary_big_endian", "1.0"] => Ok(Encoding::Big),
         _ => Err(format!(
             "unknown format {:?}; expected ascii, binary_little_endian or binary_big_endian, version 1.0",
-            clip(rest)
+            excerpt(rest)
         )),
     }
 }
 
 fn parse_element(rest: &str) -> Result<Element, String> {
     let [name, rows] = rest.split_whitespace().collect::<Vec<_>>()[..] else {
-        return Err(format!("expected `element NAME COUNT`, not {:?}", clip(rest)));
+        return Err(format!("expected `element NAME COUNT`, not {:?}", excerpt(rest)));
     };
-    let rows = rows
-        .parse::<u64>()
-        .map_err(|_| format!("element {} counts {:?}; expected a whole number", clip(name), clip(rows)))?;
+    let rows = rows.parse::<u64>().map_err(|_| {
+        format!("element {} counts {:?}; expected a whole number", excerpt(name), excerpt(rows))
+    })?;
     Ok(Element { name: name.to_owned(), rows, properties: Vec::new() })
 }
 
@@ -234,7 +233,7 @@ fn parse_property(rest: &str) -> Result<Property, String> {
         Scalar::parse(name).ok_or_else(|| {
             format!(
                 "unknown type {:?}; expected char, uchar, short, ushort, int, uint, float or double",
-                clip(name)
+                excerpt(name)
             )
         })
     };
@@ -242,14 +241,14 @@ fn parse_property(rest: &str) -> Result<Property, String> {
         ["list", count, item, name] => {
             let (count, item) = (scalar(count)?, scalar(item)?);
             if !count.is_integer() {
-                return Err(format!("the list {} counts in floats; expected an integer type", clip(name)));
+                return Err(format!("the list {} counts in floats; expected an integer type", excerpt(name)));
             }
             Ok(Property { name: name.to_owned(), kind: PropertyType::List { count, item } })
         }
         [kind, name] => Ok(Property { name: name.to_owned(), kind: PropertyType::Scalar(scalar(kind)?) }),
         _ => Err(format!(
             "expected `property TYPE NAME` or `property list TYPE TYPE NAME`, not {:?}",
-            clip(rest)
+            excerpt(rest)
         )),
     }
 }

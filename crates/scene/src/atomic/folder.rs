@@ -4,14 +4,14 @@
 //! disk. Old files are moved into it first, and an error puts them back. From when its part `new` is called
 //! `whole`, the next run finishes what a killed run began.
 
-use super::names::ASIDE;
+use super::names::{ASIDE, folder_of};
 use super::temporary::{MadeFolders, Temporary, forget, list, register, unregister};
 use super::{Move, replace, sync_folder};
 use crate::error::{Error, Result};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Keeps others from writing into a folder while it is held.
 #[derive(Debug)]
@@ -78,6 +78,25 @@ impl AtomicFolder {
     /// The folder where its files are made, under their final names.
     pub fn path(&self) -> &Path {
         &self.new
+    }
+
+    /// Make the folders for a file `name` of this folder. Return where it is to be written.
+    ///
+    /// # Errors
+    /// A name that leads out of the folder; what the operating system refuses.
+    pub fn place(&self, name: impl AsRef<Path>) -> Result<PathBuf> {
+        let name = name.as_ref();
+        let is_inside = name.components().all(|part| matches!(part, Component::Normal(_)));
+        if !is_inside || name.as_os_str().is_empty() {
+            let reason = format!(
+                "{name:?} leads out of this folder, where it would be written; rename the input that has this name"
+            );
+            return Err(Error::unsupported(&self.folder, reason));
+        }
+        let path = self.new.join(name);
+        let parent = folder_of(&path);
+        std::fs::create_dir_all(parent).map_err(|e| Error::io(parent, e))?;
+        Ok(path)
     }
 
     /// Moves the files to their places when they are on the disk. Those that begin with `naming`, which name
@@ -167,9 +186,8 @@ mod tests {
     use super::*;
 
     fn fill(made: &AtomicFolder, text: &str) {
-        std::fs::create_dir_all(made.path().join("images")).unwrap();
         for name in ["images/a", "images/b", "list"] {
-            std::fs::write(made.path().join(name), text).unwrap();
+            std::fs::write(made.place(name).unwrap(), text).unwrap();
         }
     }
 
@@ -203,6 +221,16 @@ mod tests {
         fill(&made, "dropped");
         drop(made);
         assert_eq!(found(&folder), all("newer"));
+    }
+
+    #[test]
+    fn a_file_outside_of_the_folder_is_refused() {
+        let parent = tempfile::tempdir().unwrap();
+        let made = AtomicFolder::create(&parent.path().join("set")).unwrap();
+        for name in ["", "..", "../x", "a/../../x", "a/..", "/x"] {
+            let error = made.place(name).unwrap_err().to_string();
+            assert!(error.contains("leads out of this folder"), "{name}: {error}");
+        }
     }
 
     #[test]

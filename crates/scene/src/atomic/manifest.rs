@@ -98,6 +98,18 @@ impl Manifest {
         self.save(files)
     }
 
+    /// Removes the file `name` if it is ours.
+    ///
+    /// Errors: what the operating system refuses.
+    pub fn remove(&mut self, name: &str) -> Result<()> {
+        if self.not_ours(name)?.is_none() {
+            remove(&self.root.join(name))?;
+        }
+        let mut files = self.files.clone();
+        files.remove(name);
+        self.save(files)
+    }
+
     /// Removes every file of the list, then the list. The user's files stay.
     ///
     /// Errors: what the operating system refuses.
@@ -204,6 +216,11 @@ mod tests {
             assert!(error.contains(why) && error.contains(name) && error.contains("move it"), "{error}");
             assert_eq!(std::fs::read_to_string(at(name)).unwrap(), text);
         }
+        list.begin(&["three"]).unwrap();
+        std::fs::write(at("three"), "ours").unwrap();
+        list.finish().unwrap();
+        ["three", "two", "mine", "none"].iter().for_each(|name| list.remove(name).unwrap());
+        assert_eq!(names(folder.path()), [LIST, "mine", "one", "two"]);
         list.clear().unwrap();
         assert_eq!(names(folder.path()), ["mine", "two"]);
     }

@@ -10,6 +10,37 @@ pub(super) const ASIDE: &str = ".folder.trisplat.new";
 /// Most links to follow, as on Linux.
 const MAX_LINKS: usize = 40;
 
+/// Names that Windows keeps for devices, with any ending.
+const DEVICES: [&str; 6] = ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"];
+/// The same, followed by a digit.
+const NUMBERED_DEVICES: [&str; 2] = ["COM", "LPT"];
+
+/// Make a file name of a foreign `name`: without separators, `..`, characters or names with a meaning for a system, and without a
+/// leading dash, which programs take for an option.
+pub fn safe_name(name: &str) -> String {
+    let is_special = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
+    let plain = name.replace(is_special, "_");
+    // Windows drops dots and spaces at the end.
+    let plain = plain.trim_end_matches(['.', ' ']);
+    let stem = plain.split('.').next().unwrap_or_default().to_ascii_uppercase();
+    let stem = stem.trim_end();
+    let is_device = DEVICES.contains(&stem)
+        || NUMBERED_DEVICES.iter().any(|device| {
+            stem.strip_prefix(device).is_some_and(|end| end.len() == 1 && end.as_bytes()[0].is_ascii_digit())
+        });
+    match plain.strip_prefix(['-', '.', ' ']) {
+        Some(rest) => format!("_{rest}"),
+        None if plain.is_empty() || is_device => format!("_{plain}"),
+        None => plain.to_owned(),
+    }
+}
+
+/// Make a relative path of a foreign one: the parts of `path` as [`safe_name`]s; those that lead elsewhere are left out.
+pub fn safe_path(path: &str) -> PathBuf {
+    let parts = path.split('/').filter(|part| !["", ".", ".."].contains(part));
+    parts.map(safe_name).collect()
+}
+
 /// The temporary file of `target`: `.NAME.trisplat.tmp` beside it.
 pub fn temporary_name(target: &Path) -> PathBuf {
     beside(target, "tmp")
@@ -119,6 +150,31 @@ fn full(path: &Path) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn foreign_names_become_names_of_files_in_a_folder() {
+        let rows = [
+            ("a b.jpg", "a b.jpg"),
+            ("x\\..\\..\\y.jpg", "x_.._.._y.jpg"),
+            ("../y", "_._y"),
+            ("..", "_"),
+            ("", "_"),
+            ("-rf", "_rf"),
+            (".hidden", "_hidden"),
+            ("c:y", "c_y"),
+            ("a\nb\u{1b}", "a_b_"),
+            ("nul.txt", "_nul.txt"),
+            ("COM1", "_COM1"),
+            ("com12 .txt", "com12 .txt"),
+            ("console", "console"),
+            ("end. .", "end"),
+        ];
+        for (name, safe) in rows {
+            assert_eq!(safe_name(name), safe, "{name:?}");
+            assert_eq!(safe_name(safe), safe, "{name:?} twice");
+        }
+        assert_eq!(safe_path("/a/../-b/./c\\d.jpg"), Path::new("a/_b/c_d.jpg"));
+    }
 
     #[test]
     fn paths_are_compared_without_dots_and_links() {
