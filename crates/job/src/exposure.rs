@@ -9,8 +9,7 @@ use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
-    ExposureEvidence, ExposureUse, Exposures, LeftOutPhoto, Light, Solved, Strengths, compared_points,
-    compared_size,
+    ExposureEvidence, LeftOutPhoto, Light, Solved, Strengths, compared_points, compared_size,
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
@@ -89,11 +88,10 @@ pub(super) fn decide(
         return Ok(AsTaken("photos agree"));
     }
     let small = Dataset { views: small, ..dataset.clone() };
-    let trial = trial_options(&small, options.seed);
     let mut left_out = Vec::new();
     let mut psnr = 0.0;
     for fold in folds(&small) {
-        let trained = train(&fold, &trial, how, observer)?;
+        let trained = train(&fold, trial_options(&small, options.seed, Strengths::NONE), how, observer)?;
         psnr += sum_of_psnr(&trained);
         compare(&fold, &trained, &solved, &mut left_out)?;
     }
@@ -104,10 +102,10 @@ pub(super) fn decide(
         if evidence.tried.iter().any(|(tried, _)| *tried == strengths) {
             continue;
         }
-        let corrections = solved.corrections(strengths).unwrap_or_default();
         let mut psnr = 0.0;
         for fold in folds(&small) {
-            psnr += sum_of_psnr(&train(&corrected(fold, &corrections)?, &trial, how, observer)?);
+            psnr +=
+                sum_of_psnr(&train(&fold, trial_options(&small, options.seed, strengths), how, observer)?);
         }
         evidence.tried.push((strengths, psnr));
     }
@@ -123,16 +121,6 @@ fn folds(small: &Dataset) -> impl Iterator<Item = Dataset> {
     firsts.map(|first| small.leaving_out(|i| i % LEFT_OUT_EVERY == first))
 }
 
-/// `fold` with the photos that it trains on corrected.
-fn corrected(mut fold: Dataset, corrections: &Exposures) -> Result<Dataset> {
-    for (i, view) in fold.views.iter_mut().enumerate().filter(|(_, view)| !view.test) {
-        if let Some(photo) = corrections.correct(i, &view.photo.decode()?) {
-            view.photo = Photo::drawn(photo);
-        }
-    }
-    Ok(fold)
-}
-
 /// The sum over left-out photos as they were taken, dB.
 fn sum_of_psnr(trained: &Trained) -> f64 {
     trained.scores.iter().map(|score| score.psnr).sum()
@@ -145,8 +133,8 @@ fn first_left_out(photos: usize) -> impl Iterator<Item = usize> {
     [1, 3, 0, 2].into_iter().take(trainings)
 }
 
-/// Options of a training on the photos of `small` but those left out.
-fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
+/// Options of a training on the photos of `small` but those left out, corrected by `strengths`.
+fn trial_options(small: &Dataset, seed: u64, strengths: Strengths) -> TrainOptions {
     let sizes = small.views.iter().map(|view| u64::from(view.camera.size.element_product()));
     let pixels = sizes.max().unwrap_or(0);
     let trained_on = small.views.len() - small.views.len() / LEFT_OUT_EVERY;
@@ -154,7 +142,7 @@ fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
         steps: STEPS_PER_PHOTO * trained_on as u64,
         max_triangles: (pixels / MIN_PIXELS_PER_TRIANGLE).clamp(1, MAX_TRIANGLES),
         seed,
-        exposure: ExposureUse::Off,
+        exposure: strengths.to_use(),
         ..TrainOptions::default()
     }
 }
@@ -177,12 +165,12 @@ fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>)
 /// A short training on a CPU: a graphics card gains nothing on small photos.
 fn train(
     fold: &Dataset,
-    options: &TrainOptions,
+    options: TrainOptions,
     how: &DatasetOptions,
     observer: Observer<'_>,
 ) -> Result<Trained> {
     let begins = TrainBegins { part: TrainPart::Trial, steps: options.steps, ..TrainBegins::default() };
-    let run = TrainRun::new(fold, options).with_dataset_options(how);
+    let run = TrainRun::new(fold, &options).with_dataset_options(how);
     let trained = run.run(&mut begin(observer, &begins)?)?;
     match trained.stopped {
         true => Err(stopped("a short training that leaves some photos out", &trained)),
