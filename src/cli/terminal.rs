@@ -174,7 +174,7 @@ impl<'a> Terminal<'a> {
 
 /// What left-out photos showed of the exposures that were estimated.
 fn exposure(evidence: &ExposureEvidence) -> String {
-    let ExposureEvidence { photos, slopes, strengths, .. } = evidence;
+    let ExposureEvidence { photos, slopes, strengths } = evidence;
     let percent = |share: f32| format!("{:.0}%", 100.0 * share);
     let [gain, balance, falloff] = slopes.to_array().map(percent);
     let shown = format!(

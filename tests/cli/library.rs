@@ -85,7 +85,7 @@ impl Trials {
         match event {
             Event::Begins(begins) if begins.part == TrainPart::Trial => self.trainings += 1,
             Event::Begins(_) => return ControlFlow::Break(()),
-            Event::Exposure(evidence) => self.said = Some(ExposureEvidence::clone(evidence)),
+            Event::Exposure(evidence) => self.said = Some(**evidence),
             Event::Train(..) if self.stop => return ControlFlow::Break(()),
             _ => {}
         }
@@ -108,11 +108,11 @@ fn exposure_is_judged_by_left_out_photos_where_a_run_has_time() {
     let folder = tempfile::tempdir().unwrap();
     phone_sample(folder.path());
     let (judged, _) = of_phone(folder.path(), |_| ());
-    let evidence = judged.said.clone().unwrap();
+    let evidence = judged.said.unwrap();
     assert!(evidence.photos >= 12 && judged.trainings >= 1, "{evidence:?}");
     assert!(evidence.strengths.gain > 0.5, "{evidence:?}");
     let (again, _) = of_phone(folder.path(), |job| job.budget = Some(Budget::cpu(Seconds(120.0))));
-    assert_eq!(again.said, judged.said, "a budget changes nothing but whether there is time");
+    assert_eq!(again.said, Some(evidence), "a budget changes nothing but whether there is time");
     let not_judged: [fn(&mut TrainJob); 4] = [
         |job| job.budget = Some(Budget::cpu(Seconds(2.0))),
         |job| job.options.options.steps = 100,

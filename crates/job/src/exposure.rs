@@ -1,15 +1,14 @@
 //! Decides how far photos are corrected in exposure, by photos that short trainings leave out.
 //!
 //! Tracked points predict every photo's gain, white balance and falloff. Solid scenes are trained on uncorrected small photos, a quarter of
-//! them left out, and drawn for the left-out cameras. What these photos show of the predictions is proposed as a correction:
-//! [`ExposureEvidence`]. Trained again with it and in full, the way whose drawings are closest to the left-out photos as they were taken is
-//! chosen. See docs/benchmarks/exposure.md.
+//! them left out, and drawn for the left-out cameras. What these photos show of the predictions is corrected:
+//! [`ExposureEvidence`]. See docs/benchmarks/exposure.md.
 
 use super::event::{Observer, TrainBegins, TrainPart, begin, stopped};
 use glam::UVec2;
 use std::sync::Arc;
 use trisplat_dataset::exposure::{
-    ExposureEvidence, LeftOutPhoto, Light, Solved, Strengths, compared_points, compared_size,
+    ExposureEvidence, ExposureUse, LeftOutPhoto, Light, Solved, Strengths, compared_points, compared_size,
 };
 use trisplat_dataset::{Dataset, DatasetOptions, Photo, View};
 use trisplat_raster::soft::{SoftOptions, SoftRasterizer, Window};
@@ -32,10 +31,8 @@ const LEFT_OUT_EVERY: usize = 4;
 const DECIDING_PHOTOS: usize = 12;
 /// With fewer photos, none can be spared.
 const MIN_PHOTOS: usize = 8;
-/// Trainings on the same photos: as taken, by the proposed shares, in full.
-const ARMS: u64 = 3;
 /// Maximum share of the run's time.
-const MAX_SHARE: f64 = 0.15;
+const MAX_SHARE: f64 = 0.1;
 /// Smaller differences of light are less than a code of an 8-bit photo.
 const MIN_SPREAD: f32 = 0.02;
 
@@ -89,41 +86,12 @@ pub(super) fn decide(
     }
     let small = Dataset { views: small, ..dataset.clone() };
     let mut left_out = Vec::new();
-    let mut psnr = 0.0;
-    for fold in folds(&small) {
-        let trained = train(&fold, trial_options(&small, options.seed, Strengths::NONE), how, observer)?;
-        psnr += sum_of_psnr(&trained);
+    for first in first_left_out(count) {
+        let fold = small.leaving_out(|i| i % LEFT_OUT_EVERY == first);
+        let trained = train(&fold, trial_options(&small, options.seed), how, observer)?;
         compare(&fold, &trained, &solved, &mut left_out)?;
     }
-    let mut evidence = ExposureEvidence::of(&left_out);
-    evidence.tried.push((Strengths::NONE, psnr));
-    let proposed = evidence.strengths;
-    for strengths in [proposed, proposed.in_full()] {
-        if evidence.tried.iter().any(|(tried, _)| *tried == strengths) {
-            continue;
-        }
-        let mut psnr = 0.0;
-        for fold in folds(&small) {
-            psnr +=
-                sum_of_psnr(&train(&fold, trial_options(&small, options.seed, strengths), how, observer)?);
-        }
-        evidence.tried.push((strengths, psnr));
-    }
-    let left_out = folds(&small).map(|fold| fold.test().count()).sum::<usize>();
-    evidence.tried.iter_mut().for_each(|(_, psnr)| *psnr /= left_out as f64);
-    evidence.choose();
-    Ok(Judged(evidence))
-}
-
-/// The photos of each training, with those left out marked as held out.
-fn folds(small: &Dataset) -> impl Iterator<Item = Dataset> {
-    let firsts = first_left_out(small.views.len());
-    firsts.map(|first| small.leaving_out(|i| i % LEFT_OUT_EVERY == first))
-}
-
-/// The sum over left-out photos as they were taken, dB.
-fn sum_of_psnr(trained: &Trained) -> f64 {
-    trained.scores.iter().map(|score| score.psnr).sum()
+    Ok(Judged(ExposureEvidence::of(&left_out)))
 }
 
 /// The first left-out photo of each training.
@@ -133,8 +101,8 @@ fn first_left_out(photos: usize) -> impl Iterator<Item = usize> {
     [1, 3, 0, 2].into_iter().take(trainings)
 }
 
-/// Options of a training on the photos of `small` but those left out, corrected by `strengths`.
-fn trial_options(small: &Dataset, seed: u64, strengths: Strengths) -> TrainOptions {
+/// Options of a training on the photos of `small` but those left out.
+fn trial_options(small: &Dataset, seed: u64) -> TrainOptions {
     let sizes = small.views.iter().map(|view| u64::from(view.camera.size.element_product()));
     let pixels = sizes.max().unwrap_or(0);
     let trained_on = small.views.len() - small.views.len() / LEFT_OUT_EVERY;
@@ -142,7 +110,7 @@ fn trial_options(small: &Dataset, seed: u64, strengths: Strengths) -> TrainOptio
         steps: STEPS_PER_PHOTO * trained_on as u64,
         max_triangles: (pixels / MIN_PIXELS_PER_TRIANGLE).clamp(1, MAX_TRIANGLES),
         seed,
-        exposure: strengths.to_use(),
+        exposure: ExposureUse::Off,
         ..TrainOptions::default()
     }
 }
@@ -155,8 +123,7 @@ fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>)
         part_secs(options, photo, options.max_triangles).iter().sum()
     };
     let count = dataset.train().count();
-    let trained_on = (count - count / LEFT_OUT_EVERY) as u64;
-    let steps = ARMS * STEPS_PER_PHOTO * trained_on * first_left_out(count).count() as u64;
+    let steps = STEPS_PER_PHOTO * count as u64 * first_left_out(count).count() as u64;
     let trainings = TrainOptions { steps, max_triangles: MAX_TRIANGLES, ..TrainOptions::default() };
     let run_secs = budget_secs.unwrap_or_else(|| secs(options, camera.size));
     secs(&trainings, camera.within(LONGER_PX).size) <= MAX_SHARE * run_secs
@@ -221,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_has_time_for_trainings_of_a_small_part_of_it() -> Result<()> {
+    fn a_run_has_time_for_trainings_of_a_tenth_of_it() -> Result<()> {
         let folder = tempfile::tempdir().unwrap();
         let options =
             trisplat_synthetic::SyntheticOptions { views: 24, width: 24, points: 50, ..Default::default() };

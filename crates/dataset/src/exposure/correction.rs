@@ -65,11 +65,6 @@ impl Strengths {
         *self == Self::NONE
     }
 
-    /// The same parts, corrected in full.
-    pub fn in_full(self) -> Self {
-        Self::from(self.to_array().map(f32::ceil))
-    }
-
     /// Gain, white balance, falloff.
     pub fn to_array(self) -> [f32; 3] {
         [self.gain, self.balance, self.falloff]

@@ -36,7 +36,7 @@ pub struct LeftOutPhoto {
 }
 
 /// What left-out photos show of the predicted corrections.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ExposureEvidence {
     /// Number of left-out photos.
     pub photos: u64,
@@ -44,8 +44,6 @@ pub struct ExposureEvidence {
     pub slopes: Strengths,
     /// Shares that are corrected for it.
     pub strengths: Strengths,
-    /// Shares that short trainings tried, and the mean PSNR of left-out photos as they were taken, dB.
-    pub tried: Vec<(Strengths, f64)>,
 }
 
 trisplat_scene::stage!(ExposureEvidence, "evidence");
@@ -76,13 +74,7 @@ impl ExposureEvidence {
         let [gain, balance, falloff] = [gain, balance, falloff].map(Fit::judge);
         let of =
             |which: usize| Strengths { gain: gain[which], balance: balance[which], falloff: falloff[which] };
-        Self { photos: photos.len() as u64, slopes: of(0), strengths: of(1), tried: Vec::new() }
-    }
-
-    /// Takes the tried shares that come closest to left-out photos; the first of equals.
-    pub fn choose(&mut self) {
-        let best = self.tried.iter().rev().max_by(|a, b| a.1.total_cmp(&b.1));
-        self.strengths = best.map_or(Strengths::NONE, |(strengths, _)| *strengths);
+        Self { photos: photos.len() as u64, slopes: of(0), strengths: of(1) }
     }
 }
 
@@ -211,19 +203,6 @@ mod tests {
         assert!(ExposureEvidence::of(&photos).strengths.gain > 0.9);
         assert!(ExposureEvidence::of(&photos[..2]).strengths.is_none());
         assert_eq!(ExposureEvidence::of(&[]), ExposureEvidence::default());
-    }
-
-    #[test]
-    fn shares_that_come_closest_to_left_out_photos_are_chosen() {
-        let some = Strengths { gain: 0.5, ..Strengths::NONE };
-        let chosen = |psnr: [f64; 3]| {
-            let tried = [Strengths::NONE, some, some.in_full()].into_iter().zip(psnr).collect();
-            let mut evidence = ExposureEvidence { tried, ..ExposureEvidence::default() };
-            evidence.choose();
-            evidence.strengths.gain
-        };
-        assert_eq!([[20.0, 20.0, 19.0], [20.0, 20.1, 20.0], [20.0, 20.1, 20.2]].map(chosen), [0.0, 0.5, 1.0]);
-        assert_eq!(chosen([f64::NAN; 3]), 0.0);
     }
 
     #[test]
