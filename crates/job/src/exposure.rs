@@ -123,7 +123,8 @@ fn has_time(dataset: &Dataset, options: &TrainOptions, budget_secs: Option<f64>)
         part_secs(options, photo, options.max_triangles).iter().sum()
     };
     let count = dataset.train().count();
-    let steps = STEPS_PER_PHOTO * count as u64 * first_left_out(count).count() as u64;
+    let trained_on = (count - count / LEFT_OUT_EVERY) as u64;
+    let steps = STEPS_PER_PHOTO * trained_on * first_left_out(count).count() as u64;
     let trainings = TrainOptions { steps, max_triangles: MAX_TRIANGLES, ..TrainOptions::default() };
     let run_secs = budget_secs.unwrap_or_else(|| secs(options, camera.size));
     secs(&trainings, camera.within(LONGER_PX).size) <= MAX_SHARE * run_secs
