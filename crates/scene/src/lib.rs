@@ -7,6 +7,7 @@ pub mod atlas;
 pub mod atomic;
 pub mod camera;
 mod error;
+mod floaters;
 pub mod image;
 pub mod input;
 pub mod layered;
@@ -27,6 +28,7 @@ mod texture;
 
 pub use asset::{Asset, Chunk, Placement, Provenance, Tile, UpAxis, UpDirection};
 pub use error::{Error, Result};
+pub use floaters::Floaters;
 pub use limits::{Budget, BudgetClock, Limits, Seconds, Spending};
 pub use placed::{Region, SceneNormalization};
 pub use raycast::{Hit, RayTree};

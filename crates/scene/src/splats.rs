@@ -3,6 +3,7 @@
 use crate::asset::Provenance;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::floaters::MIN_OPACITY;
 use crate::math::lists::{all_finite, all_in_unit};
 use crate::scene::{ImportedScene, Scene};
 use crate::soup::{Soup, keep_rows, rgb_from_sh0};
@@ -177,14 +178,23 @@ pub struct ImportedSplats {
 }
 
 impl ImportedSplats {
-    /// Least opacity of a Gaussian in [`ImportedSplats::stand_in`].
-    const STAND_IN_OPACITY: f32 = 0.1;
-
-    /// Triangles where the Gaussians are, with the same placement and cameras, for choosing viewpoints.
+    /// Triangles where the Gaussians are, except [`Floaters`](crate::Floaters), with the same placement and cameras, for choosing viewpoints.
     pub fn stand_in(&self) -> ImportedScene {
         let splats = &self.splats;
-        let chosen = (0..splats.len()).filter(|i| splats.opacity[*i] >= Self::STAND_IN_OPACITY);
+        let floaters = splats.floaters();
+        let shows = |i: &usize| splats.opacity[*i] >= MIN_OPACITY && !floaters.is_floater[*i];
+        let chosen = (0..splats.len()).filter(shows);
         self.with(splats.to_soup(chosen))
+    }
+
+    /// Removes [`Floaters`](crate::Floaters), with a warning.
+    pub fn remove_floaters(&mut self) {
+        let floaters = self.splats.floaters();
+        let warning = floaters.warning(&self.splats);
+        if warning.is_some() {
+            self.splats.retain(|i| !floaters.is_floater[i]);
+        }
+        self.warnings.extend(warning);
     }
 
     /// `triangles` with the same placement and cameras.
