@@ -6,9 +6,9 @@ use glam::{DVec3, Vec2, Vec3};
 use std::path::Path;
 use trisplat_formats::Source;
 use trisplat_formats::ply::{self, Column};
+use trisplat_scene::camera::{self, Camera};
 use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::median;
-use trisplat_scene::camera::{self, Camera};
 use trisplat_scene::{Limits, Result, Rng};
 
 /// The colour of a point without one.
