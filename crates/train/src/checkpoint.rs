@@ -23,7 +23,7 @@ use trisplat_scene::{Error, Limits, Result, SceneNormalization};
 use xxhash_rust::xxh3::Xxh3Default;
 
 /// Number of the layout; it changes whenever a key or an array does.
-const FORMAT: &str = "21";
+const FORMAT: &str = "22";
 
 /// Endings of checkpoints in a folder.
 const ENDING: &str = "checkpoint";
