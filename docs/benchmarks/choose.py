@@ -3,6 +3,7 @@
 
     python3 docs/benchmarks/choose.py run FOLDER DATASET... --arm "NAME=PROGRAM [TRAIN OPTION...]" [--arm ...]
     python3 docs/benchmarks/choose.py table FOLDER NAME [NAME...]       mean and worst of each arm against the first
+    python3 docs/benchmarks/choose.py leave-out FOLDER NAME [NAME...]   the arm chosen on all captures but one, scored on that one
 
 A part has 14, 20 or 40 photos (fewer where a capture has fewer), evenly around or the nearest ones to one photo, and the points that two of
 them track. Up to 24 other photos judge; the capture's held-out photos do not take part. FOLDER gets parts, files and scores; what is there is
@@ -170,37 +171,64 @@ def run(folder, arguments):
             job.result()
 
 
+def scores(folder, names):
+    """Means over the seeds of each part and arm: {part: {arm: {measure: value}}}."""
+    found = {}
+    for part in sorted(path for path in folder.iterdir() if path.is_dir()):
+        for name in names:
+            steps = [json.loads(path.read_text())["steps"][-1] for path in sorted(part.glob(f"{name}-[0-9].json"))]
+            for measure, figure in MEASURES.items() if steps else []:
+                values = [figure(step) for step in steps if figure(step) is not None]
+                mean = sum(values) / len(values) if values else None
+                found.setdefault(part.name, {}).setdefault(name, {})[measure] = mean
+    return found
+
+
+def mean(values):
+    return sum(values) / len(values)
+
+
 def table(folder, names):
     """Prints each part and arm, and the arms' differences from the first: mean and worst."""
     print("| part | arm |", " | ".join(MEASURES), "|")
     print("|---|---|" + "---|" * len(MEASURES))
-    differences = {name: {measure: [] for measure in MEASURES} for name in names}
-    for part in sorted(path for path in folder.iterdir() if path.is_dir()):
-        means = {}
-        for name in names:
-            steps = [json.loads(path.read_text())["steps"][-1] for path in sorted(part.glob(f"{name}-[0-9].json"))]
-            if not steps:
-                continue
-            means[name] = {}
-            for measure, figure in MEASURES.items():
-                values = [figure(step) for step in steps if figure(step) is not None]
-                means[name][measure] = sum(values) / len(values) if values else None
-            cells = ("" if value is None else f"{value:.2f}" if key == "dB" else f"{value:.3f}" for key, value in means[name].items())
-            print(f"| {part.name} | {name} |", " | ".join(cells), "|")
-        for name in names[1:]:
-            for measure in MEASURES if name in means and names[0] in means else []:
-                if None not in (means[name][measure], means[names[0]][measure]):
-                    differences[name][measure].append(means[name][measure] - means[names[0]][measure])
+    found = scores(folder, names)
+    for part, arms in found.items():
+        for name, row in arms.items():
+            cells = ("" if value is None else f"{value:.2f}" if key == "dB" else f"{value:.3f}" for key, value in row.items())
+            print(f"| {part} | {name} |", " | ".join(cells), "|")
     for name in names[1:]:
-        for measure, values in differences[name].items():
+        for measure in MEASURES:
+            both = [(arms[name][measure], arms[names[0]][measure]) for arms in found.values() if name in arms and names[0] in arms]
+            values = [a - b for a, b in both if None not in (a, b)]
             if values:
                 worst = (max if measure in ("behind", "unsupported", "empty") else min)(values)
-                print(f"{name} - {names[0]}, {measure}: mean {sum(values) / len(values):+.3f}, worst {worst:+.3f}, {len(values)} parts")
+                print(f"{name} - {names[0]}, {measure}: mean {mean(values):+.3f}, worst {worst:+.3f}, {len(values)} parts")
+
+
+def leave_out(folder, names):
+    """Prints what a choice among the arms gains over the first, in dB, on the capture that took no part in the choice."""
+    captures = {}
+    for part, arms in scores(folder, names).items():
+        if len(arms) == len(names):
+            captures.setdefault(part.rsplit("-", 1)[0], []).append([arms[name]["dB"] for name in names])
+    if len(captures) < 2:
+        sys.exit("a choice needs two captures with scores of every arm: make them with run")
+    # Each capture counts once, however many parts it has.
+    of_capture = {capture: [mean(values) for values in zip(*parts)] for capture, parts in captures.items()}
+    gains = []
+    for capture, values in of_capture.items():
+        others = [mean(column) for column in zip(*(row for other, row in of_capture.items() if other != capture))]
+        chosen = others.index(max(others))
+        gains.append(values[chosen] - values[0])
+        print(f"{capture}: the others choose {names[chosen]}, {gains[-1]:+.3f} dB here; best here {names[values.index(max(values))]}, {max(values) - values[0]:+.3f}")
+    print(f"left out: mean {mean(gains):+.3f} dB, worst {min(gains):+.3f}, {len(gains)} captures")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) < 4 or sys.argv[1] not in ("run", "table"):
+    commands = {"run": run, "table": table, "leave-out": leave_out}
+    if len(sys.argv) < 4 or sys.argv[1] not in commands:
         sys.exit(__doc__)
     target = Path(sys.argv[2]).resolve()
     target.mkdir(parents=True, exist_ok=True)
-    {"run": run, "table": table}[sys.argv[1]](target, sys.argv[3:])
+    commands[sys.argv[1]](target, sys.argv[3:])

@@ -24,9 +24,14 @@ fn direction(i: usize, count: usize) -> Vec3 {
 
 /// A ball of flat Gaussians in eight patches of colour.
 fn ball(folder: &Path) -> PathBuf {
+    floating(folder, "ball.ply", 0)
+}
+
+/// The same with some Gaussians that float 4 to 20 radii away.
+fn floating(folder: &Path, name: &str, floaters: usize) -> PathBuf {
     let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let count = 2500;
-    let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {count}\n");
+    let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", count + floaters);
     names.split(' ').for_each(|name| writeln!(ply, "property float {name}").unwrap());
     ply += "end_header\n";
     for i in 0..count {
@@ -38,7 +43,11 @@ fn ball(folder: &Path) -> PathBuf {
         // Standard deviations of 0.045, and of 0.003 outwards.
         writeln!(ply, "{} {} {} {r} {g} {b} 4 -3.1 -3.1 -5.8 {w} {x} {y} {z}", p.x, p.y, p.z).unwrap();
     }
-    let path = folder.join("ball.ply");
+    for i in 0..floaters {
+        let p = direction(i, floaters) * (4.0 + 16.0 * i as f32 / floaters as f32);
+        writeln!(ply, "{} {} {} 1 1 1 4 -3.1 -3.1 -3.1 1 0 0 0", p.x, p.y, p.z).unwrap();
+    }
+    let path = folder.join(name);
     std::fs::write(&path, ply).unwrap();
     path
 }
@@ -116,6 +125,20 @@ fn a_ball_of_gaussians_is_a_ball_of_triangles_from_unseen_places_over_black_and_
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(report["stages"][0]["name"], "train");
     assert!(report["stages"][0]["after"]["triangles"].as_u64().unwrap() <= 3000);
+}
+
+#[test]
+fn what_floats_around_a_ball_changes_nothing_but_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ball(folder);
+    floating(folder, "floating.ply", 75);
+    cameras(&folder.join("held.json"), 6, 0.7);
+    let bake = ["--preset", "fast", "--max-triangles", "3000", "-f", "--report", "report.json"];
+    run(folder, 2, &[&["bake", "floating.ply", "-o", "floating.glb"], &bake[..]].concat());
+    let report = std::fs::read_to_string(folder.join("report.json")).unwrap();
+    assert!(report.contains("75 of 2575 splats float alone"), "{report}");
+    looks_like_the_ball(folder, "floating.glb", FLOORS[0]);
 }
 
 #[test]

@@ -309,6 +309,22 @@ fn a_random_cloud_is_repeatable_and_in_view() {
 }
 
 #[test]
+fn points_at_infinity_are_named_and_brought_near() {
+    let folder = tempfile::tempdir().unwrap();
+    copy_sample(folder.path());
+    let near = load(folder.path());
+    let file = folder.path().join("sparse/0/points3D.txt");
+    let text = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text + "900001 3e6 4e5 -2e6 9 9 9 0.3\n900002 -1e9 0 2e8 9 9 9 0.3\n").unwrap();
+    let far = load(folder.path());
+    assert_eq!(far.points.len(), near.points.len() + 2);
+    let beyond: Vec<f32> =
+        far.points[near.points.len()..].iter().map(|point| point.position.length()).collect();
+    assert!(beyond.iter().all(|distance| (100.0..1e4).contains(distance)), "{beyond:?}");
+    assert!(far.warnings.iter().any(|warning| warning.starts_with("2 of ")), "{:?}", far.warnings);
+}
+
+#[test]
 fn a_scene_far_from_the_origin_keeps_its_detail() {
     let (folder, far) = (tempfile::tempdir().unwrap(), DVec3::new(4.5e6, -2e5, 1.25e6));
     copy_sample(folder.path());

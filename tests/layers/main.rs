@@ -88,3 +88,32 @@ fn a_crate_includes_files_of_its_own_folder_only() {
     }
     assert!(included > 10, "only {included} files are included");
 }
+
+/// The page of constants that decide names none that is gone.
+#[test]
+fn the_constants_in_the_docs_exist() {
+    let mut files = sources();
+    let (mut code, mut at) = (String::new(), 0);
+    while let Some(path) = files.get(at).cloned() {
+        at += 1;
+        if path.is_dir() {
+            files.extend(std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            code += &std::fs::read_to_string(&path).unwrap();
+        }
+    }
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/accuracy.md");
+    let page = std::fs::read_to_string(page).expect("the page");
+    let is_constant = |word: &&str| {
+        let is_part = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
+        word.len() > 2 && word.chars().all(is_part)
+    };
+    let named: Vec<&str> = page.split('`').skip(1).step_by(2).filter(is_constant).collect();
+    assert!(named.len() > 100, "only {} constants", named.len());
+    for name in named {
+        assert!(
+            code.contains(&format!("const {name}:")),
+            "docs/accuracy.md names {name}, which is no constant"
+        );
+    }
+}

@@ -6,6 +6,7 @@ use super::found::{FoundDataset, FoundPhoto};
 use super::lens::{Lens, Undistort};
 use super::options::{DatasetOptions, Masks};
 use super::photo::{Photo, check_mask};
+use super::points::bring_to_horizon;
 use super::posed::{Dataset, DatasetKind, Point, Reprojection, View, hold_out};
 use super::silhouettes::are_silhouettes;
 use super::{colmap, exif, llff, metashape, realityscan, transforms, views};
@@ -456,7 +457,14 @@ fn keep_points(found: Vec<FoundPoint>, dataset: &mut Dataset) {
     for view in &mut dataset.views {
         view.tracked = view.tracked.iter().filter_map(|i| numbers[*i as usize]).collect();
     }
+    let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
+    let (beyond, horizon) = bring_to_horizon(&mut dataset.points, &cameras);
     let (kept, warnings) = (dataset.points.len(), &mut dataset.warnings);
+    if beyond > 0 {
+        warnings.push(format!(
+            "{beyond} of {kept} points are farther away than {horizon:.0} units, where no two photos differ by a pixel: they are brought to that distance"
+        ));
+    }
     if kept < count {
         warnings.push(format!(
             "dropped {} points that are not finite, or farther than {MAX_DISTANCE:.0e}",

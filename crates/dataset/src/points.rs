@@ -6,8 +6,10 @@ use glam::{DVec3, Vec2, Vec3};
 use std::path::Path;
 use trisplat_formats::Source;
 use trisplat_formats::ply::{self, Column};
+use trisplat_scene::camera::{self, Camera};
+use trisplat_scene::math::geometry::bounds;
 use trisplat_scene::math::lists::median;
-use trisplat_scene::{Limits, Result, Rng, camera};
+use trisplat_scene::{Limits, Result, Rng};
 
 /// The colour of a point without one.
 const GREY: [u8; 3] = [128; 3];
@@ -31,6 +33,27 @@ pub(super) fn read_ply(path: &Path, limits: &Limits) -> Result<Vec<FoundPoint>> 
         Ok(())
     })?;
     Ok(points)
+}
+
+/// Brings points at infinity to the horizon: the distance from which a point has a parallax of one pixel between the outermost
+/// cameras. Beyond it no photo tells distances apart, and a scene a million times as large as what the photos show has no exact numbers.
+/// Returns how many were beyond, and the horizon, in world units.
+pub(super) fn bring_to_horizon(points: &mut [Point], cameras: &[Camera]) -> (usize, f64) {
+    let Some([low, high]) = bounds(cameras.iter().map(Camera::position)) else { return (0, 0.0) };
+    let middle = low.midpoint(high).as_dvec3();
+    let focal = cameras.iter().map(|camera| camera.focal.max_element()).fold(0.0, f32::max);
+    let horizon = f64::from(low.distance(high)) * f64::from(focal);
+    let mut count = 0;
+    if horizon > 0.0 {
+        for point in points {
+            let from_middle = point.position.as_dvec3() - middle;
+            if from_middle.length() > horizon {
+                point.position = (middle + from_middle.normalize() * horizon).as_vec3();
+                count += 1;
+            }
+        }
+    }
+    (count, horizon)
 }
 
 /// Attempts to place a point in a second camera's view, too.
@@ -87,6 +110,7 @@ pub fn looking_distance(views: &[&View]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::UVec2;
 
     fn read_bytes(bytes: &[u8]) -> Result<Vec<FoundPoint>> {
         let folder = tempfile::tempdir().unwrap();
@@ -153,6 +177,39 @@ mod tests {
         );
         let error = read_bytes(text.replace("float z", "float w").as_bytes()).err().unwrap().to_string();
         assert!(error.contains("element vertex") && error.contains("no property z"), "{error}");
+    }
+
+    #[test]
+    fn points_at_infinity_come_to_the_horizon_and_stay_in_their_pixels() {
+        let turn = |i: usize| Vec3::new((i as f32).cos(), 0.3, (i as f32).sin());
+        let camera = |i| Camera::look_at(4.0 * turn(i), Vec3::ZERO, Vec3::Y, 0.8, UVec2::splat(300));
+        let cameras: Vec<Camera> = (0..6).map(camera).collect();
+        let point = |i: usize| Point { position: -turn(7 * i), rgb: [0; 3], error: None };
+        let mut points: Vec<Point> = (0..90).map(point).collect();
+        let as_found = points.clone();
+        assert_eq!(bring_to_horizon(&mut points, &cameras).0, 0);
+        assert_eq!(points, as_found);
+        for far in [1e6, 1e30] {
+            let away = |i: usize| if i.is_multiple_of(9) { far } else { 1.0 };
+            points.clone_from(&as_found);
+            points.iter_mut().enumerate().for_each(|(i, point)| point.position *= away(i));
+            let mut near = points.clone();
+            let (count, horizon) = bring_to_horizon(&mut near, &cameras);
+            assert_eq!(count, 10);
+            let mut seen = 0;
+            for (point, near) in points.iter().zip(&near) {
+                assert!(f64::from(near.position.length()) < 1.01 * horizon);
+                for camera in &cameras {
+                    let shown = [point, near].map(|point| camera.shows(point.position));
+                    if let [Some((a, _)), Some((b, _))] = shown {
+                        assert!(a.distance(b) < 1.0, "{a} {b}");
+                        seen += usize::from(point.position != near.position);
+                    }
+                }
+            }
+            assert!(seen > 0, "no camera shows a far point");
+        }
+        assert_eq!(bring_to_horizon(&mut points, &cameras[..1]).0, 0, "one camera tells no distance");
     }
 
     #[test]

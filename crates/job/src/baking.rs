@@ -170,7 +170,7 @@ impl BakeJob {
         let views = self.photos.as_ref().map(|photos| Views::new(photos, how));
         let inputs = match self.read()? {
             Inputs::Scenes(scenes) => scenes,
-            Inputs::Splats(splats) => return self.solid_of(&splats, views, report, observer),
+            Inputs::Splats(splats) => return self.solid_of(*splats, views, report, observer),
         };
         let Some(steps) = self.harden else {
             return Ok(Scenes { scenes: inputs, views });
@@ -200,16 +200,15 @@ impl BakeJob {
     /// The solid scene of Gaussians. Making it is a stage of `report`.
     fn solid_of(
         &self,
-        splats: &ImportedSplats,
+        splats: ImportedSplats,
         views: Option<Views>,
         report: &mut Report,
         observer: Observer<'_>,
     ) -> Result<Scenes> {
-        report.warnings.extend(splats.warnings.iter().cloned());
         let effort = Effort::of(self.options.preset, self.harden);
         let amount = (effort, self.options.prune.max_triangles);
         let (photos, how) = (self.photos.as_ref(), &self.dataset_options);
-        let solid = gaussians::solid((self.path(), splats), photos, how, amount, observer)?;
+        let solid = gaussians::solid((self.path(), splats), photos, how, amount, report, observer)?;
         add(solid.stage, report, observer);
         Ok(Scenes { scenes: vec![solid.scene], views: views.or(solid.pictures) })
     }

@@ -10,6 +10,7 @@ use trisplat_dataset::{Dataset, DatasetOptions, View};
 use trisplat_scene::camera::Camera;
 use trisplat_scene::math::geometry::centroid;
 use trisplat_scene::math::lists::evenly_spaced;
+use trisplat_scene::report::Report;
 use trisplat_scene::{Error, ImportedSplats, Result, placed};
 use trisplat_teacher::{GaussianTeacher, ViewpointKind, Viewpoints, between, drawn_beside, drawn_for};
 use trisplat_train::{TrainOptions, TrainPreset, shell_around};
@@ -95,20 +96,26 @@ impl Work {
 ///
 /// Errors: nothing to see from anywhere; undecodable photos; a stopped run.
 pub(super) fn solid(
-    (path, splats): (&Path, &ImportedSplats),
+    (path, mut splats): (&Path, ImportedSplats),
     photos: Option<&Dataset>,
     how: &DatasetOptions,
     (effort, most): (Effort, Option<u64>),
+    report: &mut Report,
     observer: Observer<'_>,
 ) -> Result<Hardened> {
     let clock = Instant::now();
+    if photos.is_none() && splats.cameras.is_empty() {
+        // Cameras of photos look past what floats; chosen ones would show it.
+        splats.remove_floaters();
+    }
+    report.warnings.append(&mut splats.warnings);
     let placement = splats.provenance.placement;
     let to_file = |camera: &Camera| photos.map_or(*camera, |p| placed::to_file(camera, &placement, p.origin));
     let cameras = match photos {
         Some(photos) => {
             photos.train().map(|view| effort.surroundings.limited(&to_file(&view.camera))).collect()
         }
-        None => effort.cameras(path, splats)?,
+        None => effort.cameras(path, &splats)?,
     };
     let mut teacher = GaussianTeacher::new(&splats.splats, &cameras);
     let (max_bytes, mut drawn) = (how.photo_bytes(), on_drawn(observer));

@@ -1,12 +1,18 @@
 //! Hardening: a soft scene is trained solid before its bake.
 
 use super::event::{Observer, TrainBegins, begin, on_drawn};
+use super::renderer::NEAR;
 use std::path::Path;
 use std::time::Instant;
 use trisplat_bake::{Views, is_solid, pictures};
-use trisplat_dataset::{Dataset, DatasetOptions};
+use trisplat_dataset::{Dataset, DatasetOptions, View};
+use trisplat_raster::solid::{NO_FACE, SolidRasterOptions, SolidRasterizer};
+use trisplat_scene::camera::Camera;
+use trisplat_scene::math::geometry::centroid;
+use trisplat_scene::math::lists::evenly_spaced;
+use trisplat_scene::mesh::Mesh;
 use trisplat_scene::report::{StageDetails, StageReport};
-use trisplat_scene::{Error, ImportedScene, Result, Scene};
+use trisplat_scene::{Error, ImportedScene, Result, Scene, SceneNormalization, Soup};
 use trisplat_teacher as teacher;
 use trisplat_train::{TrainDetails, TrainOptions, TrainPreset, TrainRun};
 
@@ -110,6 +116,86 @@ pub(super) fn train(
         let value = format!("stopped after {} of {} steps", trained.steps, options.steps);
         return Err(Error::invalid("harden", value, "all of its steps; nothing was written"));
     }
+    check_shown(&trained.soup, dataset)?;
     let stage = trained.stage(triangles, clock.elapsed().as_secs_f64());
     Ok((trained.into(), stage))
+}
+
+/// Pictures that tell whether a scene is still there, and their longer side, px.
+const LOOKS: usize = 12;
+const LOOK_SIDE: u32 = 96;
+
+/// Refuses a scene of which hardly anything is left: in most of the drawn pictures that it was trained on, it covers less than half of what
+/// they show.
+///
+/// # Errors
+/// Such a scene; pictures that cannot be read.
+fn check_shown(soup: &Soup, dataset: &Dataset) -> Result<()> {
+    let drawn: Vec<&View> = dataset.train().filter(|view| view.photo.is_drawn()).collect();
+    let looks: Vec<&View> = evenly_spaced(drawn.len(), LOOKS).map(|i| drawn[i]).collect();
+    let cameras: Vec<Camera> = looks.iter().map(|view| view.camera.within(LOOK_SIDE)).collect();
+    let middle = |i: usize| centroid(soup.vertices[i]);
+    let space = SceneNormalization::of(&cameras, soup.len(), middle);
+    let options = SolidRasterOptions { near: NEAR / space.scale, ..SolidRasterOptions::default() };
+    let mesh = Mesh { positions: soup.vertices.concat(), ..Mesh::default() };
+    let mut solid = SolidRasterizer::new();
+    let mut lost = 0;
+    for (view, camera) in looks.iter().zip(&cameras) {
+        let picture = view.photo.decode()?;
+        let wanted = picture.alpha.map_or(1.0, |alpha| {
+            alpha.iter().map(|a| f64::from(*a) / 255.0).sum::<f64>() / alpha.len() as f64
+        });
+        let faces = &solid.visibility(&mesh, camera, &options).face;
+        let covered = faces.iter().filter(|face| **face != NO_FACE).count() as f64 / faces.len() as f64;
+        lost += usize::from(covered < wanted / 2.0);
+    }
+    if 2 * lost <= looks.len() {
+        return Ok(());
+    }
+    let value = format!("{} triangles, which cover less than half of what most pictures show", soup.len());
+    let wants = "a scene that stays whole in training: give photos of it (`dataset`), its cameras in `cameras.json` beside it, or a file without Gaussians or triangles far around it";
+    Err(Error::invalid("inputs", value, wants))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{UVec2, Vec3};
+    use std::path::PathBuf;
+    use trisplat_scene::image::RgbImage;
+
+    #[test]
+    fn a_scene_that_vanished_in_training_is_refused() {
+        let corner = |turn: f32| Vec3::new(turn.cos(), turn.sin(), 0.0);
+        let disc = |radius: f32| Soup {
+            vertices: (0..9)
+                .map(|i| [Vec3::ZERO, corner(0.7 * i as f32), corner(0.7 * i as f32 + 0.71)])
+                .map(|t| t.map(|v| v * radius))
+                .collect(),
+            ..Soup::default()
+        };
+        for unit in [1e-4, 1.0, 1e5] {
+            let eye = |i: usize| unit * Vec3::new(0.2 * i as f32, 0.1, 3.0);
+            let camera = |i| Camera::look_at(eye(i), Vec3::ZERO, Vec3::Y, 0.9, UVec2::splat(60));
+            let cameras: Vec<Camera> = (0..5).map(camera).collect();
+            // A disc of radius 1 covers about a third of each picture.
+            let picture = |_: &Camera| RgbImage {
+                size: UVec2::splat(60),
+                rgb: vec![[9; 3]; 3600],
+                alpha: Some([[255; 1200].as_slice(), &[0; 2400]].concat()),
+            };
+            let dataset =
+                teacher::drawn_for(&PathBuf::from("disc"), &cameras, 1 << 24, picture, &mut |_, _| ())
+                    .unwrap();
+            assert!(check_shown(&disc(unit), &dataset).is_ok());
+            for left in [
+                disc(0.3 * unit),
+                Soup { vertices: vec![[Vec3::ZERO, Vec3::X * unit, Vec3::Y * unit]], ..Soup::default() },
+                Soup::default(),
+            ] {
+                let message = check_shown(&left, &dataset).expect_err("hardly anything").to_string();
+                assert!(message.contains("cameras.json"), "{message}");
+            }
+        }
+    }
 }

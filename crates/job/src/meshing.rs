@@ -63,9 +63,9 @@ impl MeshJob {
         let scene = match (self.scene, &self.photos) {
             (Some(Content::Scene(scene)), _) => scene,
             (Some(Content::Splats(splats)), photos) => {
-                report.warnings.extend(splats.warnings.iter().cloned());
-                let splats = (Path::new("scene"), &splats);
-                let solid = gaussians::solid(splats, photos.as_ref(), how, (Effort::FAST, None), observer)?;
+                let splats = (Path::new("scene"), splats);
+                let effort = (Effort::FAST, None);
+                let solid = gaussians::solid(splats, photos.as_ref(), how, effort, report, observer)?;
                 add(solid.stage, report, observer);
                 views = views.or(solid.pictures);
                 solid.scene

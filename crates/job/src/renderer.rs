@@ -101,7 +101,7 @@ pub struct SplatsScene {
 }
 
 /// Depth of the near plane in units of training space: that of the soft rasteriser.
-const NEAR: f32 = 0.01;
+pub(super) const NEAR: f32 = 0.01;
 
 impl SceneRenderer {
     /// A renderer of a soup for cameras of `dataset`; `placement` is that of the soup's file. Without a data

@@ -1,10 +1,7 @@
 //! Gaussian splats (Kerbl et al. 2023): N ellipsoids that fade outwards.
 
-use crate::asset::Provenance;
-use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::lists::{all_finite, all_in_unit};
-use crate::scene::{ImportedScene, Scene};
 use crate::soup::{Soup, keep_rows, rgb_from_sh0};
 use glam::{Quat, Vec3};
 
@@ -160,41 +157,6 @@ impl Splats {
         let (down, half) = (3f32.sqrt() / 2.0, 0.5);
         [long, short * down - long * half, -short * down - long * half]
             .map(|corner| self.positions[i] + corner)
-    }
-}
-
-/// Gaussians as read from a file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ImportedSplats {
-    /// The Gaussians.
-    pub splats: Splats,
-    /// Their provenance and placement.
-    pub provenance: Provenance,
-    /// Repairs and omissions of reading, one sentence each.
-    pub warnings: Vec<String>,
-    /// Names and cameras of the photos they were trained on, in the frame of the file; empty when unknown.
-    pub cameras: Vec<(String, Camera)>,
-}
-
-impl ImportedSplats {
-    /// Least opacity of a Gaussian in [`ImportedSplats::stand_in`].
-    const STAND_IN_OPACITY: f32 = 0.1;
-
-    /// Triangles where the Gaussians are, with the same placement and cameras, for choosing viewpoints.
-    pub fn stand_in(&self) -> ImportedScene {
-        let splats = &self.splats;
-        let chosen = (0..splats.len()).filter(|i| splats.opacity[*i] >= Self::STAND_IN_OPACITY);
-        self.with(splats.to_soup(chosen))
-    }
-
-    /// `triangles` with the same placement and cameras.
-    pub fn with(&self, triangles: Soup) -> ImportedScene {
-        ImportedScene {
-            scene: Scene::Soup(triangles),
-            provenance: self.provenance.clone(),
-            warnings: Vec::new(),
-            cameras: self.cameras.iter().map(|(_, camera)| *camera).collect(),
-        }
     }
 }
 

@@ -5,7 +5,6 @@
 //! looks better from what seems to lie behind it. A triangle that lies a little off its points moves towards them.
 
 use super::grow::{Grey, KnownPoint, Seed, grow};
-use super::init::nearest;
 use super::params::{Params, TrainState};
 use super::pyramid::Pyramid;
 use super::start::is_among;
@@ -13,6 +12,7 @@ use super::visibility::VisibilityStats;
 use glam::{UVec2, Vec3};
 use trisplat_dataset::{Dataset, Point};
 use trisplat_scene::camera::Camera;
+use trisplat_scene::math::neighbours::nearest;
 use trisplat_scene::mesh::Mesh;
 use trisplat_scene::parallel::{self, GRAIN};
 use trisplat_scene::{RayTree, Result, Rng, SceneNormalization, sh0_from_rgb};

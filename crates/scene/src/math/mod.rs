@@ -5,5 +5,6 @@ pub mod geometry;
 pub mod lanes;
 pub mod lists;
 pub mod metric;
+pub mod neighbours;
 pub mod real;
 pub mod wgsl;
