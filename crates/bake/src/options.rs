@@ -12,6 +12,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
+use super::sides::SidesOptions;
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
 use super::texture::TextureOptions;
@@ -80,6 +81,9 @@ pub struct BakeOptions {
     /// Which triangles are fitted to pictures.
     #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
     pub reshape: ReshapeOptions,
+    /// From which sides triangles are drawn.
+    #[cfg_attr(feature = "cli", arg(skip = SidesOptions::DEFAULT))]
+    pub sides: SidesOptions,
     /// Which levels of detail are made.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lod: LodOptions,
@@ -129,6 +133,7 @@ impl BakeOptions {
         unseen: UnseenOptions::DEFAULT,
         exposure: ExposureOptions::DEFAULT,
         reshape: ReshapeOptions::DEFAULT,
+        sides: SidesOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
@@ -151,6 +156,7 @@ impl BakeOptions {
                 teacher: TeacherOptions::OFF,
                 exposure: ExposureOptions::OFF,
                 reshape: ReshapeOptions::OFF,
+                sides: SidesOptions::FAST,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,
                 order: OrderOptions::FAST,
