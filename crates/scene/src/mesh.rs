@@ -212,6 +212,15 @@ impl Mesh {
         }
     }
 
+    /// Puts faces of one material next to each other; those of a material keep their order.
+    pub fn group_materials(&mut self) {
+        let mut faces: Vec<u32> = (0..self.face_count() as u32).collect();
+        if faces.windows(2).any(|pair| self.material(pair[1] as usize) < self.material(pair[0] as usize)) {
+            faces.sort_by_key(|face| self.material(*face as usize));
+            self.select(&faces);
+        }
+    }
+
     /// Drops everything.
     pub fn clear(&mut self) {
         let colors = match self.colors {
