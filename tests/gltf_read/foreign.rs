@@ -51,11 +51,12 @@ fn materials_say_from_which_sides_triangles_are_drawn() {
     b.push("materials", json!({ "doubleSided": false }));
     b.push("materials", json!({ "doubleSided": "a fault" }));
     let plain = b.json["meshes"][0]["primitives"][0].clone();
-    for material in 0..3 {
+    let primitive = |material: usize| {
         let mut primitive = plain.clone();
         primitive["material"] = material.into();
-        b.json["meshes"][0]["primitives"][material] = primitive;
-    }
+        primitive
+    };
+    b.json["meshes"][0]["primitives"] = (0..3).map(primitive).collect();
     // Mirrored faces are turned around, so that their fronts stay fronts.
     b.json["nodes"][0]["scale"] = json!([-1, 1, 1]);
     let got = b.mesh_of();

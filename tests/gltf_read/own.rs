@@ -196,7 +196,7 @@ fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order(
             assert_eq!((name(0), sides(0)), ("trisplat-vcol", true));
             assert_eq!((name(1), sides(1)), ("trisplat_front-vcol", false));
             let runs = asset.mesh.single_sided.chunk_by(|a, b| a == b).count();
-            assert!(runs >= 2 * cuts && materials.len() == 2);
+            assert!(runs > cuts && materials.len() == 2);
             assert_eq!(json["meshes"].as_array().map(Vec::len), Some(runs), "each node has one material");
             let back = read_bytes(&bytes).expect("read back");
             assert_eq!(mesh(back).single_sided, asset.mesh.single_sided);
