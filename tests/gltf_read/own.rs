@@ -198,10 +198,32 @@ fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order(
             let runs = asset.mesh.single_sided.chunk_by(|a, b| a == b).count();
             assert!(runs > cuts && materials.len() == 2);
             assert_eq!(json["meshes"].as_array().map(Vec::len), Some(runs), "each node has one material");
+            let nodes = json["nodes"].as_array().expect("a list");
+            assert!(nodes.iter().all(|node| node["name"].as_str().is_some_and(|n| n.starts_with("chunk_"))));
             let back = read_bytes(&bytes).expect("read back");
             assert_eq!(mesh(back).single_sided, asset.mesh.single_sided);
         }
     }
+}
+
+#[test]
+fn a_scene_of_one_chunk_has_a_node_for_each_of_its_sides() {
+    let mut asset = soup(9);
+    let names = |asset: &Asset| {
+        trisplat_formats::gltf::to_glb_bytes(asset, &GltfOptions::default())
+            .map(|bytes| {
+                let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+                let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+                let nodes = json["nodes"].as_array().expect("a list");
+                nodes.iter().map(|node| node["name"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+            })
+            .expect("written")
+    };
+    assert_eq!(names(&asset), ["scene"]);
+    asset.mesh.single_sided = (0..9).map(|face| face >= 5).collect();
+    assert_eq!(names(&asset), ["scene", "scene_front"]);
+    asset.mesh.single_sided = vec![true; 9];
+    assert_eq!(names(&asset), ["scene"]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
-use super::sides::SidesOptions;
+use super::sides::{Sides, SidesOptions};
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
 use super::texture::TextureOptions;
@@ -192,7 +192,7 @@ impl BakeOptions {
     }
 
     /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,
-    /// because a scene is cut into tiles exactly when tiles are written.
+    /// because a scene is cut into tiles exactly when tiles are written, and both `sides` where the format says nothing of them.
     ///
     /// Errors: a name without a known ending; tiles in another format; one file where the options need
     /// several.
@@ -204,6 +204,9 @@ impl BakeOptions {
         }
         self.texture.check_format(path, format)?;
         self.tiles.tiles = format == OutputFormat::Tiles;
+        if !format.has_sides() {
+            self.sides.sides = Sides::Both;
+        }
         self.validate()?;
         let beside = SideFiles {
             levels: self.lod.lod.len(),

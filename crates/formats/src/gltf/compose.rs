@@ -6,7 +6,7 @@ use super::document::{QUANTIZATION, UNLIT};
 use super::encode::{self, Content};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
-use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
+use super::part::{BACKDROP, FRONT, PartKind, ScenePart, Stream, all_streams};
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
@@ -290,8 +290,6 @@ fn viewpoint_camera(viewpoint: &Viewpoint, content: &Content) -> Camera {
     }
 }
 
-/// End of the name of the material of faces that are drawn from their front only.
-const FRONT: &str = "_front";
 /// Name of the first viewpoint's node and camera.
 const VIEWPOINT: &str = "viewpoint";
 /// Its near plane as a share of the target's distance, and its far plane as a multiple of the farthest

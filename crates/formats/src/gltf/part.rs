@@ -16,6 +16,9 @@ use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 /// Name of the node, the mesh and the material of the backdrop.
 pub(crate) const BACKDROP: &str = "backdrop";
 
+/// End of the names of the material and of the node of faces that are drawn from their front only.
+pub(crate) const FRONT: &str = "_front";
+
 /// What a part is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PartKind {
@@ -194,12 +197,18 @@ fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String,
     let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
     let ranges = of_one_material(ranges, &asset.mesh);
     let of_scene = ranges.iter().filter(|faces| faces.start < scene).count();
-    let single = of_scene == 1;
+    let with_one_side = |faces: &&Range<usize>| asset.mesh.is_single_sided(faces.start);
+    let fronts = ranges[..of_scene].iter().filter(with_one_side).count();
+    let both = of_scene - fronts;
     let named = |(i, faces): (usize, Range<usize>)| {
-        let (kind, name) = match (faces.start >= scene, single) {
-            (true, _) => (PartKind::Backdrop, backdrop_name(i - of_scene)),
-            (false, true) => (PartKind::Scene, node_name.to_owned()),
-            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
+        let (kind, name) = if faces.start >= scene {
+            (PartKind::Backdrop, backdrop_name(i - of_scene))
+        } else if fronts > 1 || both > 1 {
+            (PartKind::Scene, format!("chunk_{i:04}"))
+        } else if both == 1 && with_one_side(&&faces) {
+            (PartKind::Scene, format!("{node_name}{FRONT}"))
+        } else {
+            (PartKind::Scene, node_name.to_owned())
         };
         (kind, name, faces)
     };
