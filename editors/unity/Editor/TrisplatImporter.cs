@@ -106,8 +106,9 @@ namespace Trisplat
             var front = new Material(shader) { name = "scene_front" };
             front.SetFloat("_Cull", 2);
             var root = new GameObject(Path.GetFileNameWithoutExtension(context.assetPath));
-            foreach (var (mesh, bothSides) in meshes)
+            foreach (var part in meshes)
             {
+                var mesh = part.mesh;
                 // Its name tells Godot what it is for.
                 mesh.name = mesh.name.Replace("-colonly", "");
                 var node = new GameObject(mesh.name) { isStatic = true };
@@ -119,7 +120,7 @@ namespace Trisplat
                 else
                 {
                     node.AddComponent<MeshFilter>().sharedMesh = mesh;
-                    node.AddComponent<MeshRenderer>().sharedMaterial = bothSides ? both : front;
+                    node.AddComponent<MeshRenderer>().sharedMaterial = part.bothSides ? both : front;
                 }
                 context.AddObjectToAsset(mesh.name, mesh);
             }
