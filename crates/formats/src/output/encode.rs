@@ -17,7 +17,7 @@ const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
 /// The note for a file that does not hold its scene's sides.
-const NO_SIDES: &str = "this file does not say from which sides triangles are drawn, so backs show: write .glb or .gltf, or bake with `sides` both";
+const NO_SIDES: &str = "this file does not say from which sides triangles are drawn, so their backs show: write .glb or .gltf to keep sides";
 
 /// Writes an asset into the files of `output` and names them only when all are whole.
 ///
