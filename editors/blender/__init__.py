@@ -100,9 +100,10 @@ def arrange(things, context):
     """Shows what was imported in its own colours, and hides what is not to be seen."""
     meshes = [thing for thing in things if thing.type == "MESH"]
     for thing in meshes:
-        if thing.name.startswith("backdrop"):
-            # It is seen from inside; Blender draws both sides unless it is told otherwise.
-            thing.data.materials[0].use_backface_culling = True
+        for material in thing.data.materials:
+            if material.name.startswith(("backdrop", "trisplat_front")):
+                # It is seen from its front; Blender draws both sides unless it is told otherwise.
+                material.use_backface_culling = True
         if thing.name.startswith("collision"):
             thing.hide_set(True)
             thing.hide_render = True

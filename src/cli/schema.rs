@@ -9,7 +9,7 @@ use trisplat_bake::unseen::UnseenDetails;
 use trisplat_bake::{
     ArrangeDetails, BackdropDetails, BackgroundDetails, BakeOptions, ChunkDetails, ColorDetails, CropDetails,
     ExposureDetails, LitDetails, LodDetails, OrderDetails, PlaceDetails, PruneDetails, ReshapeDetails,
-    SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
+    SidesDetails, SolidDetails, TeacherDetails, TextureDetails, TilesDetails, ViewpointDetails, WeldDetails,
 };
 use trisplat_dataset::Description;
 use trisplat_dataset::capture::{
@@ -94,8 +94,8 @@ fn report_schema() -> schemars::Schema {
         PhotosDetails, FeaturesDetails, MatchesDetails, ModelDetails, VerdictDetails, BackgroundDetails,
         CropDetails, ArrangeDetails, ExposureEvidence, TeacherDetails, CollisionDetails, SurfaceDetails,
         TilesDetails, PruneDetails, SolidDetails, ColorDetails, UnseenDetails, ExposureDetails,
-        BackdropDetails, ReshapeDetails, RefitDetails, TextureDetails, LitDetails, WeldDetails, PlaceDetails,
-        ViewpointDetails, ChunkDetails, OrderDetails, LodDetails, WriteDetails, TrainDetails
+        BackdropDetails, ReshapeDetails, SidesDetails, RefitDetails, TextureDetails, LitDetails, WeldDetails,
+        PlaceDetails, ViewpointDetails, ChunkDetails, OrderDetails, LodDetails, WriteDetails, TrainDetails
     );
     let mut schema = generator.into_root_schema_for::<Report>();
     if let Some(stage) = schema.pointer_mut("/$defs/StageReport").and_then(|s| s.as_object_mut()) {

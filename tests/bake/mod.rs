@@ -14,6 +14,7 @@ mod raycast;
 mod reshape;
 mod robustness;
 mod shell;
+mod sides;
 mod sky;
 mod stages;
 mod subject;

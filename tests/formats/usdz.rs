@@ -66,6 +66,20 @@ fn a_scene_is_the_first_file_and_its_backdrop_stays_out() {
 }
 
 #[test]
+fn single_sided_triangles_are_a_mesh_of_their_own() {
+    let mesh = Mesh { single_sided: vec![false, true], ..asset().mesh };
+    let (files, _) = written(&Asset::from(mesh), &OutputOptions::default());
+    let [_, both, front] = text(&files).split("def Mesh").collect::<Vec<_>>()[..] else {
+        panic!("two meshes: {}", text(&files));
+    };
+    assert!(both.contains("doubleSided = 1") && both.contains("points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]"));
+    assert!(
+        front.contains("doubleSided = 0") && front.contains("points = [(9, 9, 9), (9, 0, 0), (0, 9, 0)]")
+    );
+    assert!(front.contains("faceVertexIndices = [0, 1, 2]"));
+}
+
+#[test]
 fn a_texture_is_a_picture_in_the_archive() {
     let mut asset = asset();
     asset.provenance.backdrop = 0;

@@ -44,6 +44,29 @@ fn a_mirrored_mesh_is_turned_around() {
 }
 
 #[test]
+fn materials_say_from_which_sides_triangles_are_drawn() {
+    let mut b = Builder::triangle();
+    assert_eq!(b.mesh_of().single_sided, [true], "a file that says nothing draws fronts");
+    b.push("materials", json!({ "doubleSided": true }));
+    b.push("materials", json!({ "doubleSided": false }));
+    b.push("materials", json!({ "doubleSided": "a fault" }));
+    let plain = b.json["meshes"][0]["primitives"][0].clone();
+    let primitive = |material: usize| {
+        let mut primitive = plain.clone();
+        primitive["material"] = material.into();
+        primitive
+    };
+    b.json["meshes"][0]["primitives"] = (0..3).map(primitive).collect();
+    // Mirrored faces are turned around, so that their fronts stay fronts.
+    b.json["nodes"][0]["scale"] = json!([-1, 1, 1]);
+    let got = b.mesh_of();
+    assert_eq!(got.single_sided, [false, true, true]);
+    assert!((0..3).all(|face| got.flat_normal(face) == Vec3::Z));
+    b.json["meshes"][0]["primitives"].as_array_mut().expect("a list").truncate(1);
+    assert!(b.mesh_of().single_sided.is_empty());
+}
+
+#[test]
 fn a_mesh_shown_twice_is_there_twice() {
     let mut b = Builder::triangle();
     b.node(json!({ "mesh": 0, "translation": [0, 0, 5] }));

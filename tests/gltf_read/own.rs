@@ -176,6 +176,67 @@ fn the_provenance_comes_back() {
 }
 
 #[test]
+fn single_sided_faces_have_a_material_of_their_own_and_come_back_in_their_order() {
+    for (asset, cuts) in
+        [(soup(60), 1), (chunked(soup(60), 20), 3), (sheet(6), 1), (chunked(sheet(6), 20), 3)]
+    {
+        for meshopt in [false, true] {
+            let mut asset = asset.clone();
+            let faces = asset.mesh.face_count();
+            asset.mesh.single_sided = (0..faces).map(|face| face % 20 >= 14).collect();
+            let options =
+                GltfOptions { meshopt, material_name: "trisplat-vcol".into(), ..GltfOptions::default() };
+            let mut bytes = Vec::new();
+            write_glb(&mut bytes, Path::new("scene.glb"), &asset, &options).expect("written");
+            let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+            let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+            let materials = json["materials"].as_array().expect("a list");
+            let name = |i: usize| materials[i]["name"].as_str().expect("a name");
+            let sides = |i: usize| materials[i]["doubleSided"].as_bool().unwrap_or(false);
+            assert_eq!((name(0), sides(0)), ("trisplat-vcol", true));
+            assert_eq!((name(1), sides(1)), ("trisplat_front-vcol", false));
+            let runs = asset.mesh.single_sided.chunk_by(|a, b| a == b).count();
+            assert!(runs > cuts && materials.len() == 2);
+            assert_eq!(json["meshes"].as_array().map(Vec::len), Some(runs), "each node has one material");
+            let nodes = json["nodes"].as_array().expect("a list");
+            assert!(nodes.iter().all(|node| node["name"].as_str().is_some_and(|n| n.starts_with("chunk_"))));
+            let back = read_bytes(&bytes).expect("read back");
+            assert_eq!(mesh(back).single_sided, asset.mesh.single_sided);
+        }
+    }
+}
+
+#[test]
+fn a_scene_of_one_chunk_has_a_node_for_each_of_its_sides() {
+    let mut asset = soup(9);
+    let names = |asset: &Asset| {
+        trisplat_formats::gltf::to_glb_bytes(asset, &GltfOptions::default())
+            .map(|bytes| {
+                let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+                let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+                let nodes = json["nodes"].as_array().expect("a list");
+                nodes.iter().map(|node| node["name"].as_str().expect("a name").to_owned()).collect::<Vec<_>>()
+            })
+            .expect("written")
+    };
+    assert_eq!(names(&asset), ["scene"]);
+    asset.mesh.single_sided = (0..9).map(|face| face >= 5).collect();
+    assert_eq!(names(&asset), ["scene", "scene_front"]);
+    asset.mesh.single_sided = vec![true; 9];
+    assert_eq!(names(&asset), ["scene"]);
+}
+
+#[test]
+fn a_scene_of_single_sided_faces_has_one_material() {
+    let mut asset = soup(9);
+    asset.mesh.single_sided = vec![true; 9];
+    let back = round_trip(&asset, &GltfOptions::default());
+    assert_eq!(back.single_sided, vec![true; 9]);
+    asset.mesh.single_sided = vec![false; 9];
+    assert!(round_trip(&asset, &GltfOptions::default()).single_sided.is_empty());
+}
+
+#[test]
 fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     let cuts = [
         vec![],
@@ -185,6 +246,7 @@ fn a_backdrop_is_a_node_of_its_own_and_comes_back_last() {
     for chunks in cuts {
         let mut asset = soup(9);
         asset.provenance.backdrop = 2;
+        asset.mesh.single_sided = (0..9).map(|face| face >= 7).collect();
         asset.chunks = chunks;
         for (material_name, wants) in [("trisplat", "backdrop"), ("trisplat-vcol", "backdrop-vcol")] {
             let options = GltfOptions {

@@ -90,6 +90,11 @@ fn cast(mesh: &Mesh, camera: &Camera, at: Vec2) -> Option<(usize, [f64; 3])> {
         let u = -a.dot(across) * inverse;
         let q = (-a).cross(b - a);
         let (v, t) = (ray.dot(q) * inverse, (c - a).dot(q) * inverse);
+        // Both axes of the picture are those of a camera that looks along +z with y down: fronts turn clockwise about the ray.
+        let is_back = (b - a).cross(c - a).dot(ray) > 0.0;
+        if is_back && mesh.is_single_sided(face) {
+            continue;
+        }
         let hit = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= f64::from(NEAR);
         if hit && best.is_none_or(|(nearest, ..)| t < nearest) {
             let [p, q, r] = mesh.corner_colors(face).map(|c| DVec3::from(c.map(f64::from)));
@@ -198,6 +203,22 @@ fn multisampling_comes_nearer_to_the_average() {
         p.rgb.iter().zip(&truth.rgb).map(|(a, b)| u64::from(off(*a, *b)).pow(2)).sum()
     };
     assert!(error(&four) * 3 < error(&one), "{} is not far below {}", error(&four), error(&one));
+}
+
+#[test]
+fn single_sided_faces_are_drawn_from_their_front_only() {
+    let Some(mut card) = card() else { return };
+    for mut mesh in [triangles(300, 4), indexed(60)] {
+        let faces = mesh.face_count();
+        let both = reference(&mesh, &camera()).0;
+        mesh.single_sided = (0..faces).map(|face| face % 3 > 0).collect();
+        let (faces, wants) = reference(&mesh, &camera());
+        assert!(faces.iter().zip(&both).filter(|(one, both)| one != both).count() > 500);
+        let model = card.upload(&asset(mesh)).unwrap();
+        let (got, _) = card.render(&model, &params(&camera())).unwrap();
+        let close = got.rgb.iter().zip(&wants.rgb).filter(|(a, b)| off(**a, **b) <= 2).count();
+        assert!(close * 100 >= got.rgb.len() * 99, "{close} of {}", got.rgb.len());
+    }
 }
 
 #[test]

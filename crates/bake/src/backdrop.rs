@@ -125,6 +125,7 @@ pub fn backdrop(
     let radius = far.max(views.radius()) * RADIUS_FACTOR;
     let (mut sphere, _) = surface(center, subdivisions, None, radius);
     sphere.colors = Colors::Face(vec![holes.color; sphere.face_count()]);
+    sphere.single_sided = vec![true; sphere.face_count()];
     mesh.append(sphere)?;
     Ok(Outcome::Changed(()))
 }
@@ -134,13 +135,14 @@ pub fn backdrop(
 /// Errors: more vertices than 32 bits count.
 pub(crate) fn keep_backdrop(
     mesh: &mut Mesh,
-    given: Mesh,
+    mut given: Mesh,
     options: &BackdropOptions,
     details: &mut BackdropDetails,
 ) -> Result<Outcome<()>> {
     if options.backdrop == BackdropWhen::Off {
         return Ok(Outcome::Skipped("`backdrop` off: that of the input is left out"));
     }
+    given.single_sided = vec![true; given.face_count()];
     mesh.append(given)?;
     details.kept = true;
     Ok(Outcome::Changed(()))

@@ -69,7 +69,7 @@ pub fn chunk(
     if limit == 0 || faces <= limit {
         asset.chunks = vec![Chunk { first: 0, count: faces as u32 }];
         asset.chunks.extend(backdrop);
-        if by_page(asset) {
+        if by_material(asset) {
             details.count(asset);
             return Ok(Outcome::Changed(()));
         }
@@ -90,7 +90,7 @@ pub fn chunk(
     asset.mesh.select(&order);
     asset.chunks = chunks;
     asset.chunks.extend(backdrop);
-    by_page(asset);
+    by_material(asset);
     details.count(asset);
     Ok(Outcome::Changed(()))
 }
@@ -105,23 +105,25 @@ impl ChunkDetails {
     }
 }
 
-/// Cuts chunks so that all faces of one are on the same page of the texture; within it they keep their order. Returns whether it did.
-pub(super) fn by_page(asset: &mut Asset) -> bool {
-    let Some(texture) = asset.mesh.texture.as_ref().filter(|texture| !texture.page_of.is_empty()) else {
+/// Cuts chunks so that all faces of one have the same material; within it they keep their order. Returns whether it did.
+pub(super) fn by_material(asset: &mut Asset) -> bool {
+    let mesh = &asset.mesh;
+    let has_pages = mesh.texture.as_ref().is_some_and(|texture| !texture.page_of.is_empty());
+    if !has_pages && mesh.single_sided.is_empty() {
         return false;
-    };
-    let mut order: Vec<u32> = (0..asset.mesh.face_count() as u32).collect();
+    }
+    let mut order: Vec<u32> = (0..mesh.face_count() as u32).collect();
     let mut chunks = Vec::with_capacity(asset.chunks.len());
     for chunk in &asset.chunks {
         let run = &mut order[chunk.first as usize..][..chunk.count as usize];
-        run.sort_by_key(|face| texture.page_of[*face as usize]);
+        run.sort_by_key(|face| mesh.material(*face as usize));
         let mut first = chunk.first;
-        for page in run.chunk_by(|a, b| texture.page_of[*a as usize] == texture.page_of[*b as usize]) {
-            chunks.push(Chunk { first, count: page.len() as u32 });
-            first += page.len() as u32;
+        for part in run.chunk_by(|a, b| mesh.material(*a as usize) == mesh.material(*b as usize)) {
+            chunks.push(Chunk { first, count: part.len() as u32 });
+            first += part.len() as u32;
         }
     }
-    if chunks.len() == asset.chunks.len() {
+    if chunks == asset.chunks {
         return false;
     }
     asset.mesh.select(&order);

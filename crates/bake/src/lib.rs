@@ -1,8 +1,8 @@
 //! The bake: a recipe of stages from a scene to an asset.
 //!
 //! ```text
-//! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → backdrop → refit → texture
-//! → lit → weld → place → viewpoint → chunk → order → lod → tiles
+//! background → crop → teacher → arrange → collision → prune → solid → color → unseen → exposure → reshape → sides → backdrop → refit
+//! → texture → lit → weld → place → viewpoint → chunk → order → lod → tiles
 //! ```
 //!
 //! Each stage is a file with its options, its function and what it measures ([`StageDetails`]); it changes
@@ -37,6 +37,7 @@ pub mod refit;
 mod reshape;
 mod run;
 mod shell;
+mod sides;
 mod solid;
 mod teacher;
 mod texture;
@@ -65,6 +66,7 @@ pub use place::{PlaceDetails, PlaceOptions, place, placement};
 pub use prune::{PruneDetails, PruneOptions, REACH, prune};
 pub use reshape::{ReshapeDetails, ReshapeOptions, ReshapeWhen, SceneTraits, reshape};
 pub use run::{Bake, bake};
+pub use sides::{Sides, SidesDetails, SidesOptions, sides};
 pub use solid::{
     ColorDetails, SOLID_SIGMA, SolidDetails, SolidOptions, Solidify, area_factor, color, contour_factor,
     shrink, solid,

@@ -100,9 +100,9 @@ pub fn lit(
         _ => seen.iter().map(|seen| seen.normal).collect(),
     };
     // An engine reverses the normal of a face seen from behind. So a face must show its front to everyone who
-    // sees the front of the surface, even if it leans away from it.
+    // sees the front of the surface, even if it leans away from it. One that is drawn from its front only is never seen from behind.
     for face in 0..mesh.face_count() {
-        if mesh.flat_normal(face).dot(mesh.normals[face]) < 0.0 {
+        if !mesh.is_single_sided(face) && mesh.flat_normal(face).dot(mesh.normals[face]) < 0.0 {
             mesh.flip(face);
             details.flipped += 1;
         }

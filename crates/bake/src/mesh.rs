@@ -1,6 +1,6 @@
 //! The recipe of `trisplat mesh`: from a scene to one connected surface, ready for a file.
 
-use super::chunk::by_page;
+use super::chunk::by_material;
 use super::crop::{CropOptions, SubjectVolume, crop, faces_within};
 use super::place::up::Evidence;
 use super::place::{PlaceDetails, PlaceOptions, place};
@@ -142,7 +142,7 @@ pub fn mesh(
     let known: Vec<Camera> = known.iter().map(|c| placed::to_file(c, &how, DVec3::ZERO)).collect();
     let mut asset = Asset { provenance, ..Asset::from(found) };
     asset.chunks = scene_and_backdrop(&asset);
-    by_page(&mut asset);
+    by_material(&mut asset);
     report.stage(observer, asset, Asset::counts, |asset, details| Ok(viewpoint(asset, &known, details)))
 }
 

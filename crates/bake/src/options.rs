@@ -12,6 +12,7 @@ use super::place::PlaceOptions;
 use super::prune::PruneOptions;
 use super::refit::RefitOptions;
 use super::reshape::ReshapeOptions;
+use super::sides::{Sides, SidesOptions};
 use super::solid::SolidOptions;
 use super::teacher::TeacherOptions;
 use super::texture::TextureOptions;
@@ -80,6 +81,9 @@ pub struct BakeOptions {
     /// Which triangles are fitted to pictures.
     #[cfg_attr(feature = "cli", arg(skip = ReshapeOptions::DEFAULT))]
     pub reshape: ReshapeOptions,
+    /// From which sides triangles are drawn.
+    #[cfg_attr(feature = "cli", arg(skip = SidesOptions::DEFAULT))]
+    pub sides: SidesOptions,
     /// Which levels of detail are made.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub lod: LodOptions,
@@ -129,6 +133,7 @@ impl BakeOptions {
         unseen: UnseenOptions::DEFAULT,
         exposure: ExposureOptions::DEFAULT,
         reshape: ReshapeOptions::DEFAULT,
+        sides: SidesOptions::DEFAULT,
         lod: LodOptions::DEFAULT,
         tiles: TilesOptions::DEFAULT,
         backdrop: BackdropOptions::DEFAULT,
@@ -151,6 +156,7 @@ impl BakeOptions {
                 teacher: TeacherOptions::OFF,
                 exposure: ExposureOptions::OFF,
                 reshape: ReshapeOptions::OFF,
+                sides: SidesOptions::FAST,
                 weld: WeldOptions::FAST,
                 chunk: ChunkOptions::FAST,
                 order: OrderOptions::FAST,
@@ -186,7 +192,7 @@ impl BakeOptions {
     }
 
     /// The files of a bake to `path`; `format` decides where the name has no known ending. Sets `tiles`,
-    /// because a scene is cut into tiles exactly when tiles are written.
+    /// because a scene is cut into tiles exactly when tiles are written, and both `sides` where the format says nothing of them.
     ///
     /// Errors: a name without a known ending; tiles in another format; one file where the options need
     /// several.
@@ -198,6 +204,9 @@ impl BakeOptions {
         }
         self.texture.check_format(path, format)?;
         self.tiles.tiles = format == OutputFormat::Tiles;
+        if !format.has_sides() {
+            self.sides.sides = Sides::Both;
+        }
         self.validate()?;
         let beside = SideFiles {
             levels: self.lod.lod.len(),

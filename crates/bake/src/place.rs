@@ -225,7 +225,15 @@ fn front(mesh: &Mesh, how: &Placement, cameras: &[Camera]) -> Option<f64> {
     let transform = how.transform();
     let corners = |face: usize| mesh.corners(face).map(&transform);
     let (count, up) = (mesh.face_count(), Vec3::Y);
-    let scenery = Scenery { corners: &corners, count, cameras: &cameras, up, room: &|_| f32::INFINITY };
+    let is_single_sided = |face: usize| mesh.is_single_sided(face);
+    let scenery = Scenery {
+        corners: &corners,
+        is_single_sided: &is_single_sided,
+        count,
+        cameras: &cameras,
+        up,
+        room: &|_| f32::INFINITY,
+    };
     let first = viewpoint(&scenery)?.viewpoint;
     let away = DVec3::from(first.eye) - DVec3::from(first.target);
     let turn = -libm::atan2(away.x, away.z).to_degrees();

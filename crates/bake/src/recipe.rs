@@ -19,6 +19,7 @@ use super::prune::{PruneDetails, PruneOptions, prune};
 use super::refit::{UnseenColors, refit};
 use super::reshape::{ReshapeWhen, SceneTraits, reshape};
 use super::shell::{joined, recognise_shell, spared};
+use super::sides::sides;
 use super::solid::solid;
 use super::teacher::{TeacherDetails, TeacherWhen, is_solid, own_cameras, solid_views, teacher};
 use super::texture::{TextureDetails, texture};
@@ -84,6 +85,7 @@ impl<'a> Recipe<'a> {
         self.misfit(&mesh, pictures.photos.as_deref_mut())?;
         let mesh = self.exposure(mesh, provenance.exposure, pictures.photos.as_deref_mut())?;
         let mesh = self.reshape(mesh, pictures.any(), traits)?;
+        let mesh = self.sides(mesh, &cameras.of_photos)?;
         let (mesh, shell) = self.part_shell(mesh, &cameras.watching);
         let shell = match is_single {
             true => self.whole_shell(shell, &mesh, apart, &cameras.watching),
@@ -461,6 +463,14 @@ impl<'a> Recipe<'a> {
         let options = &self.options.reshape;
         self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
             reshape(mesh, views, traits, options, details, progress)
+        })
+    }
+
+    /// On triangles that no longer move, and before levels are made and colours are fitted to what is drawn.
+    fn sides(&mut self, mesh: Mesh, cameras: &[Camera]) -> Result<Mesh> {
+        let options = &self.options.sides;
+        self.report.long_stage(self.observer, mesh, Mesh::counts, |mesh, details, progress| {
+            sides(mesh, cameras, options, details, progress)
         })
     }
 

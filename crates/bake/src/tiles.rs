@@ -91,7 +91,7 @@ pub fn tiles(asset: &mut Asset, options: &TilesOptions, details: &mut TilesDetai
     Ok(Outcome::Changed(()))
 }
 
-/// A level, its faces sorted by the cell they are in.
+/// A level, its faces sorted by the cell they are in, then by material.
 struct Level {
     mesh: Mesh,
     /// Cell and index of every face.
@@ -102,11 +102,11 @@ impl Level {
     fn new(mesh: Mesh, cells: &Cells, level: u32) -> Self {
         let cell = |(face, centroid)| (cells.of(centroid) >> (2 * level), face);
         let mut faces: Vec<(u64, u32)> = (0..).zip(centroids(&mesh)).map(cell).collect();
-        faces.par_sort_unstable();
+        faces.par_sort_unstable_by_key(|(cell, face)| (*cell, mesh.material(*face as usize), *face));
         Self { mesh, faces }
     }
 
-    /// The part of the mesh in a cell, in the order of the mesh, which an engine's caches like.
+    /// The part of the mesh in a cell, of each material in the order of the mesh, which an engine's caches like.
     fn part(&self, cell: u64) -> Mesh {
         let from = self.faces.partition_point(|(other, _)| *other < cell);
         let to = self.faces.partition_point(|(other, _)| *other <= cell);

@@ -37,7 +37,15 @@ pub(crate) fn viewpoint(
     let (mesh, faces) = (&asset.mesh, asset.scene_faces());
     let room = |from: Vec3| asset.room(from);
     let corners = |face: usize| mesh.corners(face);
-    let scenery = Scenery { corners: &corners, count: faces, cameras, up: Vec3::Y, room: &room };
+    let is_single_sided = |face: usize| asset.mesh.is_single_sided(face);
+    let scenery = Scenery {
+        corners: &corners,
+        is_single_sided: &is_single_sided,
+        count: faces,
+        cameras,
+        up: Vec3::Y,
+        room: &room,
+    };
     let chosen = best_viewpoint(&scenery).filter(|chosen| chosen.viewpoint.is_possible());
     let Some(chosen) = chosen else {
         return Outcome::Skipped("there is nothing to be seen");

@@ -125,6 +125,11 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
+    /// Whether its files say from which sides triangles are drawn.
+    pub fn has_sides(self) -> bool {
+        !matches!(self, Self::Obj | Self::Ply)
+    }
+
     /// By the ending of `path`.
     ///
     /// Errors: a name without a known ending.

@@ -52,20 +52,39 @@ fn write_layer(out: &mut dyn Write, picture: Option<&str>, mesh: &Mesh) -> io::R
     )?;
     writeln!(out, "def Xform \"scene\" (\n    kind = \"component\"\n)\n{{")?;
     let texture = mesh.texture.as_ref().filter(|_| picture.is_some()).map(FaceTexture::joined);
-    write_mesh(out, mesh, texture.as_ref())?;
+    if mesh.single_sided.is_empty() {
+        write_mesh(out, mesh, texture.as_ref(), ("triangles", false))?;
+    } else {
+        let whole = Mesh { texture, ..mesh.clone() };
+        for (name, single_sided) in [("triangles", false), ("triangles_front", true)] {
+            let faces = (0..whole.face_count() as u32)
+                .filter(|face| whole.is_single_sided(*face as usize) == single_sided);
+            let part = whole.part(&faces.collect::<Vec<_>>());
+            if part.face_count() > 0 {
+                write_mesh(out, &part, part.texture.as_ref(), (name, single_sided))?;
+            }
+        }
+    }
     write_material(out, picture, !mesh.normals.is_empty())?;
     writeln!(out, "}}")
 }
 
-fn write_mesh(out: &mut dyn Write, mesh: &Mesh, texture: Option<&FaceTexture>) -> io::Result<()> {
+/// Writes a mesh of this name, drawn from its front only or from both sides.
+fn write_mesh(
+    out: &mut dyn Write,
+    mesh: &Mesh,
+    texture: Option<&FaceTexture>,
+    (name, single_sided): (&str, bool),
+) -> io::Result<()> {
     let faces = mesh.face_count();
     writeln!(
         out,
-        "    def Mesh \"triangles\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{"
+        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{"
     )?;
+    let sides = u8::from(!single_sided);
     writeln!(
         out,
-        "        uniform bool doubleSided = 1\n        uniform token subdivisionScheme = \"none\""
+        "        uniform bool doubleSided = {sides}\n        uniform token subdivisionScheme = \"none\""
     )?;
     writeln!(out, "        rel material:binding = </scene/material>")?;
     let corners = (0..faces).flat_map(|face| mesh.corners(face));

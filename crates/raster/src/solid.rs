@@ -7,8 +7,8 @@
 //!
 //! Every other renderer of this project is compared with this definition:
 //!
-//! * A triangle is clipped at the near plane and at a guard band far outside the picture; both sides are drawn;
-//!   opacity is ignored: everything is opaque.
+//! * A triangle is clipped at the near plane and at a guard band far outside the picture; opacity is
+//!   ignored: everything is opaque. Single-sided faces whose corners run clockwise in the picture are not drawn.
 //! * Corners are snapped to 1/256 of a sample, as GPUs do; from there on edge functions are exact, so a shared
 //!   edge neither gaps nor overlaps. A sample on an edge belongs to the triangle for which it is a top or left edge.
 //! * Samples lie at the centres of a regular grid of N x N per pixel.
@@ -261,6 +261,31 @@ mod tests {
             colors.push([31, 32, 33].map(|c| rng.uniform(c)));
         }
         Mesh { positions, colors: Colors::Face(colors), ..Mesh::default() }
+    }
+
+    #[test]
+    fn single_sided_faces_are_drawn_from_their_front_only() {
+        // The second crosses the near plane, so that it is clipped.
+        let front = [Vec3::new(-1.0, 1.0, 3.0), Vec3::new(1.0, 1.0, 3.0), Vec3::new(0.0, -1.0, 3.0)];
+        let clipped = [Vec3::new(-1.0, 1.0, -1.0), Vec3::new(1.0, 1.0, -1.0), Vec3::new(0.0, 1.0, 5.0)];
+        for corners in [front, clipped] {
+            let mut mesh = Mesh::from_triangles(&[corners], &[[1.0; 3]]).unwrap();
+            let drawn = |mesh: &Mesh| {
+                let mut solid = SolidRasterizer::new();
+                let seen = solid.visibility(mesh, &camera(), &SolidRasterOptions::default());
+                seen.face.iter().filter(|face| **face != NO_FACE).count()
+            };
+            let both = drawn(&mesh);
+            assert!(both > 1000);
+            mesh.single_sided = vec![true];
+            let eye_in_front = mesh.flat_normal(0).dot(-corners[0]) > 0.0;
+            assert!(eye_in_front);
+            assert_eq!(drawn(&mesh), both);
+            mesh.flip(0);
+            assert_eq!(drawn(&mesh), 0);
+            mesh.single_sided = Vec::new();
+            assert_eq!(drawn(&mesh), both);
+        }
     }
 
     #[test]

@@ -315,5 +315,6 @@ fn coarser(mesh: Mesh, most: usize) -> Mesh {
     kept.sort_unstable();
     enlarge(&mut mesh, &kept);
     mesh.keep(&kept);
+    mesh.group_materials();
     mesh
 }

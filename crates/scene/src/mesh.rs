@@ -17,6 +17,15 @@ pub enum Colors {
     Vertex(Vec<[f32; 3]>),
 }
 
+/// What an engine needs to know to draw a face, beside its colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FaceMaterial {
+    /// The page of the texture; 0 without one.
+    pub page: usize,
+    /// Whether it is drawn from its front only.
+    pub single_sided: bool,
+}
+
 /// A triangle mesh. Non-indexed when `indices` is empty: then face i owns vertices 3i, 3i+1, 3i+2.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
@@ -32,6 +41,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// True for faces of the shell of a trained scene, which is its backdrop; empty without a shell. `[F]`
     pub shell: Vec<bool>,
+    /// True for faces that are drawn from their front only, where their corners run counter-clockwise; empty = all from both sides. `[F]`
+    pub single_sided: Vec<bool>,
     /// The texture, which replaces the faces' colours; these are its means. Most meshes have none.
     pub texture: Option<FaceTexture>,
 }
@@ -45,6 +56,7 @@ impl Default for Mesh {
             opacity: Vec::new(),
             normals: Vec::new(),
             shell: Vec::new(),
+            single_sided: Vec::new(),
             texture: None,
         }
     }
@@ -120,6 +132,18 @@ impl Mesh {
         self.shell.get(face).is_some_and(|shell| *shell)
     }
 
+    /// True for a face that is drawn from its front only.
+    #[inline]
+    pub fn is_single_sided(&self, face: usize) -> bool {
+        self.single_sided.get(face).is_some_and(|single| *single)
+    }
+
+    /// The material of a face: faces of one material can be drawn together.
+    pub fn material(&self, face: usize) -> FaceMaterial {
+        let page = self.texture.as_ref().map_or(0, |texture| texture.page(face));
+        FaceMaterial { page, single_sided: self.is_single_sided(face) }
+    }
+
     /// Takes the faces of the shell out of the mesh, as a mesh of their own.
     pub fn take_shell(&mut self) -> Mesh {
         let flags = std::mem::take(&mut self.shell);
@@ -160,8 +184,7 @@ impl Mesh {
             }
             colors => colors,
         };
-        let Mesh { opacity, normals, shell, texture, .. } = self;
-        Mesh { positions, colors, indices: Vec::new(), opacity, normals, shell, texture }
+        Mesh { positions, colors, indices: Vec::new(), ..self }
     }
 
     /// Makes old face `faces[i]` the new face i. Shared vertices keep their order. `[F']`
@@ -183,8 +206,18 @@ impl Mesh {
         self.opacity = gather_any(&self.opacity, faces);
         self.normals = gather_any(&self.normals, faces);
         self.shell = gather_any(&self.shell, faces);
+        self.single_sided = gather_any(&self.single_sided, faces);
         if let Some(texture) = &mut self.texture {
             *texture = texture.of_faces(faces);
+        }
+    }
+
+    /// Puts faces of one material next to each other; those of a material keep their order.
+    pub fn group_materials(&mut self) {
+        let mut faces: Vec<u32> = (0..self.face_count() as u32).collect();
+        if faces.windows(2).any(|pair| self.material(pair[1] as usize) < self.material(pair[0] as usize)) {
+            faces.sort_by_key(|face| self.material(*face as usize));
+            self.select(&faces);
         }
     }
 
@@ -201,6 +234,7 @@ impl Mesh {
     pub fn part(&self, faces: &[u32]) -> Mesh {
         let (opacity, normals) = (gather_any(&self.opacity, faces), gather_any(&self.normals, faces));
         let shell = gather_any(&self.shell, faces);
+        let single_sided = gather_any(&self.single_sided, faces);
         let mut vertices: Vec<u32> = faces.iter().flat_map(|face| self.face(*face as usize)).collect();
         let mut indices = Vec::new();
         if !self.indices.is_empty() {
@@ -216,7 +250,7 @@ impl Mesh {
         };
         let texture = self.texture.as_ref().map(|texture| texture.of_faces(faces));
         let positions = gather(&self.positions, &vertices);
-        Mesh { positions, colors, indices, opacity, normals, shell, texture }
+        Mesh { positions, colors, indices, opacity, normals, shell, single_sided, texture }
     }
 
     /// Keeps `faces`, given in any order, in the mesh's order, and drops unused vertices.
@@ -271,6 +305,10 @@ impl Mesh {
             self.shell.resize(self.face_count(), false);
             other.shell.resize(other.face_count(), false);
         }
+        if !self.single_sided.is_empty() || !other.single_sided.is_empty() {
+            self.single_sided.resize(self.face_count(), false);
+            other.single_sided.resize(other.face_count(), false);
+        }
         match (&mut self.texture, &other.texture) {
             (Some(a), Some(b)) => a.append(b),
             // Without faces there is nothing that a texture lacks.
@@ -302,6 +340,7 @@ impl Mesh {
         self.opacity.append(&mut other.opacity);
         self.normals.append(&mut other.normals);
         self.shell.append(&mut other.shell);
+        self.single_sided.append(&mut other.single_sided);
         if let (Colors::Face(a), Colors::Face(b)) | (Colors::Vertex(a), Colors::Vertex(b)) =
             (&mut self.colors, &mut other.colors)
         {
@@ -391,8 +430,13 @@ impl Mesh {
         if colors.len() != wants {
             return shape("mesh color count", colors.len(), format!("{wants}"));
         }
-        let (opacity, normals, flags) = (self.opacity.len(), self.normals.len(), self.shell.len());
-        for (what, got) in [("opacity", opacity), ("normal", normals), ("shell flag", flags)] {
+        let per_face = [
+            ("opacity", self.opacity.len()),
+            ("normal", self.normals.len()),
+            ("shell flag", self.shell.len()),
+            ("side flag", self.single_sided.len()),
+        ];
+        for (what, got) in per_face {
             if got != 0 && got != f {
                 return shape(&format!("mesh {what} count"), got, format!("{f}"));
             }

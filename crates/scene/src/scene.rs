@@ -62,6 +62,14 @@ impl Scene {
         }
     }
 
+    /// True for a triangle that is drawn from its front only.
+    pub fn is_single_sided(&self, triangle: usize) -> bool {
+        match self {
+            Scene::Soup(_) => false,
+            Scene::Mesh(mesh) => mesh.is_single_sided(triangle),
+        }
+    }
+
     /// Triangles of the shell.
     pub fn shell_count(&self) -> usize {
         (0..self.triangle_count()).filter(|i| self.is_shell(*i)).count()

@@ -180,10 +180,13 @@ pub(super) fn pictures(
     let cameras: Vec<Camera> = cameras.iter().map(|c| if ratio < 1.0 { smaller(c) } else { *c }).collect();
     let mut pictures = match scene {
         Scene::Soup(soup) => of_soup(soup, shell, &cameras, progress),
-        Scene::Mesh(mesh) if shell || mesh.shell.is_empty() => of_mesh(mesh, &cameras, progress),
         Scene::Mesh(mesh) => {
             let mut mesh = mesh.clone();
-            mesh.take_shell();
+            // A surface has both sides.
+            mesh.single_sided.clear();
+            if !shell {
+                mesh.take_shell();
+            }
             of_mesh(&mesh, &cameras, progress)
         }
     };

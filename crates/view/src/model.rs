@@ -15,8 +15,10 @@ use wgpu::*;
 pub struct Model {
     /// Bytes of GPU memory that it takes.
     pub bytes: u64,
-    /// Runs of faces that are drawn or culled as a whole, and their boxes.
+    /// Runs of faces that are drawn or culled as a whole, each from one side or from both, and their boxes.
     pub chunks: Vec<(Chunk, [Vec3; 2])>,
+    /// Whether the faces of a run are drawn from their front only. `[chunks]`
+    single_sided: Vec<bool>,
     vertices: Buffer,
     indices: Option<Buffer>,
     texture: Option<BindGroup>,
@@ -45,7 +47,10 @@ impl Model {
             texture.map(|texture| page_group(gpu, texture_layout, &texture.pages[0])).transpose()?;
         bytes += texture.as_ref().map_or(0, |(_, size)| *size);
         let texture = texture.map(|(group, _)| group);
-        Ok(Self { bytes, chunks: bounds(asset), vertices, indices, texture })
+        let chunks = bounds(asset);
+        let is_single_sided = |(chunk, _): &(Chunk, _)| mesh.is_single_sided(chunk.first as usize);
+        let single_sided = chunks.iter().map(is_single_sided).collect();
+        Ok(Self { bytes, chunks, single_sided, vertices, indices, texture })
     }
 
     /// Whether it has a texture.
@@ -58,12 +63,12 @@ impl Model {
         self.chunks.iter().map(|(chunk, _)| u64::from(chunk.count)).sum()
     }
 
-    /// The draw calls for the view of `camera`: runs of faces.
-    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32) -> Vec<Range<u32>> {
+    /// The draw calls for the view of `camera`: runs of faces, of those that are `single_sided` or of the others.
+    pub(crate) fn draw_calls(&self, camera: &Camera, near: f32, single_sided: bool) -> Vec<Range<u32>> {
         let frustum = Frustum::new(camera, near);
         let mut draws: Vec<Range<u32>> = Vec::new();
-        for (chunk, bounds) in &self.chunks {
-            if chunk.count == 0 || !frustum.sees(bounds) {
+        for ((chunk, bounds), of_chunk) in self.chunks.iter().zip(&self.single_sided) {
+            if *of_chunk != single_sided || chunk.count == 0 || !frustum.sees(bounds) {
                 continue;
             }
             let faces = chunk.first..chunk.first + chunk.count;
@@ -75,9 +80,8 @@ impl Model {
         draws
     }
 
-    /// Draws with a pipeline for such a model; returns the number of triangles.
+    /// Draws with a pipeline for such a model and such faces; returns the number of triangles.
     pub(crate) fn draw(&self, pass: &mut RenderPass<'_>, draws: &[Range<u32>]) -> u64 {
-        self.bind(pass);
         for faces in draws {
             let corners = 3 * faces.start..3 * faces.end;
             match &self.indices {
@@ -88,7 +92,8 @@ impl Model {
         draws.iter().map(|faces| u64::from(faces.end - faces.start)).sum()
     }
 
-    fn bind(&self, pass: &mut RenderPass<'_>) {
+    /// Binds its buffers and its texture.
+    pub(crate) fn bind(&self, pass: &mut RenderPass<'_>) {
         pass.set_vertex_buffer(0, self.vertices.slice(..));
         if let Some(indices) = &self.indices {
             pass.set_index_buffer(indices.slice(..), IndexFormat::Uint32);
@@ -242,15 +247,33 @@ pub(crate) fn pack_color(linear: [f32; 3]) -> u32 {
     r | g << 10 | b << 20
 }
 
-/// The chunks of an asset and their boxes; one chunk of everything when it has none. `[chunks]`
+/// The chunks of an asset, cut where faces with one side and with both meet, and their boxes; one chunk of everything when it has none.
+/// `[chunks]`
 pub(crate) fn bounds(asset: &Asset) -> Vec<(Chunk, [Vec3; 2])> {
-    let whole = [Chunk { first: 0, count: asset.mesh.face_count() as u32 }];
+    let mesh = &asset.mesh;
+    let whole = [Chunk { first: 0, count: mesh.face_count() as u32 }];
     let chunks = if asset.chunks.is_empty() { &whole[..] } else { &asset.chunks };
+    let chunks: Vec<Chunk> = chunks.iter().flat_map(|chunk| of_one_kind(*chunk, mesh)).collect();
     parallel::map(chunks, |_, chunk| {
         let faces = chunk.first as usize..(chunk.first + chunk.count) as usize;
-        let corners = faces.flat_map(|face| asset.mesh.corners(face));
-        (*chunk, geometry::bounds(corners).unwrap_or_default())
+        let corners = faces.flat_map(|face| mesh.corners(face));
+        (chunk, geometry::bounds(corners).unwrap_or_default())
     })
+}
+
+/// The runs of a chunk whose faces are all drawn from one side, or all from both.
+fn of_one_kind(chunk: Chunk, mesh: &Mesh) -> Vec<Chunk> {
+    if mesh.single_sided.is_empty() {
+        return vec![chunk];
+    }
+    let mut first = chunk.first;
+    let flags = &mesh.single_sided[chunk.first as usize..][..chunk.count as usize];
+    let run = |run: &[bool]| {
+        let cut = Chunk { first, count: run.len() as u32 };
+        first += cut.count;
+        cut
+    };
+    flags.chunk_by(|a, b| a == b).map(run).collect()
 }
 
 /// The view pyramid of a camera, cut off at the near plane.

@@ -1,4 +1,4 @@
-// Draws triangles as an engine does: opaque, double-sided, perspective-correct colours in linear light.
+// Draws triangles as an engine does: opaque, perspective-correct colours in linear light.
 //
 // One vertex stage per kind of corner (view/model.rs).
 

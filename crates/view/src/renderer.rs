@@ -107,6 +107,7 @@ pub(crate) fn texture(
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
     is_textured: bool,
+    single_sided: bool,
     wireframe: bool,
     format: TextureFormat,
     samples: u32,
@@ -170,17 +171,33 @@ impl Renderer {
         params: &FrameParams,
     ) -> Result<DrawStats> {
         let Attachments { format, samples, .. } = *output.attachments;
-        let key =
-            PipelineKey { is_textured: model.is_textured(), wireframe: params.wireframe, format, samples };
-        self.prepare(gpu, key)?;
+        let key = |single_sided| PipelineKey {
+            is_textured: model.is_textured(),
+            single_sided,
+            wireframe: params.wireframe,
+            format,
+            samples,
+        };
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&to_clip_space(params)));
-        let draws = model.draw_calls(&params.camera, params.near);
+        let mut draws = Vec::new();
+        for single_sided in [false, true] {
+            let runs = model.draw_calls(&params.camera, params.near, single_sided);
+            if !runs.is_empty() {
+                self.prepare(gpu, key(single_sided))?;
+                draws.push((key(single_sided), runs));
+            }
+        }
         let mut pass = begin(encoder, output, params.background);
-        let Some(pipeline) = self.pipelines.get(&key) else { return Ok(DrawStats::default()) };
-        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &self.frame_group, &[]);
-        let triangles = model.draw(&mut pass, &draws);
-        Ok(DrawStats { triangles, draws: draws.len() as u32 })
+        model.bind(&mut pass);
+        let mut stats = DrawStats::default();
+        for (key, runs) in draws {
+            let Some(pipeline) = self.pipelines.get(&key) else { continue };
+            pass.set_pipeline(pipeline);
+            stats.triangles += model.draw(&mut pass, &runs);
+            stats.draws += runs.len() as u32;
+        }
+        Ok(stats)
     }
 
     /// Makes the pipeline for a key, once.
@@ -221,6 +238,7 @@ impl Renderer {
                 buffers: &[Some(vertex_buffer(key.is_textured))],
             },
             primitive: PrimitiveState {
+                cull_mode: key.single_sided.then_some(Face::Back),
                 polygon_mode: if key.wireframe { PolygonMode::Line } else { PolygonMode::Fill },
                 ..PrimitiveState::default()
             },

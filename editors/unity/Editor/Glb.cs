@@ -11,9 +11,11 @@ namespace Trisplat
     class Glb
     {
         // The parts of its JSON; 0 stands for what is not there, as accessor 0 holds positions.
-        [Serializable] public class Document { public Entry[] meshes; public Accessor[] accessors; public View[] bufferViews; }
+        [Serializable]
+        public class Document { public Entry[] meshes; public Surface[] materials; public Accessor[] accessors; public View[] bufferViews; }
         [Serializable] public class Entry { public string name; public Primitive[] primitives; }
-        [Serializable] public class Primitive { public Attributes attributes; public int indices; }
+        [Serializable] public class Primitive { public Attributes attributes; public int indices; public int material; }
+        [Serializable] public class Surface { public bool doubleSided; }
         [Serializable] public class Attributes { public int POSITION; public int COLOR_0; public int TEXCOORD_0; }
         [Serializable] public class Accessor { public int bufferView; public int byteOffset; public int count; public int componentType; }
         [Serializable] public class View { public int byteOffset; }
@@ -33,10 +35,14 @@ namespace Trisplat
             document = JsonUtility.FromJson<Document>(Encoding.UTF8.GetString(file, 20, length));
         }
 
-        public static List<Mesh> Read(byte[] file)
+        // Each with whether it is seen from both sides.
+        public static List<(Mesh mesh, bool bothSides)> Read(byte[] file)
         {
             var glb = new Glb(file);
-            return glb.document.meshes.Select(entry => glb.Read(entry.name, entry.primitives[0])).ToList();
+            var document = glb.document;
+            bool BothSides(Primitive primitive) => document.materials[primitive.material].doubleSided;
+            return document.meshes.Select(entry => entry.primitives[0])
+                .Zip(document.meshes, (primitive, entry) => (glb.Read(entry.name, primitive), BothSides(primitive))).ToList();
         }
 
         Mesh Read(string name, Primitive primitive)

@@ -98,17 +98,17 @@ namespace Trisplat
             }
         }
 
-        static void Fill(AssetImportContext context, List<Mesh> meshes)
+        static void Fill(AssetImportContext context, List<(Mesh mesh, bool bothSides)> meshes)
         {
             context.DependsOnArtifact(ShaderPath);
             var shader = AssetDatabase.LoadAssetAtPath<Shader>(ShaderPath);
-            var scene = new Material(shader) { name = "scene" };
-            // It is seen from inside.
-            var behind = new Material(shader) { name = "backdrop" };
-            behind.SetFloat("_Cull", 2);
+            var both = new Material(shader) { name = "scene" };
+            var front = new Material(shader) { name = "scene_front" };
+            front.SetFloat("_Cull", 2);
             var root = new GameObject(Path.GetFileNameWithoutExtension(context.assetPath));
-            foreach (var mesh in meshes)
+            foreach (var part in meshes)
             {
+                var mesh = part.mesh;
                 // Its name tells Godot what it is for.
                 mesh.name = mesh.name.Replace("-colonly", "");
                 var node = new GameObject(mesh.name) { isStatic = true };
@@ -120,12 +120,12 @@ namespace Trisplat
                 else
                 {
                     node.AddComponent<MeshFilter>().sharedMesh = mesh;
-                    node.AddComponent<MeshRenderer>().sharedMaterial = mesh.name.StartsWith("backdrop") ? behind : scene;
+                    node.AddComponent<MeshRenderer>().sharedMaterial = part.bothSides ? both : front;
                 }
                 context.AddObjectToAsset(mesh.name, mesh);
             }
-            context.AddObjectToAsset("material", scene);
-            context.AddObjectToAsset("material of the backdrop", behind);
+            context.AddObjectToAsset("material", both);
+            context.AddObjectToAsset("material of fronts", front);
             context.AddObjectToAsset("root", root);
             context.SetMainObject(root);
         }

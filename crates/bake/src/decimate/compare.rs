@@ -94,7 +94,7 @@ impl<'a> Comparison<'a> {
     /// The effect of removing a face, while a quarter of the others is removed as well. `[kept]`
     fn effects_of_removing(&mut self, kept: &[u32], round: Round) -> Vec<Effect> {
         let positions = kept.iter().flat_map(|&f| self.whole.corners(f as usize)).collect();
-        let scene = Mesh { positions, ..Mesh::default() };
+        let scene = Mesh { positions, single_sided: self.single_sided(kept), ..Mesh::default() };
         let planes: Vec<u8> = kept.iter().map(|&f| group_of(GROUPING, f, round.number)).collect();
         let sums = EffectSums::new(kept.len());
         self.resize(kept.len());
@@ -109,6 +109,12 @@ impl<'a> Comparison<'a> {
         sums.into_effects()
     }
 
+    /// The flags of faces that are drawn from their front only; empty where all are drawn from both sides. `[kept]`
+    fn single_sided(&self, kept: &[u32]) -> Vec<bool> {
+        let is_mixed = !self.whole.single_sided.is_empty();
+        kept.iter().filter(|_| is_mixed).map(|&face| self.whole.is_single_sided(face as usize)).collect()
+    }
+
     /// The effect of moving the corners of a face of the scene `kept` from `corners` to `moved`, while a quarter of the others is moved as
     /// well. `[kept]`
     pub(super) fn effects_of_moving(
@@ -120,7 +126,8 @@ impl<'a> Comparison<'a> {
     ) -> Vec<Effect> {
         let count = kept.len() as u32;
         let positions = corners.iter().chain(moved).flatten().copied().collect();
-        let scene = Mesh { positions, ..Mesh::default() };
+        let single_sided = self.single_sided(kept).repeat(2);
+        let scene = Mesh { positions, single_sided, ..Mesh::default() };
         let groups = kept.iter().map(|&f| group_of(GROUPING, f, round.number));
         let planes: Vec<u8> = groups.clone().chain(groups.map(|group| group + GROUPS as u8)).collect();
         let sums = EffectSums::new(kept.len());

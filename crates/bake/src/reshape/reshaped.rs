@@ -23,6 +23,8 @@ pub(super) struct ReshapedFaces {
     colors: Vec<[f32; 3]>,
     /// See [`Mesh::shell`]. `[F]`
     shell: Vec<bool>,
+    /// See [`Mesh::single_sided`]. `[F]`
+    single_sided: Vec<bool>,
 }
 
 impl ReshapedFaces {
@@ -42,6 +44,7 @@ impl ReshapedFaces {
             corners: (0..count).map(|face| mesh.corners(face)).collect(),
             colors: (0..count).map(color).collect(),
             shell: (0..count).map(|face| mesh.is_shell(face)).collect(),
+            single_sided: (0..count).map(|face| mesh.is_single_sided(face)).collect(),
         }
     }
 
@@ -102,6 +105,7 @@ impl ReshapedFaces {
             self.corners = kept.iter().map(|&i| self.corners[i]).collect();
             self.colors = kept.iter().map(|&i| self.colors[i]).collect();
             self.shell = kept.iter().map(|&i| self.shell[i]).collect();
+            self.single_sided = kept.iter().map(|&i| self.single_sided[i]).collect();
         }
         (before - self.len()) as u64
     }
@@ -122,10 +126,16 @@ impl ReshapedFaces {
             self.corners.push(second);
             self.colors.push(self.colors[i]);
             self.shell.push(false);
+            self.single_sided.push(self.single_sided[i]);
             self.ids.push(self.next_id);
             self.next_id += 1;
         }
         order.len() as u64
+    }
+
+    /// Flags of the faces that are drawn from their front only; empty where all are drawn from both sides. `[F]`
+    pub(super) fn single_sided(&self) -> Vec<bool> {
+        flags(&self.single_sided)
     }
 
     /// As a mesh, one colour per face.
@@ -133,10 +143,16 @@ impl ReshapedFaces {
         Mesh {
             positions: self.corners.as_flattened().to_vec(),
             colors: Colors::Face(self.colors.clone()),
-            shell: if self.shell.contains(&true) { self.shell.clone() } else { Vec::new() },
+            shell: flags(&self.shell),
+            single_sided: self.single_sided(),
             ..Mesh::default()
         }
     }
+}
+
+/// The flags of a mesh, which has none where all are false.
+fn flags(flags: &[bool]) -> Vec<bool> {
+    if flags.contains(&true) { flags.to_vec() } else { Vec::new() }
 }
 
 /// The two halves of a triangle, cut along the median to its longest edge.

@@ -50,8 +50,10 @@ impl<'v> Rounds<'v> {
         let planes: Vec<u8> = groups.iter().copied().chain(moved).collect();
         let moves = !candidates.is_empty();
         let plane_count = if moves { 2 * GROUPS } else { GROUPS };
-        let both = faces.corners.iter().chain(candidates).flatten().copied().collect();
-        let scene = Mesh { positions: both, ..Mesh::default() };
+        let positions = faces.corners.iter().chain(candidates).flatten().copied().collect();
+        let sides = faces.single_sided();
+        let single_sided = if moves { sides.repeat(2) } else { sides };
+        let scene = Mesh { positions, single_sided, ..Mesh::default() };
         let (colors, background) = (faces.encoded_colors(), self.drawing.background);
         let hole_error = self.is_closed.then_some(HOLE_ERROR);
         let chosen = effort.chosen(round, self.views.len());

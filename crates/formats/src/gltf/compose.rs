@@ -6,7 +6,7 @@ use super::document::{QUANTIZATION, UNLIT};
 use super::encode::{self, Content};
 use super::meshopt::{CompressedView, MESHOPT};
 use super::options::{ColorEncoding, GltfOptions, PositionEncoding, TextureFormat};
-use super::part::{BACKDROP, PartKind, ScenePart, Stream, all_streams};
+use super::part::{BACKDROP, FRONT, PartKind, ScenePart, Stream, all_streams};
 use glam::{DVec3, Mat3, Quat, UVec2};
 use gltf_json::accessor::{ComponentType, GenericComponentType};
 use gltf_json::buffer::{Stride, Target, View};
@@ -52,7 +52,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let textures = pages.clone().map(texture).collect();
     let samplers = pages.take(1).map(|_| sampler()).collect();
     let painted = painted(parts);
-    let materials: Vec<Material> = painted.iter().map(|of| material(content, *of)).collect();
+    let materials: Vec<Material> = painted.iter().map(|of| material(content, of)).collect();
     let unlit = materials.iter().any(|material| material.extensions.is_some());
     // A file with only a backdrop, or a tile, has no viewpoint.
     let viewpoint = content.asset.provenance.viewpoint.as_ref().filter(|viewpoint| viewpoint.is_possible());
@@ -62,7 +62,7 @@ fn root(content: &Content, bin_name: Option<&str>) -> Result<Root> {
     let meshes = parts
         .iter()
         .map(|part| {
-            let material = painted.iter().position(|of| *of == (part.kind, part.page));
+            let material = painted.iter().position(|of| *of == PartMaterial::of(part));
             mesh(part, material, options, &mut accessors)
         })
         .collect::<Result<_>>()?;
@@ -121,31 +121,48 @@ fn extras(content: &Content, pretty: bool) -> Result<Box<RawValue>> {
     RawValue::from_string(serde_json::to_string_pretty(&extras)?.replace('\n', "\n    "))
 }
 
-/// What has a material of its own: the scene and its backdrop on each page, the backdrop last.
-fn painted(parts: &[ScenePart]) -> Vec<(PartKind, usize)> {
-    let mut painted: Vec<(PartKind, usize)> = Vec::new();
-    for kind in [PartKind::Scene, PartKind::Backdrop] {
-        let mut pages: Vec<usize> =
-            parts.iter().filter(|part| part.kind == kind).map(|part| part.page).collect();
-        pages.sort_unstable();
-        pages.dedup();
-        painted.extend(pages.into_iter().map(|page| (kind, page)));
+/// What parts with the same material have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct PartMaterial {
+    is_backdrop: bool,
+    single_sided: bool,
+    page: usize,
+}
+
+impl PartMaterial {
+    /// A backdrop is visible from inside only.
+    fn of(part: &ScenePart) -> Self {
+        let is_backdrop = part.kind == PartKind::Backdrop;
+        Self { is_backdrop, single_sided: is_backdrop || part.single_sided, page: part.page }
     }
+}
+
+/// The materials of the parts that are drawn, those of the backdrop last.
+fn painted(parts: &[ScenePart]) -> Vec<PartMaterial> {
+    let drawn = parts.iter().filter(|part| part.kind != PartKind::Collision);
+    let mut painted: Vec<PartMaterial> = drawn.map(PartMaterial::of).collect();
+    painted.sort_unstable();
+    painted.dedup();
     painted
 }
 
-/// The scene's material, seen from both sides, or the backdrop's, seen from its front.
-fn material(content: &Content, (kind, page): (PartKind, usize)) -> Material {
+/// The material of some parts.
+fn material(content: &Content, of: &PartMaterial) -> Material {
     let name = &content.options.material_name;
     // Godot takes the end of a material's name as a hint.
     let (plain, hint) = name.split_at(name.rfind('-').unwrap_or(name.len()));
-    let plain = if kind == PartKind::Backdrop { BACKDROP } else { plain };
+    let plain = match (of.is_backdrop, of.single_sided) {
+        (true, _) => BACKDROP.to_owned(),
+        (false, true) => format!("{plain}{FRONT}"),
+        (false, false) => plain.to_owned(),
+    };
+    let page = of.page;
     let number = if page == 0 { String::new() } else { format!("_{page}") };
     // Surfaces far behind a scene have their own light.
-    let lit = kind == PartKind::Scene && content.parts.iter().any(|part| part.lit);
+    let lit = !of.is_backdrop && content.parts.iter().any(|part| part.lit);
     Material {
         name: Some(format!("{plain}{number}{hint}")),
-        double_sided: kind == PartKind::Scene,
+        double_sided: !of.single_sided,
         // As matt as possible, also for viewers that do not know unlit.
         pbr_metallic_roughness: PbrMetallicRoughness {
             metallic_factor: StrengthFactor(0.0),

@@ -1,6 +1,6 @@
 //! Materials and textures of a document: what colours a surface, and how a picture lies on it.
 //!
-//! Of a material only its colour without lights is read. Faults in it cost no more than the colour.
+//! Of a material only its colour without lights and its sides are read. Faults in it cost no more than these.
 
 use gltf_json::material::{AlphaCutoff, AlphaMode};
 use gltf_json::validation::Checked;
@@ -15,6 +15,8 @@ pub(crate) struct Material {
     name: Option<String>,
     alpha_mode: Option<Checked<AlphaMode>>,
     alpha_cutoff: Option<f32>,
+    #[serde(default, deserialize_with = "lenient")]
+    double_sided: Option<bool>,
     #[serde(default)]
     pbr_metallic_roughness: BaseColor,
     #[serde(default, deserialize_with = "lenient")]
@@ -51,6 +53,11 @@ impl Material {
     /// True when alpha is ignored.
     pub(crate) fn is_opaque(&self) -> bool {
         !matches!(self.alpha_mode, Some(Checked::Valid(AlphaMode::Mask | AlphaMode::Blend)))
+    }
+
+    /// True when triangles are drawn from both sides.
+    pub(crate) fn is_double_sided(&self) -> bool {
+        self.double_sided.unwrap_or(false)
     }
 
     /// True when Godot, and only Godot, reads its vertex colours as sRGB, because of the ending of its name.

@@ -21,7 +21,7 @@ pub(crate) struct MergedMesh<'a> {
     accessors: Accessors<'a>,
     /// The file says that every material's COLOR_0 is sRGB-encoded.
     srgb: bool,
-    /// Its positions, indices, and opacity, which is empty while every face is opaque.
+    /// Its positions, indices, opacity, which is empty while every face is opaque, and sides.
     mesh: Mesh,
     /// One per face while `flat`, else one per vertex.
     colors: Vec<[f32; 3]>,
@@ -172,6 +172,8 @@ impl<'a> MergedMesh<'a> {
         }
         self.read_colors(primitive, place, &part, count)?;
         self.read_texture(primitive, place, &part, mirrored)?;
+        let is_double_sided = self.material(primitive, place)?.is_some_and(Material::is_double_sided);
+        self.push_sides(&part, is_double_sided);
         if mirrored && part.indices.is_none() {
             self.mirror(&part);
         }
@@ -390,6 +392,15 @@ impl<'a> MergedMesh<'a> {
             let alpha = unit(alpha(face));
             cutoff.map_or(alpha, |cutoff| f32::from(alpha >= cutoff))
         }));
+    }
+
+    /// Appends the sides of a primitive's faces; the list stays empty while everything is drawn from both.
+    fn push_sides(&mut self, part: &PrimitiveFaces, is_double_sided: bool) {
+        if is_double_sided && self.mesh.single_sided.is_empty() {
+            return;
+        }
+        self.mesh.single_sided.resize(self.faces, false);
+        self.mesh.single_sided.resize(self.faces + part.faces, !is_double_sided);
     }
 
     /// Reverses the winding of a primitive's faces if its node mirrors it.

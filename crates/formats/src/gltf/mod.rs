@@ -10,7 +10,7 @@
 //!           buffers ──► accessor ──► merge ──► read ──► Mesh
 //! ```
 //!
-//! The writer writes unlit, double-sided, opaque triangles with a colour per vertex or one texture. The
+//! The writer writes unlit, opaque triangles, drawn from one side or from both, with a colour per vertex or one texture. The
 //! reader reads these files in all variants, and files of other programs with vertex colours or one picture.
 //! The document is composed of `gltf-json`'s types; the module `document` explains why reading uses types of
 //! this crate.

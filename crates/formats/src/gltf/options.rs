@@ -105,7 +105,7 @@ pub struct GltfOptions {
     pub positions: PositionEncoding,
     /// Compress with EXT_meshopt_compression (vertex codec version 0).
     pub meshopt: bool,
-    /// Name of the only material; Godot reads hints from its ending.
+    /// Name of the material of faces that are drawn from both sides, and the beginning of that of the others; Godot reads hints from its ending.
     pub material_name: String,
     /// Name of the scene's node when it is a single one.
     pub node_name: String,

@@ -16,6 +16,9 @@ use trisplat_scene::{Asset, Chunk, Error, Result, parallel};
 /// Name of the node, the mesh and the material of the backdrop.
 pub(crate) const BACKDROP: &str = "backdrop";
 
+/// End of the names of the material and of the node of faces that are drawn from their front only.
+pub(crate) const FRONT: &str = "_front";
+
 /// What a part is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PartKind {
@@ -37,6 +40,8 @@ pub(crate) struct ScenePart<'a> {
     pub(crate) faces: Range<usize>,
     /// The page of the texture that all of them are on.
     pub(crate) page: usize,
+    /// Whether all of them are drawn from their front only, or all from both sides.
+    pub(crate) single_sided: bool,
     pub(crate) vertices: PartVertices<'a>,
     /// True when faces share vertices and an index stream is written.
     pub(crate) indexed: bool,
@@ -190,14 +195,20 @@ pub(crate) fn parts<'a>(path: &Path, asset: &'a Asset, options: &GltfOptions) ->
 fn named_ranges(asset: &Asset, node_name: &str) -> Result<Vec<(PartKind, String, Range<usize>)>> {
     let scene = asset.scene_faces();
     let ranges = face_ranges(&asset.chunks, asset.mesh.face_count(), scene)?;
-    let ranges = of_one_page(ranges, &asset.mesh);
+    let ranges = of_one_material(ranges, &asset.mesh);
     let of_scene = ranges.iter().filter(|faces| faces.start < scene).count();
-    let single = of_scene == 1;
+    let with_one_side = |faces: &&Range<usize>| asset.mesh.is_single_sided(faces.start);
+    let fronts = ranges[..of_scene].iter().filter(with_one_side).count();
+    let both = of_scene - fronts;
     let named = |(i, faces): (usize, Range<usize>)| {
-        let (kind, name) = match (faces.start >= scene, single) {
-            (true, _) => (PartKind::Backdrop, backdrop_name(i - of_scene)),
-            (false, true) => (PartKind::Scene, node_name.to_owned()),
-            (false, false) => (PartKind::Scene, format!("chunk_{i:04}")),
+        let (kind, name) = if faces.start >= scene {
+            (PartKind::Backdrop, backdrop_name(i - of_scene))
+        } else if fronts > 1 || both > 1 {
+            (PartKind::Scene, format!("chunk_{i:04}"))
+        } else if both == 1 && with_one_side(&&faces) {
+            (PartKind::Scene, format!("{node_name}{FRONT}"))
+        } else {
+            (PartKind::Scene, node_name.to_owned())
         };
         (kind, name, faces)
     };
@@ -217,18 +228,22 @@ pub(crate) fn is_backdrop(name: &str) -> bool {
     })
 }
 
-/// The ranges cut where the page of the texture changes: a primitive has one.
-fn of_one_page(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
-    let Some(texture) = mesh.texture.as_ref().filter(|texture| !texture.page_of.is_empty()) else {
+/// The ranges cut where the page of the texture or the number of sides changes: a primitive has one material.
+fn of_one_material(ranges: Vec<Range<usize>>, mesh: &Mesh) -> Vec<Range<usize>> {
+    let has_pages = mesh.texture.as_ref().is_some_and(|texture| !texture.page_of.is_empty());
+    if !has_pages && mesh.single_sided.is_empty() {
         return ranges;
-    };
+    }
     let mut cut = Vec::with_capacity(ranges.len());
     for range in ranges {
         let mut first = range.start;
-        for run in texture.page_of[range].chunk_by(|a, b| a == b) {
-            cut.push(first..first + run.len());
-            first += run.len();
+        for face in range.clone().skip(1) {
+            if mesh.material(face) != mesh.material(face - 1) {
+                cut.push(first..face);
+                first = face;
+            }
         }
+        cut.push(first..range.end);
     }
     cut
 }
@@ -283,7 +298,8 @@ fn part<'a>(
         name,
         kind: PartKind::Scene,
         mesh,
-        page: mesh.texture.as_ref().map_or(0, |texture| texture.page(faces.start)),
+        page: mesh.material(faces.start).page,
+        single_sided: mesh.is_single_sided(faces.start),
         faces,
         vertices,
         indexed,

@@ -16,6 +16,9 @@ use trisplat_scene::{Asset, Error, Provenance, Result, Tile};
 const NO_TEXTURE: &str =
     "the texture of the scene is not in this file, which has its colours: write .glb or .gltf to keep it";
 
+/// The note for a file that does not hold its scene's sides.
+const NO_SIDES: &str = "this file does not say from which sides triangles are drawn, so their backs show: write .glb or .gltf to keep sides";
+
 /// Writes an asset into the files of `output` and names them only when all are whole.
 ///
 /// Errors: those of the format and of the operating system; then every name keeps its old file.
@@ -172,17 +175,20 @@ impl Output {
         let sky = asset.sky.as_ref().and(self.sky.as_deref()).map(name_of);
         let named =
             |encoding| GltfOptions { node_name: self.node.to_owned(), sky_name: sky.clone(), ..encoding };
+        let has_fronts = (0..asset.scene_faces()).any(|face| asset.mesh.is_single_sided(face));
+        let no_sides = (has_fronts && !self.format.has_sides()).then_some(NO_SIDES);
         let written = match (self.format, second) {
             (OutputFormat::Obj, Some(mtl)) => {
                 let picture = self.picture.as_deref().map(name_of);
                 obj::write(main, mtl, &name, picture.as_deref(), asset).map_err(io)?;
                 let prefer = "OBJ is text (about 3x a GLB) and Godot, Unity and Unreal drop or cull parts of it; prefer GLB";
                 let lost = (asset.mesh.texture.is_some() && picture.is_none()).then_some(NO_TEXTURE);
-                return Ok([Some(prefer), lost].into_iter().flatten().map(str::to_owned).collect());
+                return Ok([Some(prefer), lost, no_sides].into_iter().flatten().map(str::to_owned).collect());
             }
             (OutputFormat::Ply, _) => {
                 ply::write_mesh(main, asset, options.ply_face_colors).map_err(io)?;
-                return Ok(asset.mesh.texture.iter().map(|_| NO_TEXTURE.to_owned()).collect());
+                let lost = asset.mesh.texture.as_ref().map(|_| NO_TEXTURE);
+                return Ok([lost, no_sides].into_iter().flatten().map(str::to_owned).collect());
             }
             (OutputFormat::Usdz, _) => return encode_usdz(main, asset, options),
             (OutputFormat::Gltf, Some(bin)) => {

@@ -144,21 +144,28 @@ pub(super) struct Sight {
 
 impl Survey {
     /// Of the triangles `corners`, without the far shell.
-    pub(super) fn new(corners: &dyn Fn(usize) -> [Vec3; 3], count: usize, subject: Subject) -> Self {
+    pub(super) fn new(
+        corners: &dyn Fn(usize) -> [Vec3; 3],
+        is_single_sided: &dyn Fn(usize) -> bool,
+        count: usize,
+        subject: Subject,
+    ) -> Self {
         let step = count.div_ceil(MOST_FACES).max(1);
         let growth = (step as f32).sqrt().min(MOST_GROWTH);
         let (mut positions, mut of_subject) = (Vec::new(), Vec::new());
+        let mut single_sided = Vec::new();
         for face in (0..count).step_by(step) {
             let corners = corners(face);
             if corners.iter().all(|p| p.is_finite()) {
                 let middle = centroid(corners);
                 positions.extend(corners.map(|p| middle + (p - middle) * growth));
                 of_subject.push(subject.holds(middle));
+                single_sided.push(is_single_sided(face));
             }
         }
         let colors = Colors::Face(vec![[0.0; 3]; of_subject.len()]);
         Self {
-            mesh: Mesh { positions, colors, ..Mesh::default() },
+            mesh: Mesh { positions, colors, single_sided, ..Mesh::default() },
             subject,
             of_subject,
             solid: SolidRasterizer::new(),

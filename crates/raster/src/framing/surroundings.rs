@@ -41,7 +41,10 @@ impl<'a> Surroundings<'a> {
     pub fn viewpoint(&self, cameras: &[Camera], up: Vec3) -> Option<Viewpoint> {
         let corners = |i: usize| self.scene.corners(self.before[i]);
         let room = |from: Vec3| self.room(from);
-        let scenery = Scenery { corners: &corners, count: self.before.len(), cameras, up, room: &room };
+        let is_single_sided = |i: usize| self.scene.is_single_sided(self.before[i]);
+        let count = self.before.len();
+        let scenery =
+            Scenery { corners: &corners, is_single_sided: &is_single_sided, count, cameras, up, room: &room };
         viewpoint(&scenery).map(|chosen| chosen.viewpoint)
     }
 

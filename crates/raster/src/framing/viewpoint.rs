@@ -37,6 +37,8 @@ pub struct Chosen {
 pub struct Scenery<'a> {
     /// Corners of a triangle, by its number.
     pub corners: &'a dyn Fn(usize) -> [Vec3; 3],
+    /// Whether a triangle is drawn from its front only.
+    pub is_single_sided: &'a dyn Fn(usize) -> bool,
     /// Number of triangles, without the far shell.
     pub count: usize,
     /// The known cameras of its photos.
@@ -56,7 +58,7 @@ pub fn viewpoint(scenery: &Scenery<'_>) -> Option<Chosen> {
     // The middle of a single triangle has no extent, its corners have.
     let corners = || (0..scenery.count).step_by(step).flat_map(scenery.corners).collect::<Vec<_>>();
     let subject = Subject::of(&middles, scenery.cameras).or_else(|| Subject::around(&corners()))?;
-    let mut survey = Survey::new(scenery.corners, scenery.count, subject);
+    let mut survey = Survey::new(scenery.corners, scenery.is_single_sided, scenery.count, subject);
     let mut judge = |candidate: Candidate| {
         let sight = survey.look(&candidate.camera);
         Judged { candidate, sight, worth: worth(&candidate.camera, &sight, scenery.up) }
@@ -273,8 +275,15 @@ mod tests {
     fn of(triangles: &[[Vec3; 3]], cameras: &[Camera]) -> Chosen {
         let corners = |face: usize| triangles[face];
         let (count, room) = (triangles.len(), |_: Vec3| f32::INFINITY);
-        viewpoint(&Scenery { corners: &corners, count, cameras, up: Vec3::Y, room: &room })
-            .expect("it has extent")
+        viewpoint(&Scenery {
+            corners: &corners,
+            is_single_sided: &|_| false,
+            count,
+            cameras,
+            up: Vec3::Y,
+            room: &room,
+        })
+        .expect("it has extent")
     }
 
     #[test]
@@ -338,7 +347,15 @@ mod tests {
     fn a_scene_without_extent_has_none() {
         let corners = |_: usize| [Vec3::ONE; 3];
         let room = |_: Vec3| f32::INFINITY;
-        let scenery = Scenery { corners: &corners, count: 5, cameras: &[LENS], up: Vec3::Y, room: &room };
+        let is_single_sided = &|_| false;
+        let scenery = Scenery {
+            corners: &corners,
+            is_single_sided,
+            count: 5,
+            cameras: &[LENS],
+            up: Vec3::Y,
+            room: &room,
+        };
         assert_eq!(viewpoint(&scenery), None);
         assert_eq!(viewpoint(&Scenery { count: 0, ..scenery }), None);
     }

@@ -186,6 +186,9 @@ impl FaceGroup {
 impl BinFaces<'_> {
     #[inline(always)]
     fn insert(&mut self, at: &SnappedTriangle, face: u32) {
+        if at.shows_back() && self.mesh.is_single_sided(face as usize) {
+            return;
+        }
         let ((left, right), (top, bottom)) = (extent(at.x), extent(at.y));
         let size = self.projector.size.as_ivec2();
         let (x0, x1) = samples_between(at.x, 0, size.x - 1);

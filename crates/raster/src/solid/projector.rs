@@ -138,6 +138,14 @@ impl SnappedTriangle {
     pub(super) fn nearest(&self) -> f32 {
         self.w[0].max(self.w[1]).max(self.w[2])
     }
+
+    /// True when the picture shows the side from which the corners run clockwise: the back.
+    #[inline(always)]
+    pub(super) fn shows_back(&self) -> bool {
+        let across = |i: usize| i64::from(self.x[i] - self.x[0]);
+        let down = |i: usize| i64::from(self.y[i] - self.y[0]);
+        across(1) * down(2) > across(2) * down(1)
+    }
 }
 
 /// Planes of the guard band.
