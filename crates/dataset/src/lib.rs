@@ -15,6 +15,8 @@ pub mod exposure {
 
     mod correction;
     mod evidence;
+    mod light;
+    mod own;
     mod relative;
     mod solve;
 
@@ -22,8 +24,9 @@ pub mod exposure {
         ExposureDetails, ExposureUse, Exposures, Solved, Strengths, Verdict, compared_size, differ,
     };
     pub use evidence::{ExposureEvidence, LeftOutPhoto};
-    pub use relative::own_exposures;
-    pub use solve::{Light, compared_points, points_of, solve};
+    pub use light::{Light, compared_points, points_of};
+    pub use own::own_exposures;
+    pub use solve::solve;
 }
 mod found;
 mod lens;

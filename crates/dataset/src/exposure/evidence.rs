@@ -10,7 +10,7 @@
 //! is corrected up to b = 1/2, and all of it at b = 1.
 
 use super::correction::{Strengths, modes};
-use super::solve::Light;
+use super::light::Light;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use trisplat_scene::math::lists::median;

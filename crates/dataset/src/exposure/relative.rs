@@ -1,38 +1,7 @@
-//! A photo's exposure beside that of a scene trained on others.
+//! A photo's gain beside those of other photos at the same points.
 
-use super::correction::Strengths;
-use super::solve::{Light, solve};
-use glam::UVec2;
+use super::light::Light;
 use std::collections::HashMap;
-
-/// What brings drawings of a scene to the exposure of photos, per photo and channel, as logarithms of light; `None` where it is unknown. The
-/// scene was trained on the photos for which `is_trained` holds, corrected by `strengths`. `lights` and `sizes` are those of all photos, as
-/// for [`solve`].
-pub fn own_exposures(
-    lights: &[Vec<Light>],
-    sizes: &[UVec2],
-    is_trained: &[bool],
-    strengths: Strengths,
-) -> Vec<Option<[f32; 3]>> {
-    let mut solved = solve(lights, sizes);
-    let is_known: Vec<bool> = solved.errors.iter().map(|errors| errors[1].is_finite()).collect();
-    let is_used: Vec<bool> =
-        is_trained.iter().zip(&is_known).map(|(trained, known)| *trained && *known).collect();
-    // The training knew the mean of its own photos.
-    let used = || (0..lights.len()).filter(|photo| is_used[*photo]);
-    for c in 0..3 {
-        let gains = &mut solved.exposures.gains;
-        let mean = used().map(|photo| gains[photo][c]).sum::<f32>() / used().count().max(1) as f32;
-        gains.iter_mut().for_each(|gains| gains[c] -= mean);
-    }
-    let gains = &solved.exposures.gains;
-    let mut left = gains.clone();
-    for (left, corrected) in left.iter_mut().zip(solved.corrections(strengths).unwrap_or_default().gains) {
-        (0..3).for_each(|c| left[c] -= corrected[c]);
-    }
-    let beside = beside_others(lights, gains, &left, &is_used);
-    beside.into_iter().zip(is_known).map(|(own, is_known)| own.filter(|_| is_known)).collect()
-}
 
 /// The gain of each photo less the mean of `left`, what other photos have at its points; `None` where no other photo shows any. Only photos
 /// for which `is_used` count as others.
@@ -65,29 +34,4 @@ pub(super) fn beside_others(
         (mean[3] > 0.0).then_some(beside)
     };
     (0..lights.len()).map(of_photo).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_photo_is_compared_with_what_its_scene_shows() {
-        let gains = [0.3f32, -0.3, 0.2, -0.2, 0.5];
-        let light = |photo: usize, point: u32| {
-            let log = -2.0 + (point as f32).sin() + gains[photo];
-            Light { point, log: [log; 3], weight: [1.0; 3], r2: 0.0 }
-        };
-        let mut lights: Vec<Vec<Light>> =
-            (0..5).map(|photo| (0..100).map(|point| light(photo, point)).collect()).collect();
-        let sizes = [UVec2::splat(64); 5];
-        let is_trained = [true, true, true, true, false];
-        for strengths in [Strengths::NONE, Strengths::FULL] {
-            // Gains of the training photos have the mean 0, corrected or not.
-            let own = own_exposures(&lights, &sizes, &is_trained, strengths)[4].unwrap();
-            assert!(own.iter().all(|own| (own - 0.5).abs() < 0.02), "{own:?}");
-        }
-        lights[4].clear();
-        assert_eq!(own_exposures(&lights, &sizes, &is_trained, Strengths::NONE)[4], None);
-    }
 }

@@ -3,27 +3,17 @@
 //! The light of a photo is photo + point - falloff · r², as logarithms. Photos, points and falloff are solved for in turn, channel by
 //! channel, with less weight for what shines, moves or does not match.
 
-use super::correction::{Exposures, Rings, Solved};
+use super::correction::{Exposures, Solved};
+use super::light::{Light, MIN_POINTS};
 use super::relative::beside_others;
-use crate::posed::{Dataset, Point, View};
-use glam::{UVec2, Vec2};
+use glam::UVec2;
 use std::collections::HashMap;
-use trisplat_scene::image::RgbImage;
-use trisplat_scene::math::color::linear_of_srgb8;
 use trisplat_scene::math::lists::{Sets, median};
 
-/// Cells along each side of a picture.
-const GRID: u32 = 16;
-/// Range of compared codes: smaller ones are noise, larger ones may be saturated.
-const COMPARED: std::ops::RangeInclusive<u8> = 8..=247;
-/// Least share of compared pixels in a cell.
-const LEAST_SHARE: f32 = 0.5;
 /// Rounds of new weights, and of solving in each.
 const ROUNDS: [usize; 2] = [10, 8];
 /// Least residual that halves a light's weight, as a logarithm.
 const LEAST_SCALE: f32 = 0.02;
-/// Minimum points that a photo tracks for an estimate.
-const MIN_POINTS: usize = 20;
 /// Minimum photos of one camera for a falloff of its own; cameras of fewer photos share one.
 const MIN_PHOTOS_PER_CAMERA: usize = 4;
 /// Minimum standard deviation of r² within points and photos for an estimate of the falloff: where all points of each photo lie at one
@@ -33,101 +23,6 @@ const MIN_RADII: f64 = 0.03;
 const MAX_GAIN: f32 = 8.0;
 /// Lights at points that are solved for; more are thinned.
 const MOST: usize = 150_000;
-/// Number of a light that belongs to no point.
-const NO_POINT: u32 = u32::MAX;
-
-/// The light of a photo at a place.
-#[derive(Debug, Clone, Copy)]
-pub struct Light {
-    pub(super) point: u32,
-    /// Its logarithm, per channel; beside a drawing, less that of the drawing.
-    pub(super) log: [f32; 3],
-    pub(super) weight: [f32; 3],
-    /// Squared distance from the middle of the photo, 1 in its corners.
-    pub(super) r2: f32,
-}
-
-impl Light {
-    /// The light of points, by their numbers and their places as shares of the width and height of `photo`. Masked, clipped and dark ones
-    /// are left out.
-    pub fn at_points(photo: &RgbImage, points: &[(u32, Vec2)]) -> Vec<Self> {
-        let (light, rings, size) = (linear_of_srgb8(), Rings::new(photo.size), photo.size.as_vec2());
-        let read = |(point, share): &(u32, Vec2)| {
-            let place = (*share * size).clamp(Vec2::ZERO, size - 1.0);
-            let i = (place.as_uvec2().y * photo.size.x + place.as_uvec2().x) as usize;
-            let is_masked = photo.alpha.as_ref().is_some_and(|alpha| alpha[i] < 128);
-            let useful = !is_masked && photo.rgb[i].iter().all(|code| COMPARED.contains(code));
-            let log = photo.rgb[i].map(|code| light[usize::from(code)].ln());
-            useful.then(|| Self { point: *point, log, weight: [1.0; 3], r2: rings.square(place) })
-        };
-        points.iter().filter_map(read).collect()
-    }
-
-    /// The light of cells beside that of a drawing of the same size, as a ratio of sums, which noise and small displacements hardly change.
-    pub fn beside_drawing(photo: &RgbImage, drawn: &RgbImage) -> Vec<Self> {
-        let (size, rings) = (photo.size, Rings::new(photo.size));
-        let side = |i: u32, all: u32| (i * all / GRID, (i + 1) * all / GRID);
-        let cell = |k: u32| {
-            let ((left, right), (top, bottom)) = (side(k % GRID, size.x), side(k / GRID, size.y));
-            let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| (y * size.x + x) as usize));
-            let r2 = rings.square(Vec2::new((left + right) as f32, (top + bottom) as f32) / 2.0);
-            Self::of_cell(photo, drawn, pixels, r2)
-        };
-        (0..GRID * GRID).filter_map(cell).collect()
-    }
-
-    fn of_cell(
-        photo: &RgbImage,
-        drawn: &RgbImage,
-        pixels: impl Iterator<Item = usize>,
-        r2: f32,
-    ) -> Option<Self> {
-        let light = linear_of_srgb8();
-        let (mut sums, mut compared, mut all) = ([[0.0f32; 2]; 3], [0.0f32; 3], 0.0f32);
-        for i in pixels {
-            all += 1.0;
-            if photo.alpha.as_ref().is_some_and(|alpha| alpha[i] < 128) {
-                continue;
-            }
-            for c in 0..3 {
-                let (a, b) = (photo.rgb[i][c], drawn.rgb[i][c]);
-                if COMPARED.contains(&a) && COMPARED.contains(&b) {
-                    sums[c][0] += light[usize::from(a)];
-                    sums[c][1] += light[usize::from(b)];
-                    compared[c] += 1.0;
-                }
-            }
-        }
-        let counts = |c: usize| compared[c] > 0.0 && compared[c] >= LEAST_SHARE * all;
-        if !(0..3).any(counts) {
-            return None;
-        }
-        let log = [0, 1, 2].map(|c| if counts(c) { (sums[c][0] / sums[c][1]).ln() } else { 0.0 });
-        // An error of a code is a larger part of little light.
-        let mean = |c: usize| (sums[c][0] * sums[c][1]).sqrt() / compared[c];
-        let weight = [0, 1, 2].map(|c| if counts(c) { compared[c] / all * mean(c).powf(0.8) } else { 0.0 });
-        Some(Self { point: NO_POINT, log, weight, r2 })
-    }
-}
-
-/// The points that each training photo tracks, and their places as shares of its width and height; `None` where too few photos track points
-/// to compare them.
-pub fn compared_points(dataset: &Dataset) -> Option<Vec<Vec<(u32, Vec2)>>> {
-    let photos = || dataset.train().filter(|view| !view.photo.is_drawn());
-    let tracked = photos().filter(|view| view.tracked.len() >= MIN_POINTS).count();
-    let is_enough = tracked > 0 && 10 * tracked >= 9 * photos().count();
-    is_enough.then(|| dataset.train().map(|view| points_of(dataset, view)).collect())
-}
-
-/// The points that the photo of `view` tracks, but those that judge depth, with their places as shares of its width and height.
-pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
-    let camera = &view.camera;
-    let shown = dataset.tracked(view).filter(|(i, _)| !Dataset::judges_depth(*i));
-    let place = |(i, point): (usize, &Point)| {
-        Some((i as u32, camera.shows(point.position)?.0 / camera.size.as_vec2()))
-    };
-    shown.filter_map(place).collect()
-}
 
 /// The exposures that best explain the light of photos at points, for cameras of these sizes; photos of one size share a camera. A photo
 /// has the mean gain and an infinite error where it shares too few points with most of the others, or where its gain is beyond three stops.
@@ -439,14 +334,5 @@ mod tests {
         assert!((solved.exposures.gains[0][1] - 0.225).abs() < 0.01, "{:?}", solved.exposures.gains);
         assert_eq!(solved.verdict(Strengths::NONE).unknown, 3);
         assert_eq!(solve(&[], &[]), Solved::default());
-    }
-
-    #[test]
-    fn clipped_and_masked_points_have_no_light() {
-        let rgb = vec![[255; 3], [100, 2, 100], [100; 3], [50; 3]];
-        let photo = RgbImage { size: UVec2::new(2, 2), rgb, alpha: Some(vec![255, 255, 0, 255]) };
-        let places = [(0, [0.2, 0.2]), (1, [0.7, 0.2]), (2, [0.2, 0.7]), (3, [0.999, 1.0])];
-        let lights = Light::at_points(&photo, &places.map(|(point, at)| (point, Vec2::from(at))));
-        assert_eq!(lights.iter().map(|light| light.point).collect::<Vec<_>>(), [3]);
     }
 }
