@@ -17,8 +17,6 @@ use trisplat_scene::report::{StageEvent, counted};
 pub(super) struct Terminal<'a> {
     global: &'a Global,
     command: Command,
-    /// How to skip the trainings before that of the scene.
-    pub(super) hint: &'static str,
     /// While it is there, a request to stop waits for the next event; otherwise it ends the program.
     stop: Option<Listener>,
     captures: bool,
@@ -35,18 +33,7 @@ impl<'a> Terminal<'a> {
     /// Spells the fields named in reasons and warnings as the flags of `command`.
     pub(super) fn new(global: &'a Global, command: Command) -> Self {
         let (drawing, stages, bar) = (None, None, None);
-        Self {
-            global,
-            command,
-            hint: "",
-            stop: None,
-            captures: false,
-            teachers: 0,
-            trials: 0,
-            drawing,
-            stages,
-            bar,
-        }
+        Self { global, command, stop: None, captures: false, teachers: 0, trials: 0, drawing, stages, bar }
     }
 
     /// Shows an event; `Break` after a request to stop, where nothing is lost.
@@ -107,20 +94,20 @@ impl<'a> Terminal<'a> {
         let TrainBegins { part, steps, done, .. } = *begins;
         let mut bar = Bar::new(self.global, steps, done, log, begins.curve)?;
         bar.lost = lost;
-        let (count, hint) = (counted(steps, "step"), self.hint);
+        let count = counted(steps, "step");
         match part {
             TrainPart::Trial => {
                 self.trials += 1;
                 if self.trials == 1 {
                     bar.line(&format!(
-                        "a short training leaves some photos out, to see whether exposures are to be corrected: {count}{hint}"
+                        "a short training leaves some photos out, to see whether exposures are to be corrected: {count}"
                     ));
                 }
             }
             TrainPart::Teacher => {
                 self.teachers += 1;
                 bar.line(&match self.teachers {
-                    1 => format!("a soft teacher scene is trained first: {count}{hint}"),
+                    1 => format!("a soft teacher scene is trained first: {count}"),
                     which => format!("teacher {which} is trained: {count}"),
                 });
             }
@@ -183,9 +170,9 @@ fn exposure(evidence: &ExposureEvidence) -> String {
     );
     let [gain, balance, falloff] = strengths.to_array().map(percent);
     match strengths.is_none() {
-        true => format!("{shown}: photos are taken as they are (--set exposure=on corrects them)"),
+        true => format!("{shown}: photos are taken as they are (`train --set exposure=on` corrects them)"),
         false => format!(
-            "{shown}: {gain}, {balance} and {falloff} are corrected (--set exposure=off takes photos as they are)"
+            "{shown}: {gain}, {balance} and {falloff} are corrected (`train --set exposure=off` takes photos as they are)"
         ),
     }
 }

@@ -70,10 +70,7 @@ pub fn run(
     (job.began, job.backend, job.outputs) = (Some(clock), args.backend_options.clone(), outputs);
     (job.resume, job.force_resume) = (point, args.force_resume);
 
-    let mut terminal = Terminal::new(global, flags::command_of::<TrainArgs>("train"));
-    if args.teacher.teacher.is_none() {
-        terminal.hint = " (--teacher off skips it)";
-    }
+    let terminal = Terminal::new(global, flags::command_of::<TrainArgs>("train"));
     let (written, failed) = (None, None);
     let mut shown = TrainTerminal { args, terminal, files, teacher_file, watcher, warnings, written, failed };
     let done = job.run(&mut |event| shown.tell(event));

@@ -2,7 +2,7 @@
 
 use super::correction::Rings;
 use crate::posed::{Dataset, Point, View};
-use glam::{UVec2, Vec2};
+use glam::Vec2;
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::linear_of_srgb8;
 
@@ -113,6 +113,7 @@ pub fn points_of(dataset: &Dataset, view: &View) -> Vec<(u32, Vec2)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::UVec2;
 
     #[test]
     fn clipped_and_masked_points_have_no_light() {
