@@ -92,7 +92,8 @@ fn the_report_of_a_training_has_the_same_shape() {
     let value = report_of(&["train", "samples/dataset", "--steps", "3", "--teacher", "off", "-o", &scene]);
     satisfies(SchemaName::Report, &value);
     satisfies(SchemaName::Train, &value["options"]);
-    let [teacher, stage] = [0, 1].map(|stage| &value["stages"][stage]);
+    let [evidence, teacher, stage] = [0, 1, 2].map(|stage| &value["stages"][stage]);
+    assert_eq!(evidence["name"], "evidence");
     assert_eq!((&teacher["name"], &teacher["skipped"]), (&"teacher".into(), &"`teacher` off".into()));
     assert_eq!((&value["command"], &stage["name"]), (&"train".into(), &"train".into()));
     assert!(stage["details"]["psnr"].as_f64().is_some() && stage["after"]["triangles"].as_u64() > Some(0));

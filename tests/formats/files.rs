@@ -57,6 +57,7 @@ pub(crate) fn provenance() -> Provenance {
         },
         viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
+        exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     }
 }

@@ -117,6 +117,7 @@ fn extras_hold_the_provenance_and_the_encodings() {
         placement: Placement { up: UpAxis::NegY.into(), rotate: 0.0, scale: 0.1, center: [1.0, 2.5, -3.0] },
         viewpoint: Some(crate::common::VIEWPOINT),
         backdrop: 0,
+        exposure: Some([0.5, 0.0, 1.0]),
         cameras: vec![[0.1, -20.5, 3.0, 0.25, -0.5, 0.125, 0.6, 0.4]],
     };
     for colors in COLORS {

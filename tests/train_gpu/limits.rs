@@ -75,7 +75,7 @@ fn run(backend: &mut GpuBackend, way: &Way, limits: GpuLimits) -> Outcome {
     let (photos, mut figures) = (photos(), Vec::new());
     for (step, camera) in cameras().iter().enumerate() {
         let index = step % PHOTOS;
-        let id = Some(PhotoId { index, level: 0, corrected: 0 });
+        let id = Some(PhotoId { index, level: 0, corrected: false });
         let photo = StepPhoto { camera, pixels: &photos[index], first: step < PHOTOS, id };
         backend.step(&photo, &way.rates).unwrap();
         figures.extend(backend.figures(false).unwrap());

@@ -200,7 +200,7 @@ pub(super) fn from_comments<'a>(
             Ok(provenance) => {
                 let possible = provenance.clone().possible();
                 if possible != provenance {
-                    let what = "the viewpoint or the placement in the trisplat comment is ignored: no scene has such numbers";
+                    let what = "the viewpoint, the placement or the exposure in the trisplat comment is ignored: no scene has such numbers";
                     warnings.push(what.to_owned());
                 }
                 return possible;
@@ -275,6 +275,7 @@ mod provenance_tests {
                     orbit: Some(OrbitRange { turn: Some([-scale.min(360.0), 0.1]), elevation: [-0.3, 1.0 / 3.0] }),
                 }),
                 backdrop: seed as u32,
+                exposure: Some([0.5, 0.0, 1.0]),
                 cameras: vec![[0.5; 8]],
             };
             let comment = to_comment(&provenance);

@@ -409,8 +409,10 @@ impl Provenance {
         Self { viewpoint: None, cameras: Vec::new(), ..self }
     }
 
-    /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements.
+    /// Removes impossible values of damaged files: viewpoints without a camera, invalid placements, shares beyond 0 to 1.
     pub fn possible(mut self) -> Self {
+        let is_share = |share: &f32| (0.0..=1.0).contains(share);
+        self.exposure = self.exposure.filter(|shares| shares.iter().all(is_share));
         self.viewpoint = self.viewpoint.filter(Viewpoint::is_possible);
         if !self.placement.is_possible() {
             self.placement = Placement::IDENTITY;

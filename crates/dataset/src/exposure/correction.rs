@@ -11,12 +11,13 @@
 
 use glam::{UVec2, Vec2};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use trisplat_scene::image::RgbImage;
 use trisplat_scene::math::color::{linear_from_srgb, srgb_from_linear};
 
 /// Whether photos are corrected.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureUse {
     /// As far as photos that a short training leaves out confirm the estimates; a bake follows the training.
@@ -29,6 +30,33 @@ pub enum ExposureUse {
     /// By these shares of the estimated gain, white balance and falloff.
     #[serde(untagged)]
     Shares(#[schemars(inner(range(min = 0.0, max = 1.0)))] [f32; 3]),
+}
+
+/// What is expected in place of anything else.
+const EXPOSURE_USES: &str = "auto, on, off, or three shares from 0 to 1, as in [0.5,0,0]";
+
+impl<'de> Deserialize<'de> for ExposureUse {
+    fn deserialize<D: Deserializer<'de>>(input: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Written {
+            Word(String),
+            Shares([f32; 3]),
+        }
+        let refused = || D::Error::custom(EXPOSURE_USES);
+        match Written::deserialize(input).map_err(|_| refused())? {
+            Written::Word(word) => match word.as_str() {
+                "auto" => Ok(Self::Auto),
+                "on" => Ok(Self::On),
+                "off" => Ok(Self::Off),
+                _ => Err(refused()),
+            },
+            Written::Shares(shares) if shares.iter().all(|share| (0.0..=1.0).contains(share)) => {
+                Ok(Self::Shares(shares))
+            }
+            Written::Shares(_) => Err(refused()),
+        }
+    }
 }
 
 impl ExposureUse {
@@ -378,7 +406,10 @@ mod tests {
             assert_eq!(serde_json::to_string(&value).unwrap(), text);
             assert_eq!(serde_json::from_str::<ExposureUse>(text).unwrap(), value);
         }
-        assert!(serde_json::from_str::<ExposureUse>("\"bright\"").is_err());
+        for wrong in ["\"bright\"", "[5,0,0]", "[1,0]", "0.5", "null"] {
+            let error = serde_json::from_str::<ExposureUse>(wrong).unwrap_err().to_string();
+            assert!(error.contains("three shares from 0 to 1"), "{wrong}: {error}");
+        }
         assert_eq!(Strengths::NONE.to_use(), ExposureUse::Off);
     }
 }
