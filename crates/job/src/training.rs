@@ -35,7 +35,7 @@ use trisplat_train::{BackendOptions, Checkpoint, RunOptions, TrainOptions, Train
 /// job.teacher = Some(TeacherSource::Off);
 /// let done = job.run(&mut |_| Continue(()))?;
 /// assert_eq!(done.trained.steps, 20);
-/// assert_eq!(done.report.stages[0].skipped.as_deref(), Some("`teacher` off"));
+/// assert_eq!(done.report.stages[1].skipped.as_deref(), Some("`teacher` off"));
 /// # Ok::<(), trisplat_scene::Error>(())
 /// ```
 #[derive(Debug, Clone)]
