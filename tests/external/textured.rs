@@ -31,7 +31,7 @@ fn three_filters_textures_as_we_do() {
     bake(
         &here("samples/soups/trained.ply"),
         &scene,
-        &[&textured(&photos)[..], &["--backdrop", "off"]].concat(),
+        &[&textured(&photos)[..], &["--backdrop", "off", "--set", "sides=both"]].concat(),
     );
     let loaded = formats::read(&scene, &ReadOptions::default()).unwrap();
     let (Scene::Mesh(mesh), Some(first)) = (loaded.scene, loaded.provenance.viewpoint) else {

@@ -40,9 +40,8 @@ namespace Trisplat
         {
             var glb = new Glb(file);
             var document = glb.document;
-            bool BothSides(Primitive primitive) => document.materials[primitive.material].doubleSided;
             return document.meshes.Select(entry => entry.primitives[0])
-                .Zip(document.meshes, (primitive, entry) => (glb.Read(entry.name, primitive), BothSides(primitive))).ToList();
+                .Zip(document.meshes, (primitive, entry) => (glb.Read(entry.name, primitive), document.materials[primitive.material].doubleSided)).ToList();
         }
 
         Mesh Read(string name, Primitive primitive)
