@@ -108,7 +108,7 @@ fn eval_prints_a_table_or_json_on_standard_output() {
         assert!(corrected > raw - 0.01, "{table}");
     }
     let rest: Vec<&str> = rows[7..].iter().map(|row| row[0]).collect();
-    assert_eq!(rest, ["depth", "beside"], "after a header, 5 photos and a mean: {table}");
+    assert_eq!(rest, ["depth", "exposed", "beside"], "after a header, 5 photos and a mean: {table}");
     let psnr = |row: &[&str]| row[2].parse::<f64>().unwrap();
     let mean = rows[1..6].iter().map(|row| psnr(row)).sum::<f64>() / 5.0;
     assert!(rows[6][0] == "mean" && (psnr(&rows[6]) - mean).abs() < 2e-3, "{table}");
@@ -116,7 +116,11 @@ fn eval_prints_a_table_or_json_on_standard_output() {
 
     let quiet = trisplat(&[&eval[..], &[&"--quiet"]].concat());
     assert!(quiet.stderr.is_empty());
-    assert_eq!(stdout(&quiet).lines().count(), 4, "the header, the mean, depth and what is beside");
+    assert_eq!(
+        stdout(&quiet).lines().count(),
+        5,
+        "the header, the mean, depth, at own exposure and what is beside"
+    );
 
     let json: serde_json::Value =
         serde_json::from_str(&stdout(&trisplat(&[&eval[..], &[&"--json"]].concat()))).unwrap();

@@ -7,8 +7,8 @@
 
 use super::known::{DepthRepair, KnownDepth};
 use super::options::{DensifyOptions, SampleWeight};
-use super::overfull::remove_excess;
 use super::params::{Anneal, Core, Params, TrainState};
+use super::relocate::{Relocation, make_room};
 use super::start::thinned;
 use super::visibility::VisibilityStats;
 use glam::Vec3;
@@ -76,8 +76,8 @@ pub struct Densified {
     pub unsupported: usize,
     /// Removed: before known points.
     pub blocking: usize,
-    /// Removed: least summed weight, in a scene above its limit of triangles.
-    pub excess: usize,
+    /// Removed: least summed weight, in a scene at its limit of triangles.
+    pub relocated: usize,
     /// Added at known points that photos saw through.
     pub filled: usize,
     /// Split into four.
@@ -100,8 +100,9 @@ pub(crate) fn densify(
     let mut alive = prune(state, visibility, complete, plan, &mut done);
     let holes = repair(state, visibility, &mut alive, plan, &mut done);
     if complete && plan.grow && plan.bisect && plan.core.is_none() {
-        let kept = (state.frozen, state.pinned);
-        done.excess = remove_excess(&mut alive, visibility, kept, plan.max_triangles);
+        let DensifyOptions { relocate, growth, .. } = *plan.options;
+        let room = Relocation { share: relocate, growth, max_triangles: plan.max_triangles };
+        done.relocated = make_room(&mut alive, visibility, (state.frozen, state.pinned), &room);
     }
     let count = alive.iter().skip(state.frozen).filter(|alive| **alive).count();
     let holes = thinned(&holes, plan.max_triangles.saturating_sub(count));
@@ -458,27 +459,28 @@ mod tests {
     }
 
     #[test]
-    fn an_overfull_scene_loses_the_least_seen() {
-        let options = DensifyOptions::default();
-        let full = DensifyPlan { max_triangles: 90, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
+    fn a_full_scene_moves_the_least_seen_to_where_it_is_wrong() {
+        let options = DensifyOptions { relocate: 0.1, ..DensifyOptions::default() };
+        let full = DensifyPlan { max_triangles: 100, bisect: true, anneal: Anneal::SOLID, ..plan(&options) };
         let core = Some(Core { low: [None; 3], high: [None; 3], triangles: 100 });
         // Nothing is removed if nothing may grow, if some photos were not drawn, if only a part of the scene
         // is trained, or if it is soft.
-        for (drawn, grow, core, gone) in
+        for (drawn, grow, core, moved) in
             [(true, true, None, 10), (true, false, None, 0), (false, true, None, 0), (true, true, core, 0)]
         {
             let (mut s, mut w) = (state(100), visible(100, 3));
             w.sum_weight = (0..100).map(|i| 200.0 - i as f32).collect();
+            w.error[50..60].fill(7);
             w.drawn[1] = drawn;
             let before = s.params.clone();
             let done = densify(&mut s, &mut w, &DensifyPlan { grow, core, ..full });
-            assert_eq!((done.excess, s.params.len()), (gone, 100 - gone));
-            let least = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
-            assert_eq!(least, gone > 0, "the least seen");
+            assert_eq!((done.relocated, done.split, s.params.len()), (moved, moved, 100));
+            let gone = (90..100).all(|i| !s.params.vertices.contains(&before.vertices[i]));
+            assert_eq!(gone, moved > 0, "the least seen");
         }
         let (mut s, mut w) = (state(100), visible(100, 3));
         let done = densify(&mut s, &mut w, &DensifyPlan { bisect: false, anneal: Anneal::NONE, ..full });
-        assert_eq!((done.excess, s.params.len()), (0, 100));
+        assert_eq!((done.relocated, s.params.len()), (0, 100));
     }
 
     #[test]

@@ -178,6 +178,11 @@ pub struct DensifyOptions {
     pub growth: f64,
     /// The weight of a triangle's chance to grow.
     pub sample_by: SampleWeight,
+    /// Share of the triangles removed at each densification from `opacity_until` on, in a scene at its limit, to
+    /// make room: those of the least blending weight, summed over all photos (not in the paper; parts of a
+    /// scene keep theirs).
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub relocate: f64,
     /// τ_small: larger triangles are split into four, smaller ones cloned; distance of the farthest corner
     /// from the centre, px of the full photo (24, supplement: split_size).
     #[schemars(range(min = 0.0, max = 1e9))]
@@ -326,6 +331,7 @@ const OUTDOOR: TrainOptions = TrainOptions {
         every: 500.0,
         growth: 0.3,
         sample_by: SampleWeight::Alternating,
+        relocate: 0.0,
         split_px: 12.0,
         prune_weight: 0.022,
     },
@@ -347,7 +353,7 @@ const SOLID: TrainOptions = TrainOptions {
     max_triangles: 150_000,
     sh_degree: 0,
     loss: LossOptions { dssim: 0.05, ..OUTDOOR.loss },
-    densify: DensifyOptions { until: 29_000.0, ..OUTDOOR.densify },
+    densify: DensifyOptions { until: 29_000.0, relocate: 0.03, ..OUTDOOR.densify },
     solid: SolidifyOptions { opacity_from: 6000.0, opacity_until: 20_000.0 },
     ..OUTDOOR
 };
@@ -358,7 +364,7 @@ mod tests {
     use serde_json::Value;
 
     /// The most options of a training, by their keys.
-    const MOST_KEYS: usize = 29;
+    const MOST_KEYS: usize = 30;
 
     fn keys(value: &Value) -> usize {
         value.as_object().map_or(1, |group| group.values().map(keys).sum())
