@@ -145,7 +145,10 @@ fn a_signal_in_any_part_of_a_training_saves_it_and_prints_the_command_that_conti
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(131), "{said}");
     let words = continuing(&said);
-    assert_eq!(words, "train photos --output a.ply --log a.log --log-every 1 --force --resume a.checkpoint");
+    assert_eq!(
+        words,
+        "train photos --output a.ply --teacher auto --log a.log --log-every 1 --force --resume a.checkpoint"
+    );
     succeed(&mut typed(folder, words));
     assert!(read(folder, "a.teacher.ply") == read(folder, "straight.teacher.ply"));
     assert!(read(folder, "a.ply") == read(folder, "straight.ply"));

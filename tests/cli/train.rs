@@ -125,7 +125,7 @@ fn the_report_is_a_file_of_its_own() {
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert_eq!(last["step"], 30);
     assert_eq!(
-        last["test_psnr"], report["stages"][1]["details"]["psnr"],
+        last["test_psnr"], report["stages"][2]["details"]["psnr"],
         "the log ends with the last evaluation"
     );
     let outputs: Vec<&str> =
@@ -144,7 +144,7 @@ fn figures_of_photos_that_were_shrunk_name_their_size() {
     let last: serde_json::Value = serde_json::from_str(read("a.log").lines().last().unwrap()).unwrap();
     assert_eq!(last["test_size"], "80x60");
     let report: serde_json::Value = serde_json::from_str(&read("r.json")).unwrap();
-    assert_eq!(report["stages"][1]["details"]["photo_size"], "80x60");
+    assert_eq!(report["stages"][2]["details"]["photo_size"], "80x60");
 
     let eval = |more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trisplat"));
