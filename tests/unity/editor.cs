@@ -82,7 +82,7 @@ namespace UnityEngine
 
         static object Make(Type type, XmlElement from)
         {
-            if (type == typeof(int) || type == typeof(string)) return Convert.ChangeType(from.InnerText, type);
+            if (type == typeof(int) || type == typeof(bool) || type == typeof(string)) return Convert.ChangeType(from.InnerText, type);
             if (type.IsArray)
             {
                 var items = Array.CreateInstance(type.GetElementType(), from.ChildNodes.Count);
