@@ -129,8 +129,7 @@ const MIN_STEPS: u64 = 1000;
 const LOOKS: usize = 12;
 const LOOK_SIDE: u32 = 96;
 
-/// Refuses a scene of which hardly anything is left: in most of the drawn pictures that it was trained on, it covers less than half of what
-/// they show.
+/// Refuses a scene that has nearly vanished: in most of the drawn pictures that it was trained on, it covers less than half of what they show.
 ///
 /// # Errors
 /// Such a scene; pictures that cannot be read.
